@@ -53,6 +53,7 @@ check: lint types imports
 
 lint: $(VENV)/ready
 	$(RUN) -m ruff check .
+	$(RUN) .ci/files.py
 
 types: $(VENV)/ready
 	$(RUN) -m mypy dlo_planner msg_helpers

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from glob import glob
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
@@ -17,6 +18,7 @@ NAME = 'dlo_planner'
 ROOT = Path(__file__).parent
 VERSION = re.search(r"^__version__ = '(.+?)'", (ROOT / NAME / '__init__.py').read_text(),
                     re.MULTILINE).group(1)
+PACKAGE = ElementTree.parse(ROOT / 'package.xml')  # the one place of names and addresses
 
 
 def compile_ahead(folder):
@@ -61,11 +63,13 @@ setup(
     description='Direct and inverse simulation of deformable linear objects in a gripper',
     long_description=(ROOT / 'README.md').read_text(),
     long_description_content_type='text/markdown',
-    author='dlo_planner maintainers',
+    author=PACKAGE.findtext('author'),
+    project_urls={url.get('type'): url.text for url in PACKAGE.findall('url')},
     license='Apache-2.0',
     classifiers=['License :: OSI Approved :: Apache Software License',
                  'Programming Language :: Python :: 3.11',
                  'Programming Language :: Python :: 3.12',
+                 'Programming Language :: Python :: 3.13',
                  'Topic :: Scientific/Engineering :: Physics'],
     packages=find_packages(include=['dlo_planner*', 'msg_helpers*']),
     package_data={NAME: ['py.typed'], 'msg_helpers': ['py.typed']},  # PEP 561: typed
@@ -73,17 +77,17 @@ setup(
     # numba is not in package.xml, as rosdep has no key for it: a ROS package that is built without
     # it runs as plain Python, slowly, until `pip install numba`.
     install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.59', 'toppra>=0.6',
-                      'click>=8.1', 'pyyaml'],
+                      'click>=8.1', 'pyyaml>=6.0.1'],
     extras_require={
-        'figures': ['matplotlib'],
+        'figures': ['matplotlib>=3.8'],
         'arm': ['pin>=3'],
         'view': ['viser>=1.1'],
         'cluster': ['distributed>=2024.1'],
         'peers': ['mujoco', 'pyelastica', 'cosseratbench', 'matplotlib'],
-        'cell': ['mujoco>=3.13', 'matplotlib'],
+        'cell': ['mujoco>=3.13', 'matplotlib>=3.8'],
         'docs': ['sphinx>=7', 'furo', 'myst-parser', 'sphinx-copybutton'],
-        'test': ['pytest', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
-                 'playwright', 'pyyaml', 'mypy', 'build', 'setuptools', 'wheel'],
+        'test': ['pytest', 'pytest-xdist', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
+                 'playwright', 'mypy', 'ruff', 'build', 'setuptools', 'wheel'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

@@ -35,6 +35,7 @@ _TWIST = 0.75             # GJ / EI of a round cable that keeps its volume
 _DAMPING = 0.5, 0.0       # 1/s and s, from which the search begins
 _SOFTNESSES = 2.0, 6.0, 20.0, 60.0, 200.0  # w L^3 / EI, one of which the search begins with
 _STEP, _SEEN = 8, 16      # frames between the poses given, and between those compared
+_ROUGHLY = 1e-2           # of the length: error of motions from which the first guess is chosen
 _FIRST_SEEN = 48          # frames after which a motion is compared: how it began is forgotten
 
 
@@ -164,7 +165,8 @@ def _first_guess(length: float, motions: list[ObservedMotion], effort: Effort) -
 
 def _away(direct: DirectSimulator, one: ObservedMotion) -> float:
     """Return the mean distance of the markers from a cable that is moved as one was seen, m."""
-    motion = direct.simulate(one.grippers, one.dt, far_ends=one.far_ends)
+    motion = direct.simulate(one.grippers, one.dt, far_ends=one.far_ends,
+                             tolerance=_ROUGHLY * direct.rod.length)
     if not motion.converged:
         return direct.rod.length
     shapes = [motion.shapes[k] for k in (one.times / one.dt).round().astype(int)]

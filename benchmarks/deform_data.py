@@ -10,21 +10,20 @@ two markers sit on the grippers; between the second and the last but one the cab
 
 import pickle
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import FarEnd, Pose
 
 Array = NDArray[np.float64]
 DT = 0.01                 # s between two frames
-_SMOOTHED = 21, 3        # frames and degree of the filter of the clamped markers: about 5 Hz
+_WEIGHTS = np.logspace(-3, 12, 151)  # of what is smoothed, of which the data choose one
 _LEAD = 50                # frames before the first one, in which the grippers begin to move
 _REACH = 0.999            # of the length: the largest distance of the ends that is simulated
 _FLOOR = 2e-3 + 1e-6      # m: their evaluation lifts markers that are below it
@@ -86,17 +85,19 @@ class Recording:
     markers: Array
 
     @cached_property
-    def _smooth(self) -> Array:
-        """(frames, 4, 3) the clamped markers, less their noise."""
-        clamped = self.markers[:, [0, 1, -2, -1]]
-        width = min(_SMOOTHED[0], 2 * ((len(clamped) - 1) // 2) + 1)
-        return np.asarray(savgol_filter(clamped, width, min(_SMOOTHED[1], width - 1), axis=0))
+    def _places(self) -> tuple[Array, Array]:
+        """(frames, 3) each: where the cable leaves either gripper, less the noise."""
+        return _smoothed(self.markers[:, 1]), _smoothed(self.markers[:, -2])
 
     @cached_property
     def _turned(self) -> tuple[list[Rotation], list[Rotation]]:
-        """Frames (t, n, b) of both grippers at each frame, carried along without a roll."""
-        smooth = self._smooth
-        return (_carried(smooth[:, 1] - smooth[:, 0]), _carried(smooth[:, 3] - smooth[:, 2]))
+        """Frames (t, n, b) of both grippers at each frame, carried along without a roll.
+
+        The two markers of a gripper are near each other: what is smoothed is their difference,
+        which moves less than they do, and bears more smoothing.
+        """
+        return (carried(_smoothed(self.markers[:, 1] - self.markers[:, 0])),
+                carried(_smoothed(self.markers[:, -1] - self.markers[:, -2])))
 
     def held(self, length: float, frames: range | None = None, lead: bool = True
              ) -> tuple[list[Pose], list[FarEnd]]:
@@ -111,8 +112,8 @@ class Recording:
         """
         frames = range(len(self.markers)) if frames is None else frames
         before = _LEAD // frames.step if lead else 0
-        near = _led(self._smooth[frames, 1], [self._turned[0][k] for k in frames], before)
-        far = _led(self._smooth[frames, 2], [self._turned[1][k] for k in frames], before)
+        near = _led(self._places[0][frames], [self._turned[0][k] for k in frames], before)
+        far = _led(self._places[1][frames], [self._turned[1][k] for k in frames], before)
         grippers = [Pose.from_rotation(place, turned.as_matrix())
                     for place, turned in zip(*near, strict=True)]
         ends = []
@@ -162,7 +163,31 @@ def _spline_lengths(frame: Array) -> Array:
     return np.asarray(halves * (speeds @ weights))
 
 
-def _carried(along: Array) -> list[Rotation]:
+def _smoothed(values: Array) -> Array:
+    """Return values (frames, 3) without their noise, as much of it as they show themselves.
+
+    Those that minimize |smooth - values|^2 + weight |third differences of smooth|^2, the weight by
+    generalized cross-validation (Craven and Wahba 1979; Eilers 2003): a filter of a fixed band lets
+    noise through at the frequencies of the cable, and shakes it.
+    """
+    roughness, modes = _modes(len(values))
+    parts = modes.T @ values
+    kept = 1 / (1 + _WEIGHTS[:, None] * roughness)
+    left = ((1 - kept) ** 2) @ np.sum(parts**2, axis=1)
+    best = np.argmin(left / np.maximum(np.sum(1 - kept, axis=1), 1e-100) ** 2)
+    return np.asarray(modes @ (kept[best, :, None] * parts))
+
+
+@lru_cache(maxsize=8)
+def _modes(count: int) -> tuple[Array, Array]:
+    """Return squares (n,) of the third differences of vectors (n, n), columns, all orthogonal."""
+    third = np.diff(np.eye(count), 3, axis=0)
+    squares, modes = np.linalg.eigh(third.T @ third)
+    squares[:3] = 0.0
+    return np.maximum(squares, 0.0), modes
+
+
+def carried(along: Array) -> list[Rotation]:
     """Return Rotations with columns t, n, b for directions (k, 3), each turned the least way."""
     tangents = along / np.linalg.norm(along, axis=1)[:, None]
     across = _N_AXIS - (tangents[0] @ _N_AXIS) * tangents[0]

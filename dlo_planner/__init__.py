@@ -18,7 +18,8 @@ __version__ = '0.1.0'  # the one place; package.xml and CITATION.cff repeat it, 
 
 _RENAMED = {'tolerance': 'robustness', 'Tolerance': 'Robustness',
             'minimise_penalty': 'minimize_penalty', 'Found': 'PenaltyResult',
-            'joined': 'concatenate'}  # gone after the next version
+            'joined': 'concatenate', 'Report': 'ValidationReport',
+            'Spread': 'Uncertainty'}  # gone after the next version
 
 
 def __getattr__(name: str) -> Any:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.bearing import corrected_by
+from dlo_planner.direct.one_step import past_of
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.identify.correction import correct
@@ -29,7 +29,7 @@ from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
 from dlo_planner.verify.replay import replay
-from dlo_planner.verify.spread import Spread
+from dlo_planner.verify.uncertainty import Uncertainty
 
 _ROD = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))
 _YIELDING = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)
@@ -107,7 +107,7 @@ def held() -> None:
 
 def seen() -> None:
     """Fit and observe a DLO, and correct a plan."""
-    spread = Spread(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
+    spread = Uncertainty(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
     direct = DirectSimulator(_ROD)
     goal = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
     plan = InverseSimulator(direct).thread(goal, depths=[0, 0.5])

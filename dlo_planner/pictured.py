@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shorthands of answers: to see them, to read them as a table, to hand them on as plain Python.
 
-`Shape`, `Plan`, `Motion` and `Report` are made far below the room that draws them, so this file is
-the one place from which an import goes up (a stated exception in `pyproject.toml`): inside the
-methods, when one is called. What they do is written in `dlo_planner.view.looks`, as functions.
+`Shape`, `Plan`, `Motion` and `ValidationReport` are made far below the room that draws them, so
+this file is the one place from which an import goes up (a stated exception in `pyproject.toml`):
+inside the methods, when one is called. What they do is in `dlo_planner.view.looks`.
 """
 
 from __future__ import annotations

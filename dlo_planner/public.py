@@ -58,24 +58,26 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
 from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.parallel.shapes import Shapes
+from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import Plan, PlanStatus, concatenate
+from dlo_planner.plan.plan import Plan, PlanStatus
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.verify.replay import Report, replay
+from dlo_planner.verify.replay import replay
+from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness, robustness
-from dlo_planner.verify.spread import Spread
+from dlo_planner.verify.uncertainty import Uncertainty
 
 __all__ = ['Approach', 'AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact',
-           'Correction', 'CutOut', 'Cylinder', 'DeadlineExceeded', 'DirectSimulator',
-           'DirectionAt', 'DloPlannerError', 'Estimate', 'FarEnd', 'Fit', 'GraspedInside',
-           'GripperNear', 'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask',
-           'InverseSimulator', 'KeepTangent', 'Limits', 'Minimize', 'Modes', 'Motion',
-           'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'PenaltyResult', 'Phase',
-           'Piecewise', 'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt',
-           'PredictedMiss', 'Report', 'Requirements', 'Robustness', 'Rod', 'Section', 'Shape',
-           'Shapes', 'Sheet', 'SlideContact', 'Sphere', 'Spread', 'Steered', 'Thread',
-           'ThreadSequence', 'ThreadTwo', 'Through', 'Trajectory', 'Workspace', 'concatenate',
-           'correct', 'fit_rod', 'gripper_at', 'minimize_penalty', 'modes_along', 'replay',
-           'robustness', 'solve_many', 'with_plug']
+           'Correction', 'CutOut', 'Cylinder', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt',
+           'DloPlannerError', 'Estimate', 'FarEnd', 'Fit', 'GraspedInside', 'GripperNear',
+           'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
+           'KeepTangent', 'Limits', 'Minimize', 'Modes', 'Motion', 'NotConverged', 'Observation',
+           'ObservedMotion', 'Observer', 'PenaltyResult', 'Phase', 'Piecewise', 'Plan',
+           'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
+           'Requirements', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes', 'Sheet',
+           'SlideContact', 'Sphere', 'Steered', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Through',
+           'Trajectory', 'Uncertainty', 'ValidationReport', 'Workspace', 'concatenate', 'correct',
+           'fit_rod', 'gripper_at', 'minimize_penalty', 'modes_along', 'replay', 'robustness',
+           'solve_many', 'with_plug']

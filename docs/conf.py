@@ -2,17 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The site: `make docs`, or rosdoc2, which runs this file from a folder of its own."""
 
+import re
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
-try:
-    import dlo_planner
-except ImportError:  # not installed: the package beside this folder
-    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-    import dlo_planner
 
-ROOT = Path(dlo_planner.__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / 'docs'))
+def repository() -> Path:
+    """Return the folder of the sources: rosdoc2 runs a wrapper elsewhere, which names this file."""
+    wrapped = re.search(r'exec\(open\("(.+?)"\)', Path(__file__).read_text())
+    return Path(wrapped[1] if wrapped else __file__).resolve().parent.parent
+
+
+ROOT = repository()
+sys.path[:0] = [str(ROOT), str(ROOT / 'docs')]
+
+import dlo_planner  # noqa: E402  (of these sources, whatever else is installed)
 
 project = 'dlo_planner'
 author = 'dlo_planner maintainers'
@@ -25,10 +30,14 @@ extensions = [
     'sphinx.ext.autodoc',
     'sphinx.ext.napoleon',
     'sphinx.ext.mathjax',
-    'sphinx_copybutton',
 ]
-exclude_patterns = ['_build', 'benchmarks/*.md', 'validation/*.md']
-html_theme = 'furo'
+# Comforts, of the extra `docs`: rosdep knows neither, the site of a build farm goes without.
+extensions += ['sphinx_copybutton'] if find_spec('sphinx_copybutton') else []
+html_theme = 'furo' if find_spec('furo') else 'sphinx_rtd_theme'
+exclude_patterns = ['_build', 'benchmarks/*.md', 'validation/*.md',
+                    # pages of rosdoc2 on what the site shows already
+                    'index.rst', 'modules.rst', 'dlo_planner*.rst', 'standards.rst',
+                    'standard_docs', '__readme_include.rst']
 html_title = f'dlo_planner {release}'
 
 myst_enable_extensions = ['dollarmath', 'colon_fence', 'deflist']

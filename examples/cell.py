@@ -26,17 +26,17 @@ from dlo_planner import (  # noqa: E402
     Pose,
     Rod,
     Sheet,
-    Spread,
+    Uncertainty,
     Workspace,
     replay,
-    tolerance,
+    robustness,
 )
 
 HOSE = Rod.tube(0.8, 0.012, 0.008, 1200.0, 8.0e7, 0.45, natural_curvature=(0.0, 0.4),
                 damping=(0.5, 0.02), max_bend_curvature=6.0)
 HOLE = CutOut(Pose.looking_along((0.0, 0.0, 1.0), (1, 0, 0)), radius=0.012)
 NOW = Pose.looking_along((-0.9, 0.35, 1.15), (1.0, 0.0, 0.1))
-SPREAD = Spread(bending_stiffness=0.01, mass=0.005, length=5e-4, natural_curvature=5e-3,
+SPREAD = Uncertainty(bending_stiffness=0.01, mass=0.005, length=5e-4, natural_curvature=5e-3,
                 gripper_position=0.3e-3, gripper_rotation=1e-3)
 
 
@@ -84,8 +84,8 @@ def main():
     print(f'replayed: miss {report.position_error:.0e} m; in {report.duration:.1f} s '
           f'{1e3 * report.max_tracking_error:.2f} mm, {report.reason or "safe to be executed"}')
     with ProcessPoolExecutor(2) as executor:
-        spread = tolerance(direct, plan, SPREAD, samples=200, executor=executor)
-    print(f'under the spreads, {spread.worst} hurts most; {100 * spread.success:.0f} % of the '
+        off = robustness(direct, plan, SPREAD, samples=200, executor=executor)
+    print(f'under the spreads, {off.worst} hurts most; {100 * off.success:.0f} % of the '
           'samples pass without touching the rim')
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(13, 4.6), layout='constrained')
@@ -93,12 +93,12 @@ def main():
     draw(left, plan, 9, sheet, post)
     left.legend(*(both[:2] for both in left.get_legend_handles_labels()), fontsize=8)
     left.set_title('from where the gripper is, through the sheet', fontsize=10)
-    used = spread.by_cause.max(axis=0) > 0
-    for name, column in zip(np.array(spread.causes)[used], spread.by_cause[:, used].T,
+    used = off.by_cause.max(axis=0) > 0
+    for name, column in zip(np.array(off.causes)[used], off.by_cause[:, used].T,
                             strict=True):
         right.plot(plan.depths, 1e3 * column, label=name.replace('_', ' '))
-    right.plot(plan.depths, 1e3 * spread.first_order, 'k', lw=2, label='all')
-    right.plot(plan.depths, 1e3 * np.sqrt((spread.sampled**2).mean(axis=0)), 'k:', lw=2,
+    right.plot(plan.depths, 1e3 * off.first_order, 'k', lw=2, label='all')
+    right.plot(plan.depths, 1e3 * np.sqrt((off.sampled**2).mean(axis=0)), 'k:', lw=2,
                label='all, 200 samples')
     right.plot(plan.depths, 1e3 * plan.clearances[:, 0, 0], 'r--', label='room at the rim')
     right.set(xlabel='depth [m]', ylabel='miss, root mean square [mm]', ylim=(0, None))

@@ -10,11 +10,11 @@ import numpy as np
 import yaml
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod, Trajectory
+from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.motion.leg_tasks import leg_tasks
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import concatenate
 
 CONFIG = Path(__file__).parent.parent / 'config'
 

@@ -22,14 +22,14 @@ from dlo_planner import (
     Observer,
     Pose,
     Rod,
-    Spread,
+    Uncertainty,
     correct,
 )
 from dlo_planner.identify.predicted_miss import crossing
 from dlo_planner.model.along import Expanded
-from dlo_planner.verify.spread import variation_deviations
+from dlo_planner.verify.uncertainty import variation_deviations
 
-SPREAD = Spread(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,
+SPREAD = Uncertainty(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,
                 natural_curvature=0.05, curvature_variation=0.03, gripper_position=0.5e-3,
                 gripper_rotation=np.radians(0.2))
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -50,7 +50,7 @@ class Truth:
 
     @classmethod
     def drawn(cls, rng, rod=WIRE, spread=SPREAD, bias=0.0, cutout=0.0):
-        """Return one of those that a Spread stands for."""
+        """Return one of those that an Uncertainty stands for."""
         bend, twist, mass = np.exp(rng.normal(size=3) * (
             spread.bending_stiffness, spread.torsional_stiffness, spread.mass))
         length = rod.length + spread.length * rng.normal()

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from dlo_planner import DirectSimulator, Observation, Pose, Rod, Spread, fit_rod  # noqa: E402
+from dlo_planner import DirectSimulator, Observation, Pose, Rod, Uncertainty, fit_rod  # noqa: E402
 
 TRUE = Rod(1.0, 0.07, 0.02, 0.015, natural_curvature=(0.3, -0.2))
 GUESS = Rod(1.0, 0.07, 0.03, 0.015)
@@ -26,7 +26,7 @@ CASES = {  # arc lengths known, errors of the gripper, more arguments
     'with s, gripper': (True, True, {}), 'without s, gripper': (False, True, {}),
     'with s, gripper, noise known': (True, True, {'noise': NOISE}),
     'with s, outliers': (True, False, {'loss': 'soft_l1'}),
-    'with s, prior': (True, False, {'prior': Spread(bending_stiffness=0.05)})}
+    'with s, prior': (True, False, {'prior': Uncertainty(bending_stiffness=0.05)})}
 
 
 def experiment(rng, known, gripper, more, points=S):

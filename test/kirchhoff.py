@@ -32,7 +32,7 @@ def true_rod(rod, gripper, guess, gravity=(0.0, 0.0, -9.81), tol=1e-10):
         return np.concatenate([start[:3] - gripper.position, start[3:7] - gripper.quaternion,
                                end[7:]])
 
-    quaternions = Rotation.from_matrix(guess.frames).as_quat()
+    quaternions = Rotation.from_matrix(np.array(guess.frames)).as_quat()
     for k in range(len(quaternions)):  # one sheet of the double cover, the gripper's
         other = gripper.quaternion if k == 0 else quaternions[k - 1]
         quaternions[k] *= np.sign(quaternions[k] @ other)
@@ -67,7 +67,7 @@ def true_held_rod(rod, shape, gravity=(0.0, 0.0, -9.81), tol=1e-8, pinned=False)
         return np.concatenate([start[:3] - shape.positions[0], unit, first,
                                end[:3] - shape.positions[-1], end[7:] if pinned else turned])
 
-    quaternions = _one_sheet(Rotation.from_matrix(shape.frames).as_quat())
+    quaternions = _one_sheet(Rotation.from_matrix(np.array(shape.frames)).as_quat())
     first_quaternion = quaternions[0]
     moments = np.einsum('kij,kj->ki', shape.frames,
                         (shape.strains - rod.natural_strains(shape.s)) * stiffness)

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from dlo_planner import DirectSimulator, Spread, Trajectory, concatenate, robustness
+from dlo_planner import DirectSimulator, Trajectory, Uncertainty, concatenate, robustness
 from dlo_planner.cell.drivers import OpenLoop, sampled, ways
 from dlo_planner.cell.run import run
 from dlo_planner.cell.tasks import draw_task
@@ -22,7 +22,7 @@ from dlo_planner.cell.truth import Unknowns
 
 TASK, SAMPLES, SIGMAS = 0, 400, 1.96
 RADIUS = 5  # mm, of a hole for this spread; for wider holes it is in proportion
-SPREAD = Spread(bending_stiffness=5e-3, torsional_stiffness=5e-3, mass=2e-3,
+SPREAD = Uncertainty(bending_stiffness=5e-3, torsional_stiffness=5e-3, mass=2e-3,
                 natural_curvature=5e-3, gripper_position=0.5e-3, gripper_rotation=1e-3)
 
 
@@ -34,8 +34,8 @@ def unknown(spread):
                     gripper_rotation=spread.gripper_rotation)
 
 
-def wider(spread, factor):
-    return Spread(**{item.name: factor * getattr(spread, item.name) for item in fields(spread)})
+def wider(known, factor):
+    return Uncertainty(**{item.name: factor * getattr(known, item.name) for item in fields(known)})
 
 
 def interval(passed, count):

@@ -47,13 +47,13 @@ from dlo_planner import (
     Sheet,
     SlideContact,
     Sphere,
-    Spread,
     Steered,
     Thread,
     ThreadSequence,
     ThreadTwo,
     Through,
     Trajectory,
+    Uncertainty,
     Workspace,
     correct,
     fit_rod,
@@ -97,7 +97,7 @@ def values():
         Sheet.around(hole, 1.0, 1.0), FarEnd(LEVEL), simulator.simulate([LEVEL] * 3, 0.01),
         replay(simulator, plan), Limits(), Workspace((-9, -9, -9), keep_out=[floor]),
         shape.modes(2), solve_many(touching, [LEVEL]),
-        Spread(length=0.01), robustness(simulator, plan, Spread(length=0.01), samples=2),
+        Uncertainty(length=0.01), robustness(simulator, plan, Uncertainty(length=0.01), samples=2),
         PositionAt(0.5, (0.4, 0, 1)), DirectionAt(0.5, (1, 0, 0)), GripperNear(LEVEL),
         KeepTangent(0.0, 0.5, (1, 0, 0)), Through((0.4, 0, 1)), AwayFrom((floor,), 0.1),
         BentAtMost(1.0),
@@ -106,7 +106,7 @@ def values():
         minimize_penalty(simulator, PositionAt(1.0, (0.9, 0, 0.9)), LEVEL)]
     seen = examples[-4]
     examples.append(fit_rod(wire, [seen], n_elements=8, n_terms=4))
-    observer = Observer(simulator, Spread(0.05, gripper_position=1e-3), cutout=1e-3)
+    observer = Observer(simulator, Uncertainty(0.05, gripper_position=1e-3), cutout=1e-3)
     estimate = observer.update(observer.begin(), seen)
     contact = Pose((0.5, 0, 0.9), (0, 0, 0, 1))
     examples += [Thread(hole, DEPTHS), ThreadTwo(hole, FAR, DEPTHS), Insert(hole, DEPTHS),
@@ -184,14 +184,15 @@ def arguments():
         'via_points': [()],
         'clearances': np.zeros((1, 0, 3)), 'sheets': (), 'fraction': 1.0,
         'status': PlanStatus.COMPLETE, 'Plan.depths': np.zeros(1), 'Plan.grippers': [LEVEL],
-        'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1, 'Report.position_error': 0.0,
-        'Report.misalignment': 0.0, 'spread': known['Spread'], 'causes': ('length',),
+        'bend_margin': 1.0, 'contact_force': 0.0, 'clearance': 0.1,
+        'ValidationReport.position_error': 0.0, 'ValidationReport.misalignment': 0.0,
+        'uncertainty': known['Uncertainty'], 'causes': ('length',),
         'by_cause': np.zeros((1, 1)), 'first_order': np.zeros(1), 'sampled': np.zeros((0, 1)),
         'success': 1.0, 'part': 0.5, 'penalty': 0.0, 'slope': 0.0, 'points': np.ones((2, 3)),
         'motions': (), 'knots': None, 'correlations': None, 'ObservedMotion.s': [1.0],
         'ObservedMotion.times': [0.0, 0.01], 'ObservedMotion.points': np.ones((2, 1, 3)),
         'observations': [known['Observation']], 'values': {}, 'deviations': {}, 'misfit': 0.0,
-        'keep_out': (), 'Spread.length': 0.01, 'limits': None, 'samples': 0,
+        'keep_out': (), 'Uncertainty.length': 0.01, 'limits': None, 'samples': 0,
         # many at once
         'parallel.map.work': [LEVEL, LEVEL], 'executor': None, 'chunk': 2,
         'rods': [wire, wire],
@@ -245,7 +246,7 @@ def arguments():
         'ax': None, 'Plan.animate.seconds': 0.1,
         'Motion.animate.seconds': 0.1, 'Plan.plot.color': 'time',
         'Motion.plot.color': 'time', 'Plan.animate.path': 'film.gif',
-        'Motion.animate.path': 'film.gif', 'Report.load.path': 'report.npz',
+        'Motion.animate.path': 'film.gif', 'ValidationReport.load.path': 'report.npz',
         'reached': [0.0] * len(known['Correction'].grippers), 'plan_times': [0.0],
         'Steered.at.times': [0.0], 'Observer.update.noise': 1e-3,
     }

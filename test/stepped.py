@@ -58,7 +58,7 @@ class Stepped:
 
         def off(turn):
             _, rotation = from_end(turn)
-            return (rotation * Rotation.from_matrix(gripper.rotation).inv()).as_rotvec()
+            return (rotation * Rotation.from_matrix(np.array(gripper.rotation)).inv()).as_rotvec()
 
         found = root(off, np.zeros(3), tol=1e-11)
         assert np.abs(found.fun).max() < 1e-8, found.message

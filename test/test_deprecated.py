@@ -12,11 +12,14 @@ from dlo_planner import (
     DirectSimulator,
     Estimate,
     InverseSimulator,
+    Observer,
     Plan,
     PlanStatus,
     Pose,
     Rod,
     Sphere,
+    Uncertainty,
+    robustness,
     with_plug,
 )
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
@@ -63,10 +66,16 @@ def _fibers():
     assert rod.section_model == 'fibers'
 
 
+def _uncertainty():
+    simulator, known = DirectSimulator(_ROD, n_elements=4, n_terms=2), Uncertainty(length=0.01)
+    assert Observer(simulator, spread=known) == Observer(simulator, known)
+    assert robustness(simulator, _plan(), spread=known) == robustness(simulator, _plan(), known)
+
+
 @pytest.mark.parametrize('use', [
-    _sphere, _plug, _fibers, _plastic, _fields, lambda: dlo_planner.minimise_penalty,
-    lambda: Sphere((1, 2, 3), 0.1).centre],
-    ids=['Sphere', 'with_plug', 'fibers', 'plastic', 'Plan', 'function', 'field'])
+    _sphere, _plug, _fibers, _plastic, _fields, _uncertainty,
+    lambda: dlo_planner.minimise_penalty, lambda: Sphere((1, 2, 3), 0.1).centre],
+    ids=['Sphere', 'with_plug', 'fibers', 'plastic', 'Plan', 'uncertainty', 'function', 'field'])
 def test_old_names_work_and_warn(use):
     with pytest.warns(DeprecationWarning, match='is now'):
         use()

@@ -29,8 +29,8 @@ from dlo_planner import (
     PositionAt,
     Rod,
     Sheet,
-    Spread,
     Through,
+    Uncertainty,
     Workspace,
     correct,
     fit_rod,
@@ -61,7 +61,7 @@ from dlo_planner.minimize.settling import bear_on, touch_down
 from dlo_planner.minimize.sliding import add_sliding
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
-from dlo_planner.plan import between, workspace
+from dlo_planner.plan import curve_distance, workspace
 from dlo_planner.plan.motion.oscillators import vibrated
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.nearest_place import nearest_place
@@ -70,8 +70,8 @@ _KINDS = 3
 KERNELS = [leashed_descent, unknowns_of, aligned_newton, integrate_from_tip, point_inside,
            passes_through, evaluate, nearest_inside, nearest, signed_distance, settled, watching,
            with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
-           add_sliding, gripper_answers, between._element_rooms,
-           between._distances, workspace._distances, _strains_by, response._moved,
+           add_sliding, gripper_answers, curve_distance.element_rooms,
+           curve_distance._distances, workspace._distances, _strains_by, response._moved,
            looking._points_at, vibrated, nearest_place, aligned_hanging, two_points_hanging,
            hang_rods, touch_down, bear_on, correction]
 
@@ -108,7 +108,7 @@ def use_everything():
     for options in ({}, {'accuracy': 1e-4}):
         InverseSimulator(DirectSimulator(rod, **options)).thread_two(
             goal, CutOut(Pose.looking_along((0.3, 0, 0.97), (1, 0, 0))), depths=[0, 0.2, 0.4])
-    spread = Spread(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
+    spread = Uncertainty(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
     for options in ({}, {'basis': 'local', 'n_elements': 48}):
         observer = Observer(DirectSimulator(rod, **options), spread, bias=1e-3)
         estimate = observer.begin()

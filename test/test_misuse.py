@@ -35,7 +35,7 @@ def somewhere(tmp_path, monkeypatch):
     values()['Shape'].save('saved.npz')
     values()['Plan'].save('plan.npz')
     values()['Motion'].save('motion.npz')
-    values()['Report'].save('report.npz')
+    values()['ValidationReport'].save('report.npz')
     monkeypatch.setitem(matplotlib.rcParams, 'figure.max_open_warning', 0)
     yield
     pyplot.close('all')

@@ -28,6 +28,24 @@ def test_the_version_is_the_same_everywhere():
     assert first in (version, 'Forthcoming')
 
 
+def test_addresses_stand_in_one_place():
+    package = ElementTree.parse(ROOT / 'package.xml')
+    homes = {url.get('type'): url.text for url in package.findall('url')}
+    mails = {one.get('email') for one in package.iter() if one.get('email')}
+    citation = (ROOT / 'CITATION.cff').read_text()
+    assert re.findall(r'^repository-code: (.+)$', citation, re.M) == [
+        home for kind, home in homes.items() if kind == 'repository']
+    files = [*ROOT.glob('*.md'), *ROOT.glob('*.cff'), ROOT / 'setup.py', ROOT / 'docs' / 'conf.py',
+             *(ROOT / 'docs').glob('*.md'), *(ROOT / '.github').rglob('*.m*')]
+    text = '\n'.join(path.read_text() for path in files)
+    assert set(re.findall(r'[\w.+-]+@[\w-]+\.\w+', text)) <= mails
+    for address in [*homes.values(), *mails, text]:  # domains that are somebody's, or examples
+        assert not re.search(r'example\.(com|org|net)', address)
+    # who clones is told from where, as soon as there is such a place
+    assert text.count('git clone') == text.count(
+        f'git clone {homes.get("repository", "<this repository>")}')
+
+
 @pytest.fixture(scope='module')
 def archives(tmp_path_factory):
     """Build sdist and, from it, wheel; return their paths."""

@@ -24,9 +24,9 @@ from dlo_planner import (
     Rod,
     Sheet,
     Sphere,
-    Spread,
     Through,
     Trajectory,
+    Uncertainty,
     fit_rod,
     minimize_penalty,
     replay,
@@ -252,7 +252,7 @@ def moved_and_proved(units):
                     5.0 * speed / units.time**2, 20.0 / units.time**3)
     way = Trajectory(plan, limits)
     poses = way.at(np.linspace(0, way.duration, 11))[0]
-    spread = Spread(bending_stiffness=0.01, length=1e-3 * units.length, gripper_rotation=0.01)
+    spread = Uncertainty(bending_stiffness=0.01, length=1e-3 * units.length, gripper_rotation=0.01)
     off = robustness(inverse.simulator, plan, spread, samples=3)
     report = replay(inverse.simulator, plan)
     return [np.array([pose.position for pose in poses]) / units.length,

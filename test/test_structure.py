@@ -30,6 +30,8 @@ def functions(tree, inside=()) -> Iterator[tuple[str, ast.FunctionDef]]:
             yield from functions(node, [*inside, node.name])
         elif isinstance(node, ast.ClassDef):
             yield from functions(node, [*inside, node.name])
+        elif isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING':
+            continue  # what a dataclass may be given: its fields, once more
         else:
             yield from functions(node, inside)
 
@@ -138,6 +140,7 @@ def test_no_exception_is_out_of_date(rule, today):
 def test_the_rules_see_what_is_beyond_them():
     tree = ast.parse('def f(a, b, c, d, e, f, g):\n    return 1, 2, 3, 4\n'
                      'class A:\n    def g(self, *rest):\n        return other._secret, self._own\n'
+                     '    if TYPE_CHECKING:\n        def h(self, a, b, c, d, e, f, g): ...\n'
                      '@kernel\ndef k(a, b, c, d, e, f, g):\n    return 1, 2, 3, 4\n')
     named = dict(functions(tree))
     assert list(named) == ['f', 'A.g', 'k']

@@ -96,4 +96,3 @@ def _at_rest(plant: 'Plant', scene: Scene, s: Floats) -> Floats:
             return now
         before = now
     raise NotConverged(f'{scene.name}: the chain of MuJoCo does not come to rest')
-

@@ -27,10 +27,11 @@ from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.assembly import concatenate, truncate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import PlanStatus, concatenate, truncate
-from dlo_planner.verify.spread import Spread
+from dlo_planner.plan.plan import PlanStatus
+from dlo_planner.verify.uncertainty import Uncertainty
 
 _STAMPS = 0.1       # s after an arrival whose images are left out: their stamps may be wrong
 _FOR_MOTION = 0.25  # part of the room that is kept for the deviation of the DLO in motion
@@ -51,8 +52,8 @@ class Looking:
 
     Attributes
     ----------
-    spread : Spread
-        Spread of the DLO and of the gripper's pose.
+    spread : Uncertainty
+        Uncertainty of the DLO and of the gripper's pose.
     noise, bias : float
         Standard deviations of the camera, m.
     outliers : float
@@ -69,7 +70,7 @@ class Looking:
         Time between two corrections on the way, s.
     """
 
-    spread: Spread
+    spread: Uncertainty
     noise: float = 1e-3
     bias: float = 0.0
     outliers: float = _LEAST_OUTLIERS
@@ -86,13 +87,13 @@ class Looking:
         Parameters
         ----------
         unknowns : Unknowns
-            Unknowns; a gradient of the mass has no counterpart in the driver's Spread.
+            Unknowns; a gradient of the mass has no counterpart in the driver's Uncertainty.
         camera : Camera
         options : object
             Further attributes.
         """
         bent, *varying = unknowns.natural_curvature
-        spread = Spread(unknowns.stiffness, unknowns.stiffness, unknowns.mass, unknowns.length,
+        spread = Uncertainty(unknowns.stiffness, unknowns.stiffness, unknowns.mass, unknowns.length,
                         float(bent), unknowns.gripper_position, unknowns.gripper_rotation,
                         max([_VARIATION, *varying]))
         return cls(spread, camera.noise, camera.bias, max(camera.outliers, _LEAST_OUTLIERS),

@@ -20,9 +20,10 @@ from dlo_planner.cell.tasks import Task
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import Plan, concatenate
+from dlo_planner.plan.plan import Plan
 
 Command = Callable[[Sequence[Image], float], Pose | None]
 Driver = Callable[[Task], Command]

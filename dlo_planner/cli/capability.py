@@ -119,4 +119,3 @@ def _rows(found: CapabilityMap) -> Iterator[list[object]]:
         p, d, r = place
         yield [*found.grid.positions[p], *found.grid.directions[d], found.grid.radii[r],
                *(getattr(found, name)[place] for name in _HEAD[7:])]
-

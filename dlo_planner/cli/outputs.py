@@ -18,14 +18,14 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.extras import extra
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.replay import Report
+from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.summaries import rows_of
 
 PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '.json')
 POSES = ('.poses.yaml', '.poses.json')
 _DPI = 150
 
-Drawable = Shape | Plan | Motion | Report
+Drawable = Shape | Plan | Motion | ValidationReport
 
 
 def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
@@ -61,8 +61,8 @@ def write(value: Drawable, outputs: Iterable[Path], **drawn: Any) -> None:
 
     Parameters
     ----------
-    value : Shape or Plan or Motion or Report
-        Shape, Plan, Motion, Report.
+    value : Shape or Plan or Motion or ValidationReport
+        Shape, Plan, Motion, ValidationReport.
     outputs : iterable of Path
         Paths that are `checked`.
     drawn : object

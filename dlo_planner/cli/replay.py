@@ -17,8 +17,8 @@ _ENDINGS = (*PICTURES, *VALUES, '.csv')
 @click.command('replay')
 @described
 @click.argument('plan', type=READ)
-@written('.png .svg .pdf the picture, .npz .json the report (Report.load reads it), .csv its '
-         'figures')
+@written('.png .svg .pdf the picture, .npz .json the report (ValidationReport.load reads it), '
+         '.csv its figures')
 def command(dlo: Described, plan: Path, outputs: tuple[Path, ...]) -> None:
     """Run a saved plan through the direct simulator: slowly, and in motion as it is executed.
 

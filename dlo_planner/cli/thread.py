@@ -66,7 +66,7 @@ def command(dlo: Described, holes: tuple[Pose, ...], radius: float | None, start
 
 
 def proved(dlo: Described, plan: Plan, outputs: Iterable[Path] = ()) -> int:
-    """Replay a Plan, say and write the Report; return the exit code."""
+    """Replay a Plan, say and write the ValidationReport; return the exit code."""
     values, direct = dlo
     with Bar('steps') as bar:
         report = replay(direct, plan, obstacles=direct.obstacles, limits=limits_of(values),
@@ -76,5 +76,3 @@ def proved(dlo: Described, plan: Plan, outputs: Iterable[Path] = ()) -> int:
     click.echo(report.summary())
     write(report, outputs)
     return 0 if report.safe else NO_SOLUTION
-
-

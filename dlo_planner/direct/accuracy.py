@@ -3,12 +3,11 @@
 """Choosing the discretization that meets an accuracy: mesh graded to the bend, terms as needed."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.approach import brought
-from dlo_planner.direct.bearing import bearing_on, corrected_by
-from dlo_planner.direct.described import described_equilibrium
+from dlo_planner.direct.bearing import corrected_by
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.indicator import (
@@ -19,11 +18,11 @@ from dlo_planner.direct.indicator import (
     surely_within,
 )
 from dlo_planner.direct.mesh import even_mesh, graded_mesh, straight_between, with_breaks
+from dlo_planner.direct.one_step import How, past_of, step
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium, hanging
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze, same
 
@@ -38,99 +37,40 @@ _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is
 _CLEARLY, _RUBBED = 0.7, 0.35  # the same, where the error is known to first order; with friction
 
 
-def step(discretization: Discretization, gripper: Pose, initial: Shape | None,
-         history: History | None, far_end: FarEnd | None, method: str = 'newton',
-         unknowns: str = 'components', most: float = np.inf) -> tuple[Shape, int]:
-    """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks.
+class Wanted(NamedTuple):
+    """Which meshes an accuracy chooses from.
 
-    Parameters
+    Attributes
     ----------
-    initial : Shape or None
-        Shape to begin with. Of this DLO, its past counts; of any other, it is only a start.
-    history : History or None
-        History that the DLO starts with if `initial` is not one of its shapes.
-    method, unknowns : str, optional
-        As `method` and `strains` of `DirectSimulator`.
-    most : float, optional
-        Largest angle in rad by which a DLO that hangs freely may turn from `initial` in the gripper
-        before the search is given up.
+    first : Discretization
+        The one to begin with where there is no better one.
+    fine : str
+        Basis of better ones.
+    accuracy : float
+        In m.
     """
-    if far_end is None and method == 'newton' and discretization.hangs:
-        return _hanging(discretization, gripper, initial, most)
-    past = past_of(discretization, initial, history)
-    if far_end is None and method == 'newton' and unknowns == 'components':
-        found = bearing_on(discretization, gripper, initial, past)
-        if found is not None:
-            return found
-    if initial is None:
-        strains = discretization.stress_free(past)
-    else:
-        strains = discretization.strains_from(initial.s, initial.element_strains)
-    if unknowns == 'paper':
-        return described_equilibrium(discretization, gripper, strains, method, past)
-    gripper = held_by(discretization.surroundings, gripper, initial)
-    gripper, strains, past, clear = brought(discretization, initial, strains, gripper, far_end,
-                                            past)
-    shape, kicks = equilibrium(discretization, gripper, strains, method, past, far_end)
-    return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
+
+    first: Discretization
+    fine: str
+    accuracy: float
 
 
-def _hanging(discretization: Discretization, gripper: Pose, initial: Shape | None,
-             most: float) -> tuple[Shape, int]:
-    """Return what `step` does for a DLO that hangs freely, see `Discretization.hangs`."""
-    if initial is None:
-        return hanging(discretization, gripper, discretization.relaxed)
-    if discretization.has_nodes(initial.s):
-        return hanging(discretization, gripper, initial.element_strains, initial, most)
-    return hanging(discretization, gripper,
-                   discretization.strains_from(initial.s, initial.element_strains))
-
-
-def held_by(surroundings: Surroundings, gripper: Pose, initial: Shape | None) -> Pose:
-    """Return the Pose in which the gripper holds the DLO of `initial` (a Shape or None).
-
-    A pinned DLO does not turn with its gripper.
-    """
-    if initial is None or not surroundings.pinned:
-        return gripper
-    return Pose.from_rotation(gripper.position, initial.gripper.rotation)
-
-
-def past_of(discretization: Discretization, initial: Shape | None,
-            history: History | None) -> History:
-    """Return the History, on a mesh, of the DLO in the Shape `initial` or None.
-
-    Parameters
-    ----------
-    history : History or None
-        History that counts if `initial` is None or of another rod.
-    """
-    known = None if initial is None else initial.state.history
-    if initial is not None and known is not None and not np.array_equal(known.positions,
-                                                                        initial.positions):
-        # carried somewhere else since, or predicted: there it has touched nothing yet
-        known = known.lasting()
-    return discretization.past(known, history)
-
-
-def accurate_equilibrium(first: Discretization, fine: str, accuracy: float, gripper: Pose,
-                         initial: Shape | None, history: History | None, far_end: FarEnd | None,
-                         most: float = np.inf) -> tuple[Shape, int]:
-    """Return the Shape whose error estimate is within `accuracy` (m), and the number of kicks.
+def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
+                         how: How) -> tuple[Shape, int]:
+    """Return the Shape whose error estimate is within an accuracy, and the number of kicks.
 
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
     A shape that misses the accuracy on the largest mesh says so: `converged` is False.
 
     Parameters
     ----------
-    first : Discretization
-        Discretization to begin with where there is no better one.
-    fine : str
-        Basis of better ones.
-    most : float, optional
-        As in `step`.
+    wanted : Wanted
+    initial : Shape or None
+    how : How
+        As of `one_step.step`, by Newton's method.
     """
-    discretization = _to_begin_with(first, fine, accuracy, initial, history)
+    (first, fine, accuracy), history, far_end = wanted, how.history, how.far_end
+    discretization = mesh_to_begin_with(first, fine, accuracy, initial, history)
     around, kicks = first.surroundings, 0
     if far_end is not None and around.obstacles and initial is None:
         discretization = _fine_enough(discretization, fine)
@@ -142,7 +82,7 @@ def accurate_equilibrium(first: Discretization, fine: str, accuracy: float, grip
         if coarse is not None and far_end is None and _resolved(coarse):
             shape, kicked = hanging(discretization, gripper, _smooth_start(discretization, coarse))
         else:
-            shape, kicked = step(discretization, gripper, initial, history, far_end, most=most)
+            shape, kicked = step(discretization, gripper, initial, how)
         kicks += kicked
         if not shape.converged or surely_within(shape, accuracy) or not _mode_is_missed(
                 shape, accuracy) and (
@@ -207,12 +147,14 @@ def first_mesh(surroundings: Surroundings, basis: str) -> Discretization:
     return Discretization(surroundings, s, basis, _FIRST_TERMS)
 
 
-def _to_begin_with(first: Discretization, fine: str, accuracy: float, initial: Shape | None,
-                   history: History | None) -> Discretization:
+def mesh_to_begin_with(first: Discretization, fine: str, accuracy: float | None,
+                       initial: Shape | None, history: History | None) -> Discretization:
     """Return the Discretization to begin with: in these surroundings, on the mesh of `initial`.
 
     A permanent set stays on its mesh: on another one it would be averaged.
     """
+    if accuracy is None:
+        return first
     around, known = first.surroundings, None if initial is None else initial.state.mesh
     if history is not None and (known is None or not same(known.rod, around.rod)):
         initial = known = None  # the set is the simulator's

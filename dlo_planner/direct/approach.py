@@ -13,7 +13,7 @@ from dlo_planner.direct.leading import grip_at, grip_before, lead, parts_between
 from dlo_planner.direct.part import Solved
 from dlo_planner.direct.setting_down import set_down
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import solve
+from dlo_planner.direct.statics import Search, solve
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.potential import placed
 from dlo_planner.model.arrays import Floats
@@ -25,7 +25,7 @@ _ROUGHLY = 1e-5      # of the length: how well obstacles are kept clear of on th
 _SMALLEST = 2.0**-14  # part of the motion: what cannot be moved by it is blocked
 
 
-class Brought(NamedTuple):
+class Advanced(NamedTuple):
     """Where a search begins: gripper, strains (N, 3), the past; and whether the way is clear."""
 
     gripper: Pose
@@ -38,15 +38,16 @@ def approach(discretization: Discretization, previous: Shape | None, strains: Fl
              far_end: FarEnd | None, history: History) -> tuple[Floats, bool]:
     """Return element strains (N, 3) at `gripper` that continue `previous`, and if the way is clear.
 
-    Arguments as `brought`.
+    Arguments as `advance_boundary`.
     """
-    found = brought(discretization, previous, strains, gripper, far_end, history)
+    found = advance_boundary(discretization, previous, strains, gripper, far_end, history)
     return found.strains, found.clear
 
 
-def brought(discretization: Discretization, previous: Shape | None, strains: Floats, gripper: Pose,
-            far_end: FarEnd | None, history: History) -> Brought:
-    """Return where the search begins, as Brought.
+def advance_boundary(discretization: Discretization, previous: Shape | None, strains: Floats,
+                     gripper: Pose,
+                     far_end: FarEnd | None, history: History) -> Advanced:
+    """Return where the search begins, as Advanced.
 
     The gripper (and the far end's grip) goes straight from its pose in `previous`; the DLO gives
     way. Where an obstacle is between here and there, the motion is made in smaller parts. The past
@@ -63,19 +64,34 @@ def brought(discretization: Discretization, previous: Shape | None, strains: Flo
     """
     obstacles = discretization.surroundings.obstacles
     if previous is None and far_end is None or not obstacles and far_end is None:
-        return Brought(gripper, strains, history)
+        return Advanced(gripper, strains, history)
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
     begin = gripper if previous is None else previous.gripper
     held = grip_before(discretization, previous, strains, begin, far_end)
     parts = parts_between(begin, gripper, held, far_end, discretization.s[-1])
     if parts == 0:
-        return Brought(gripper, strains, history)
+        return Advanced(gripper, strains, history)
     if previous is None and far_end is not None:
-        return Brought(*set_down(discretization, gripper, strains, far_end, history))
+        return Advanced(*set_down(discretization, gripper, strains, far_end, history))
     if not obstacles and held is not None and far_end is not None:
-        return Brought(*lead(discretization, strains, (begin, gripper), (held, far_end), history,
-                             parts))
-    done, step = 0.0, 1.0 / parts
+        return Advanced(*lead(discretization, strains, (begin, gripper), (held, far_end), history,
+                              parts))
+    return _in_parts(discretization, strains, (begin, gripper), (held, far_end), history,
+                     1.0 / parts)
+
+
+def _in_parts(discretization: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
+              far_ends: tuple[FarEnd | None, FarEnd | None], history: History,
+              longest: float) -> Advanced:
+    """Return where the search begins after a way in parts, around obstacles where it can.
+
+    Parameters
+    ----------
+    longest : float
+        The longest part of the way.
+    """
+    (begin, gripper), (held, far_end) = grippers, far_ends
+    done, step = 0.0, longest
     where, past = begin, history
     while done < 1.0:
         old = placed(discretization.system(where.rotation), strains)
@@ -89,13 +105,14 @@ def brought(discretization: Discretization, previous: Shape | None, strains: Flo
                           old.positions - shift, new.rotations, new.positions):
             step *= 0.5
             if step < _SMALLEST:
-                return Brought(gripper, strains, past, False)
+                return Advanced(gripper, strains, past, False)
             continue
         done, where = target, there
-        step = min(2 * step, 1.0 / parts)
+        step = min(2 * step, longest)
         if done == 1.0:
             break  # what is left is the step itself
-        found = solve(discretization, system, there, new.q, history, _RELAXING, False, _ROUGHLY)
+        found = solve(discretization, system, there, new.q, history,
+                      Search(_RELAXING, False, _ROUGHLY))
         strains, system = found.state.strains, found.system
         if discretization.surroundings.pinned:  # it has turned
             there, begin, gripper = (Pose.from_rotation(pose.position, system.base)
@@ -103,4 +120,4 @@ def brought(discretization: Discretization, previous: Shape | None, strains: Flo
             where = there
         history = history.underway(Solved(discretization, system, found.state, there, grip,
                                           history.left))
-    return Brought(gripper, strains, past.leaving(hold=history.left['hold']))
+    return Advanced(gripper, strains, past.leaving(hold=history.left['hold']))

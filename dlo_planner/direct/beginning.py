@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.one_step import past_of
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import shape_of, solve
+from dlo_planner.direct.statics import Search, shape_of, solve
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
@@ -103,7 +103,7 @@ def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd |
     history = past_of(discretization, initial, history)
     system = discretization.system(gripper.rotation, gripper.position, history, far_end)
     q = discretization.unknowns(discretization.strains_from(initial.s, initial.element_strains))
-    found = solve(discretization, system, gripper, q, history, 0, False)
+    found = solve(discretization, system, gripper, q, history, Search(0, False))
     # nothing was solved yet that could have failed
     first = replace(shape_of(discretization, gripper, found, history, far_end), converged=True)
     if initial.state.mesh is discretization and _alike(first, initial):

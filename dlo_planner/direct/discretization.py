@@ -91,7 +91,7 @@ class Discretization(Value):
             lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), effects,
             needs_of(effects, s.size), np.zeros((0, 3)), 0.0), _given={})
-        put(self, start=History.none(self))
+        put(self, start=History.empty(self))
 
     @cached_property
     def full(self) -> System:
@@ -158,8 +158,7 @@ class Discretization(Value):
     @cached_property
     def moments(self) -> Floats:
         """(N + 1, 3) dead moments on the nodes, N m."""
-        result: Floats = node_moments(self.surroundings, self.s)
-        return result
+        return node_moments(self.surroundings, self.s)
 
     @cached_property
     def hangs(self) -> bool:
@@ -209,8 +208,8 @@ class Discretization(Value):
     @cached_property
     def sampled(self) -> Ints:
         """(n,) nodes by which two shapes on this mesh are compared, see SAMPLES."""
-        result: Ints = np.searchsorted(self.s, SAMPLES * self.s[-1])
-        return result
+        at: Ints = np.searchsorted(self.s, SAMPLES * self.s[-1])
+        return at
 
     @cached_property
     def static(self) -> System:
@@ -220,11 +219,10 @@ class Discretization(Value):
     def unknowns(self, strains: Floats) -> Floats:
         """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
         system = self.bare
-        values = (strains - system.natural) / system.scale
+        values: Floats = (strains - system.natural) / system.scale
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
-        result: Floats = values
-        return result
+        return values
 
     def strains_of(self, q: Floats) -> Floats:
         """Return (N, 3) the strains of unknowns q (m, 3)."""
@@ -248,13 +246,11 @@ class Discretization(Value):
     @cached_property
     def finer(self) -> Discretization:
         """The same rod, every element halved, one unknown strain per half."""
-        s = np.empty(2 * self.s.size - 1)
-        s[::2] = self.s
-        s[1::2] = 0.5 * (self.s[1:] + self.s[:-1])
+        s = np.sort(np.append(self.s, 0.5 * (self.s[1:] + self.s[:-1])))
         return Discretization(self.surroundings, s, 'local', 0)
 
     @cached_property
-    def alone(self) -> Discretization:
+    def without_obstacles(self) -> Discretization:
         """The same rod on the same mesh, without obstacles."""
         return Discretization(replace(self.surroundings, obstacles=()), self.s, self.basis,
                               self.n_terms)
@@ -299,8 +295,5 @@ class Discretization(Value):
 
     def stress_free(self, history: History | None) -> Floats:
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        strains = np.array(self.natural)
-        if self.stores:
-            left = self.past(history).left
-            strains = sum((part.strains(self, left) for part in self.stores), strains)
-        return strains
+        left = self.past(history).left if self.stores else {}
+        return sum((part.strains(self, left) for part in self.stores), np.array(self.natural))

@@ -2,26 +2,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion of the DLO under moving grips, in steps as long as their error and the energy allow."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from dlo_planner.direct.beginning import check_velocity
-from dlo_planner.direct.integrator import Scheme
+from dlo_planner.direct.instant import Instant
+from dlo_planner.direct.integrator import KinematicState
+from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
 from dlo_planner.direct.motion import Motion
-from dlo_planner.direct.statics import MAX_ITERATIONS, equilibrium
-from dlo_planner.direct.stepping import Instant, Stepper
+from dlo_planner.direct.motion_error import HALVINGS, Begun, Recipe, Trace, error_of
+from dlo_planner.direct.setting_off import begin, renewed
+from dlo_planner.direct.statics import MAX_ITERATIONS
+from dlo_planner.direct.stepping import Stepper
+from dlo_planner.model.arrays import Floats
+from dlo_planner.progress import Progress
 
-_HALVINGS = 12       # of an interval between two instants, at most
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _NOISE = 1e-5        # of weight times length and of a bend by 1 rad: the same, at rest
 _PART = 1 / 600      # of the tolerance: what one step may add to the error
 _WELL_WITHIN = 0.6   # of that: a step of twice the length, with 8 times the error, may be tried
 _CALM = 16           # steps that all were well within, before it is
 _OF_CONTACT = 3      # halvings for its error of a step since the DLO touched an obstacle
-_STILL = 1e-7        # of the length: what moves no farther rests
 _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by rounding and errors
 
 
@@ -40,6 +45,8 @@ class Run(NamedTuple):
         Status of `Motion`.
     message : str
         Message of `Motion`.
+    samples : ndarray, shape (k, m, 3), or None
+        Places after each step, see `Leg`.
     """
 
     reached: list[Instant]
@@ -47,60 +54,26 @@ class Run(NamedTuple):
     local: float
     status: str = 'complete'
     message: str = ''
+    samples: Floats | None = None
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """What a motion was computed with, so that it can be repeated.
-
-    Attributes
-    ----------
-    instants : int
-        Number of instants.
-    integrator : str
-        One of INTEGRATORS.
-    tolerance : float
-        Tolerance in m; infinite: only what cannot be solved or gains energy is halved.
-    steps : tuple
-        Numbers of halvings of the steps made, in their order.
-    """
-
-    instants: int
-    integrator: str
-    tolerance: float
-    steps: tuple = ()
-
-
-def simulate(stepper, start, velocity, instants, integrator, tolerance, progress, initial):
-    """Return the Motion that begins with the Shape `start`; see `DirectSimulator.simulate`.
-
-    Parameters
-    ----------
-    stepper
-        Stepper.
-    velocity
-        (N + 1, 3) of the nodes, or None: at rest.
-    progress
-        Progress.
-    initial
-        Shape of which `start` was made, or None: it is an equilibrium.
-    """
-    first = stepper.begin(start, velocity)
-    if velocity is not None:
-        check_velocity(stepper.masses, velocity, first.nodes.velocity)
-    if not start.converged:
+def simulate(stepper: Stepper, begun: Begun, plan: Recipe, progress: Progress) -> Motion:
+    """Return the Motion that begins so; see `DirectSimulator.simulate`."""
+    first = begin(stepper, begun.start, begun.velocity)
+    if begun.velocity is not None:
+        check_velocity(stepper.masses, begun.velocity, first.nodes.velocity)
+    if not begun.start.converged:
         ended = Run([first], [], 0.0, 'unsolved', 'the shape at time 0 was not found')
-        return _motion(stepper, ended, tolerance, None)
-    plan = Recipe(instants, integrator, tolerance)
+        return _motion(stepper, ended, plan.tolerance, None)
     made = _run(stepper, first, plan, progress)
-    estimate = partial(_error, stepper, start, initial, velocity,
-                       replace(plan, steps=tuple(made.steps)),
-                       [instant.place for instant in made.reached],
-                       [instant.shape.positions for instant in made.reached])
-    return _motion(stepper, made, tolerance, estimate)
+    trace = Trace([instant.place for instant in made.reached],
+                  [instant.shape.positions for instant in made.reached], made.samples)
+    estimate = partial(error_of, stepper, begun, replace(plan, steps=tuple(made.steps)), trace)
+    return _motion(stepper, made, plan.tolerance, estimate)
 
 
-def run(stepper, first, instants, tolerance, progress):
+def run(stepper: Stepper, first: Instant, instants: int, tolerance: float,
+        progress: Progress) -> tuple[list[Instant], bool]:
     """Return the Instants at 0, 1, 2 ... of a motion that goes on from `first`.
 
     And whether all steps were solved; the last Instant is the one that was not.
@@ -110,89 +83,101 @@ def run(stepper, first, instants, tolerance, progress):
     return made.reached, made.status == 'complete'
 
 
-def _run(stepper, first, plan, progress):
+def _run(stepper: Stepper, first: Instant, plan: Recipe, progress: Progress) -> Run:
     """Return the Run that begins with the Instant `first`."""
-    whole = 1 << _HALVINGS
-    now, past = first, _before(first.nodes, stepper.dt)
-    reached, steps, local, level, calm = [first], [], 0.0, 0, 0
-    books = _Books(first, stepper.discretization)
+    pace, reached = _Pace(stepper, first, plan), [first]
     while len(reached) < plan.instants:
-        begin, at = len(reached) - 1, 0
-        while at < whole:
-            size = whole >> level
-            place = begin + (at + size) / whole
-            last_try = level == _HALVINGS or plan.integrator == 'paper'
-            after = _step(stepper, now, steps, level, place, plan.integrator,
-                          MAX_ITERATIONS if last_try else _PATIENCE)
-            progress.check()
-            tail = [*past, (place * stepper.dt, after.nodes.position)]
-            error = _scheme(stepper, plan.integrator, level).error(*zip(*tail, strict=True))
-            if not last_try and not (after.shape.converged and books.hold(after)
-                                     and (error <= _PART * plan.tolerance
-                                          or after.touched and level >= _OF_CONTACT)):
-                level, calm = level + 1, 0
-                continue
-            if not (after.shape.converged
-                    and (books.hold(after) or plan.integrator == 'paper')):
-                status = 'energy' if after.shape.converged else 'unsolved'
-                after = replace(after, shape=replace(after.shape, converged=False))
-                return Run([*reached, after], steps, local, status,
-                           _reason(status, stepper, now, place))
-            books.enter(after)
-            local += error
-            steps.append(level)
-            now, past = after, tail[1:]
-            at += size
-            calm = calm + 1 if 8 * error < _WELL_WITHIN * _PART * plan.tolerance else 0
-            if level and at % (2 * size) == 0 and calm >= _CALM:
-                level, calm = level - 1, 0
-        reached.append(now)
-        progress.done(len(reached), plan.instants)
-    return Run(reached, steps, local)
+        leg = pace.go_on()
+        progress.check()
+        for instant in leg.kept:
+            reached.append(instant)
+            progress.done(len(reached), plan.instants)
+        after = leg.refused
+        if pace.stuck and after is not None:
+            status = 'energy' if after.shape.converged else 'unsolved'
+            after = replace(after, shape=replace(after.shape, converged=False))
+            return pace.run([*reached, after], status, _reason(status, stepper, pace.now,
+                                                               after.place))
+    return pace.run(reached)
 
 
-def _step(stepper, now, steps, level, place, integrator, patience):
-    scheme = _scheme(stepper, integrator, level)
-    if (steps[-1] if steps else 0) != level and not now.touched:
-        now = stepper.renewed(now, scheme.dt)
-    return stepper.step(now, place, scheme, patience)
+class _Pace:
+    """Makes the steps of a motion, as long as they may be.
 
+    Attributes
+    ----------
+    now : Instant
+        At the end of the last good step.
+    stuck : bool
+        Whether the next step is not good, however short it is.
+    """
 
-def _scheme(stepper, integrator, level):
-    return Scheme.named(integrator, stepper.dt / (1 << level))
-
-
-def _before(nodes, dt):
-    """Return three times with node positions, the last one now, as if it had moved on evenly."""
-    return [(-k * dt, nodes.position - k * dt * nodes.velocity
-             + 0.5 * (k * dt) ** 2 * nodes.acceleration) for k in (2, 1, 0)]
-
-
-class _Books:
-    """Says whether a motion gains energy: of that which has moved so far, at most a small part."""
-
-    def __init__(self, first, mesh):
+    def __init__(self, stepper: Stepper, first: Instant, plan: Recipe) -> None:
+        self.now, self.stuck = first, False
+        self._stepper, self._plan = stepper, plan
+        self._fixed = plan.integrator == 'paper'
+        self._past = _before(first.nodes, stepper.dt)
+        self._at = self._level = self._calm = 0  # time in the shortest steps; halvings; steps
+        self._steps: list[int] = []
+        self._errors: list[float] = []
+        self._samples: list[Floats] = []
+        self._books = np.array([first.balance, first.potential, first.potential, first.kinetic])
+        mesh = stepper.discretization
         self._noise = _NOISE * (np.abs(mesh.load).sum() * mesh.rod.length
                                 + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
-        self._least = first.balance
-        self._low = self._high = first.potential
-        self._most = first.kinetic
 
-    def enter(self, instant):
-        """Take an Instant as one of the motion."""
-        self._least = min(self._least, instant.balance)
-        self._low = min(self._low, instant.potential)
-        self._high = max(self._high, instant.potential)
-        self._most = max(self._most, instant.kinetic)
+    def run(self, reached: list[Instant], status: str = 'complete', message: str = '') -> Run:
+        """Return the Run so far."""
+        return Run(reached, self._steps, float(sum(self._errors)), status, message,
+                   np.concatenate(self._samples) if self._samples else None)
 
-    def hold(self, instant):
-        """Whether an Instant has no more energy than there can be."""
-        moved = (max(self._most, instant.kinetic) + max(self._high, instant.potential)
-                 - min(self._low, instant.potential) + instant.losses.sum())
-        return instant.balance - self._least <= _GAIN * moved + self._noise
+    def go_on(self) -> Leg:
+        """Return the Leg of the next steps, which are entered here."""
+        plan, stepper, level = self._plan, self._stepper, self._level
+        last_try = level == HALVINGS or self._fixed
+        scheme = plan.scheme(stepper.dt, level)
+        now = self.now
+        if self._steps and self._steps[-1] != level and not now.touched:
+            now = renewed(stepper, now, scheme.dt)
+        limits = Limits(
+            MAX_ITERATIONS if last_try else _PATIENCE,
+            np.inf if last_try else _PART * plan.tolerance, _GAIN,
+            np.inf if self._fixed else self._noise, self._books, level >= _OF_CONTACT)
+        size = 1 << (HALVINGS - level)
+        places = (self._at + size * np.arange(1, self._length(size) + 1)) / (1 << HALVINGS)
+        leg = leg_of(stepper, now, self._past, places, scheme, limits)
+        made = len(leg.errors)
+        if made:
+            self.now, self._past = leg.last, leg.past
+            self._at += made * size
+            self._steps += [level] * made
+            self._errors += leg.errors.tolist()
+            self._samples.append(leg.samples)
+        rough = np.flatnonzero(8 * leg.errors >= _WELL_WITHIN * _PART * plan.tolerance)
+        self._calm = made - 1 - int(rough[-1]) if rough.size else self._calm + made
+        if leg.refused is not None:
+            self.stuck = last_try
+            self._level, self._calm = min(level + 1, HALVINGS), 0
+        elif level and self._calm >= _CALM and self._at % (2 * size) == 0:
+            self._level, self._calm = level - 1, 0
+        return leg
+
+    def _length(self, size: int) -> int:
+        """Return how many steps are to be made before their length may change."""
+        most = min(MOST, (((self._plan.instants - 1) << HALVINGS) - self._at) // size)
+        if not self._level:
+            return most
+        calm = max(_CALM - self._calm, 1)
+        return min(most, calm + (self._at // size + calm) % 2)
 
 
-def _reason(status, stepper, now, place):
+def _before(nodes: KinematicState, dt: float) -> list[tuple[float, Floats]]:
+    """Return two times with node positions, dt apart, as if they had moved on evenly till now."""
+    return [(-k * dt, nodes.position - k * dt * nodes.velocity
+             + 0.5 * (k * dt) ** 2 * nodes.acceleration) for k in (2, 1)]
+
+
+def _reason(status: str, stepper: Stepper, now: Instant, place: float) -> str:
     times = f'from {now.place * stepper.dt:.6g} s to {place * stepper.dt:.6g} s'
     if status == 'energy':
         return f'a step {times} gains energy, however short it is'
@@ -202,76 +187,18 @@ def _reason(status, stepper, now, place):
             f'{len(shape.contacts)} contacts')
 
 
-def _motion(stepper, made, tolerance, estimate):
+def _motion(stepper: Stepper, made: Run, tolerance: float,
+            estimate: Callable[[], Floats] | None) -> Motion:
     reached, message = made.reached, made.message
     places = np.array([instant.place for instant in reached])
     if made.status == 'complete' and made.local > tolerance:
         message = (f'the local errors of its steps add up to {made.local:.3g} m, more than the '
                    f'tolerance of {tolerance:.3g} m: see error_estimate')
     given = {} if estimate is None else {'_estimate': estimate}
+    kinetic, potential, work, losses = (
+        np.array([getattr(instant, name) for instant in reached])
+        for name in ('kinetic', 'potential', 'work', 'losses'))
     return Motion(
-        stepper.dt * places, [instant.shape for instant in reached],
-        np.array([instant.nodes.velocity for instant in reached]),
-        *(np.array([getattr(instant, name) for instant in reached])
-          for name in ('kinetic', 'potential', 'work', 'losses')),
-        tolerance, made.status, message, **given)
-
-
-def _error(stepper, start, initial, velocity, plan, places, positions):
-    """Return (n,) how far, in m, nodes are from the true ones at most until each instant.
-
-    The same motion with every element and every step halved; what that changes is three quarters
-    of a second-order error, half of a first-order one.
-    """
-    coarse = stepper.discretization
-    mesh = coarse.finer
-    finer = Stepper(mesh, stepper.grips, stepper.dt)
-    shape = _finer_start(mesh, start, initial)
-    if velocity is not None:
-        velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
-    found = np.full(len(places), np.inf)
-    now = finer.begin(shape, velocity)
-    found[0] = np.linalg.norm(now.nodes.position[::2] - positions[0], axis=1).max()
-    whole, at, k, before = 2 << _HALVINGS, 0, 1, []
-    for level in plan.steps:
-        for _ in range(2):
-            at += whole >> (level + 1)
-            now = _step(finer, now, before, level + 1, at / whole, plan.integrator, MAX_ITERATIONS)
-            before = [level + 1]
-            if not now.shape.converged:
-                return found
-        if at == k * whole:
-            found[k] = np.linalg.norm(now.nodes.position[::2] - positions[k], axis=1).max()
-            k += 1
-    rounding = 1e-15 * coarse.s.size * coarse.s[-1]
-    second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
-    return (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
-
-
-def _finer_start(mesh, start, initial):
-    """Return the Shape at time 0 on a mesh whose elements are halves of those of `start`.
-
-    A DLO at rest hangs otherwise there: this is a part of the error, and no reason to swing. So is
-    one that was at rest in other surroundings, as `initial` may have been.
-    """
-    known = start if initial is None else initial
-    strains = _at_rest_on(known, mesh)
-    if strains is None:
-        strains = np.repeat(start.element_strains, 2, axis=0)
-    state = replace(start.state, mesh=mesh, history=mesh.past(start.state.history))
-    return replace(start, element_strains=strains, state=state)
-
-
-def _at_rest_on(shape, mesh):
-    """Return the strains (N, 3) on a mesh with which a Shape rests; None: it does not rest."""
-    own = shape.state.mesh
-    if own is None:
-        return None
-    found = [equilibrium(each, shape.gripper, strains, 'newton', each.past(shape.state.history),
-                         shape.far_end)[0]
-             for each, strains in ((own, np.array(shape.element_strains)),
-                                   (own.finer, np.repeat(shape.element_strains, 2, axis=0)))]
-    moved = np.abs(found[0].positions - shape.positions).max()
-    if not (found[0].converged and found[1].converged and moved <= _STILL * own.s[-1]):
-        return None
-    return mesh.strains_from(found[1].s, found[1].element_strains)
+        stepper.dt * places, tuple(instant.shape for instant in reached),
+        np.array([instant.nodes.velocity for instant in reached]), kinetic, potential, work,
+        losses, tolerance, made.status, message, **given)

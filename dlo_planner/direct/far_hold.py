@@ -53,7 +53,7 @@ class FarHold(Part):
         """Whether the far end is held."""
         return held.origin is not None and held.far_end is not None
 
-    def none(self, mesh: Discretization, s: Floats) -> Left:
+    def empty(self, mesh: Discretization, s: Floats) -> Left:
         """Return no forces."""
         return {'hold': np.zeros(0)}
 
@@ -68,7 +68,7 @@ class FarHold(Part):
 
     underway = leaves
 
-    def holding(self, before: Left, after: Left) -> Left:
+    def with_contacts(self, before: Left, after: Left) -> Left:
         """Return the forces after the step."""
         return {'hold': after['hold']}
 

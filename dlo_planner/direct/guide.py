@@ -4,12 +4,14 @@
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, rotations_of
 from dlo_planner.model.value import Value, put
 
 
@@ -35,6 +37,7 @@ class Guide(Value):
     poses: tuple[Pose, ...]
     dt: float
     at_rest: bool
+    _spline: CubicSpline | None
 
     def __init__(self, poses: Sequence[Pose], dt: float, at_rest: bool = True):
         put(self, poses=tuple(poses), dt=dt, at_rest=at_rest, _spline=None)
@@ -42,7 +45,7 @@ class Guide(Value):
         if any(pose is not first and pose != first for pose in self.poses):
             put(self, _spline=_spline(self.poses, at_rest))
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
 
     def at(self, place: float) -> Pose:
@@ -53,35 +56,59 @@ class Guide(Value):
         values = self._spline(place)
         return Pose(values[:3], values[3:])
 
-    def twist(self, place: float) -> np.ndarray:
+    def along(self, places: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return rotations (k, 3, 3), positions (k, 3), `twist`s (k, 6) at `places` (k,)."""
+        if self._spline is None:
+            first, many = self.poses[0], (len(places), 1)
+            return (np.tile(first.rotation, (*many, 1)), np.tile(first.position, many),
+                    np.zeros((len(places), 6)))
+        nearest = np.rint(places).astype(int)
+        given = (places == nearest) & (nearest >= 0) & (nearest < len(self.poses))
+        rotations, positions, twists = (one[np.where(given, nearest, 0)] for one in self._given)
+        if not given.all():  # else they are not as the spline rounds them
+            values, other = self._spline(places[~given]), ~given
+            rotations[other], positions[other] = rotations_of(values[:, 3:]), values[:, :3]
+            twists[other] = self._twist(places[other], values)
+        return rotations, positions, twists
+
+    @cached_property
+    def _given(self) -> tuple[Floats, Floats, Floats]:
+        """What `along` returns for the poses."""
+        return (np.array([pose.rotation for pose in self.poses]),
+                np.array([pose.position for pose in self.poses]), self._twists)
+
+    def twist(self, place: float) -> Floats:
         """Return (6,) velocity (m/s) and angular velocity (rad/s) at `place` = time / dt, world."""
         if self._spline is None:
             return np.zeros(6)
         nearest = round(place)
         if place == nearest and 0 <= nearest < len(self.poses):
-            return self._twists[nearest]
-        return self._twist([place])[0]
+            given: Floats = self._twists[nearest]
+            return given
+        between: Floats = self._twist([place])[0]
+        return between
 
     @cached_property
-    def _twists(self):
+    def _twists(self) -> Floats:
         """(n, 6) at the poses: most of what is asked for, and quicker all at once."""
         return self._twist(np.arange(len(self.poses)))
 
-    def _twist(self, places):
-        quaternions = self._spline(places)[:, 3:]
-        rates = self._spline(places, 1) / self.dt
+    def _twist(self, places: Any, values: Floats | None = None) -> Floats:
+        spline: Any = self._spline  # there is one where the poses differ
+        quaternions = (spline(places) if values is None else values)[:, 3:]
+        rates = spline(places, 1) / self.dt
         vectors, w = quaternions[:, :3], quaternions[:, 3:]
         turn = w * rates[:, 3:6] - rates[:, 6:] * vectors + np.cross(vectors, rates[:, 3:6])
         return np.hstack([rates[:, :3],
                           2 * turn / np.sum(quaternions**2, axis=1, keepdims=True)])
 
 
-def _spline(poses, at_rest):
+def _spline(poses: Sequence[Pose], at_rest: bool) -> CubicSpline:
     values = np.array([[*pose.position, *pose.quaternion] for pose in poses])
     turned = np.sum(values[1:, 3:] * values[:-1, 3:], axis=1) < 0
     values[1:, 3:] *= np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]
     n = len(values)
-    ends = ['not-a-knot', 'not-a-knot']
+    ends: list[Any] = ['not-a-knot', 'not-a-knot']
     if at_rest:
         ends[0] = (1, np.zeros(7))
         if n == 2:  # constant acceleration, as not-a-knot would make it
@@ -104,6 +131,10 @@ class Grips(Value):
 
     PARTS = ('gripper', 'far_end', 'grip')
 
+    gripper: Guide
+    far_end: Guide | None
+    grip: str
+
     def __init__(self, gripper: Guide, far_end: Guide | None = None, grip: str = 'clamped'):
         put(self, gripper=gripper, far_end=far_end, grip=grip)
 
@@ -112,8 +143,8 @@ class Grips(Value):
         end = None if self.far_end is None else FarEnd(self.far_end.at(place), self.grip)
         return self.gripper.at(place), end
 
-    def power(self, place: float, wrench: np.ndarray, far_wrench: np.ndarray,
-              end: np.ndarray) -> float:
+    def power(self, place: float, wrench: Floats, far_wrench: Floats,
+              end: Floats) -> float:
         """Return the power in W of the wrenches (6,) that the gripper and the far end exert.
 
         Parameters

@@ -50,9 +50,9 @@ class History(Value):
         freeze((self.s, self.left, self.positions, self.tangents))
 
     @classmethod
-    def none(cls, mesh: Discretization) -> History:
+    def empty(cls, mesh: Discretization) -> History:
         """Return the past, on a mesh, of a DLO that has none."""
-        left = {name: array for part in ACTING for name, array in part.none(mesh, mesh.s).items()}
+        left = {name: array for part in ACTING for name, array in part.empty(mesh, mesh.s).items()}
         return cls(mesh.s, left, np.zeros((0, 3)), np.zeros((0, 3)), mesh.surroundings)
 
     @classmethod
@@ -70,7 +70,7 @@ class History(Value):
         return self.leaving(**{name: array for part in ACTING
                                for name, array in part.underway(solved).items()})
 
-    def on(self, s: Floats) -> History:
+    def resampled(self, s: Floats) -> History:
         """Return the same past on another mesh `s` (n + 1,), m."""
         if s is self.s or np.array_equal(s, self.s):
             return self
@@ -79,13 +79,14 @@ class History(Value):
             curve = CubicHermiteSpline(self.s, positions, tangents)
             positions, tangents = curve(s), curve(s, 1)
         moved = self.leaving(**{name: array for part in ACTING
-                                for name, array in part.on(self.left, self.s, s).items()})
+                                for name, array in part.resampled(self.left, self.s, s).items()})
         return replace(moved, s=s, positions=positions, tangents=tangents)
 
-    def holding(self, later: History) -> History:
+    def with_contacts(self, later: History) -> History:
         """Return the same past with the forces of contacts and grips after the step."""
         return self.leaving(**{name: array for part in ACTING
-                               for name, array in part.holding(self.left, later.left).items()})
+                               for name,
+                               array in part.with_contacts(self.left, later.left).items()})
 
     def with_forces(self, other: History) -> History:
         """Return the same past with all of another one but what belongs to the rod."""
@@ -127,8 +128,8 @@ def past_on(mesh: Discretization, history: History | None, own: History | None =
     if not (known and all(fits)):
         history = history.lasting().leaving(**{
             name: array for part, good in zip(ACTING, fits, strict=True) if not good
-            for name, array in part.none(mesh, history.s).items()})
-    return history.on(mesh.s)
+            for name, array in part.empty(mesh, history.s).items()})
+    return history.resampled(mesh.s)
 
 
 def _suits(history: History, mesh: Discretization) -> bool:

@@ -8,11 +8,14 @@ there, y'' = stiffness (y - anchor), so a step is a minimization (Eq. 9 to 11 of
 that acceleration is in balance with the forces at the same instant.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
-from dlo_planner.model.value import freeze
+from dlo_planner.direct.swinging import third_difference
+from dlo_planner.model.arrays import Floats
 
 INTEGRATORS = ('generalized_alpha', 'paper')
 
@@ -28,7 +31,7 @@ class Scheme:
     dt: float
 
     @classmethod
-    def named(cls, name, dt, high_frequency=0.85):
+    def named(cls, name: str, dt: float, high_frequency: float = 0.85) -> Self:
         """Return the scheme `name` of INTEGRATORS.
 
         'generalized_alpha' is of second order; `high_frequency` is what one step leaves of the
@@ -47,21 +50,21 @@ class Scheme:
                    0.5 - alpha_m + alpha_f, dt)
 
     @property
-    def first_order(self):
+    def first_order(self) -> bool:
         """Whether it is of first order only."""
         return self.gamma == 1.0
 
     @property
-    def stiffness(self):
+    def stiffness(self) -> float:
         """Acceleration at the end per distance from the anchor, 1/s^2: 2 / dt^2 in Eq. 9."""
         return (1 - self.alpha_m) / ((1 - self.alpha_f) * self.beta * self.dt**2)
 
     @property
-    def drag(self):
+    def velocity_gain(self) -> float:
         """Velocity at the end per distance from the anchor, 1/s."""
         return self.gamma / (self.beta * self.dt)
 
-    def anchor(self, before):
+    def anchor(self, before: 'KinematicState') -> tuple[Floats, Floats]:
         """Return position and velocity (arrays) at the end of a step that feels no force."""
         dt = self.dt
         free = self._mean_acceleration(before, 0.0)
@@ -70,15 +73,15 @@ class Scheme:
         velocity = before.velocity + dt * ((1 - self.gamma) * before.mean + self.gamma * free)
         return position, velocity
 
-    def after(self, before, position):
-        """Return the Course at the end of a step that ends at `position`."""
+    def after(self, before: 'KinematicState', position: Floats) -> 'KinematicState':
+        """Return the KinematicState at the end of a step that ends at `position`."""
         anchor, velocity = self.anchor(before)
         away = position - anchor
         acceleration = self.stiffness * away
-        return Course(position, velocity + self.drag * away, acceleration,
-                      self._mean_acceleration(before, acceleration))
+        return KinematicState(position, velocity + self.velocity_gain * away, acceleration,
+                              self._mean_acceleration(before, acceleration))
 
-    def error(self, times, positions):
+    def error(self, times: Sequence[float], positions: Sequence[Floats]) -> float:
         """Return the local error (m) of a step, to leading order: the largest of a node.
 
         What the scheme's position differs by from Taylor's series of the true one:
@@ -87,31 +90,25 @@ class Scheme:
 
         Parameters
         ----------
-        times
+        times : sequence
             Four times, s, the last one at the end of the step.
-        positions
+        positions : sequence
             4 arrays (N + 1, 3) at these times, m.
         """
-        third = _divided(times, positions)
-        part = 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
-        return part * float(np.sqrt(np.max(np.sum(third**2, axis=1))))
+        return self.third * float(third_difference(np.array(times), np.array(positions), 3))
 
-    def _mean_acceleration(self, before, acceleration):
+    @property
+    def third(self) -> float:
+        """Local error per divided difference of four places, s^3, see `error`."""
+        return 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
+
+    def _mean_acceleration(self, before: 'KinematicState', acceleration: Floats | float) -> Floats:
         return ((1 - self.alpha_f) * acceleration + self.alpha_f * before.acceleration
                 - self.alpha_m * before.mean) / (1 - self.alpha_m)
 
 
-def _divided(times, values):
-    """Return the divided difference (an array) of all `values` (arrays) at `times`."""
-    values = list(values)
-    for order in range(1, len(times)):
-        values = [(later - earlier) / (times[k + order] - times[k])
-                  for k, (earlier, later) in enumerate(zip(values, values[1:], strict=False))]
-    return values[0]
-
-
 @dataclass(frozen=True)
-class Course:
+class KinematicState:
     """A coordinate in motion: arrays of one shape.
 
     Attributes
@@ -126,25 +123,26 @@ class Course:
         The acceleration averaged over the last step, as the scheme carries it along.
     """
 
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    mean: np.ndarray
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    mean: Floats
 
-    def __post_init__(self):
-        freeze([self.position, self.velocity, self.acceleration, self.mean])
+    def __post_init__(self) -> None:
+        for one in self.arrays:  # not `freeze`: there are thousands
+            one.flags.writeable = False
 
     @property
-    def arrays(self):
+    def arrays(self) -> tuple[Floats, ...]:
         """The four arrays."""
-        return self.position, self.velocity, self.acceleration, self.mean
+        return tuple(self.__dict__.values())
 
     @classmethod
-    def begun(cls, position, velocity, acceleration):
+    def begun(cls, position: Floats, velocity: Floats, acceleration: Floats) -> Self:
         """Return the course of something that begins to move freely."""
         return cls(position, velocity, acceleration, acceleration)
 
-    def uniform(self):
+    def uniform(self) -> Self:
         """Return the same course as if nothing accelerated it."""
         none = np.zeros_like(self.position)
         return replace(self, acceleration=none, mean=none)

@@ -187,8 +187,9 @@ class Motion(Filmed):
         """(n,) largest distance of a node from the true rod's until each instant, m.
 
         From a second run with every element and every step halved, made when this is first read:
-        it costs three to four times as much as the motion. Infinite where that run could not
-        follow; nan for a motion that does not know (from a file, saved before it was read).
+        it costs two to four times as much as the motion. A motion that begins at rest does so
+        there, too: the error of a given Shape at rest is part of it. Infinite where that run could
+        not follow; nan for a motion that does not know (from a file, saved before it was read).
         """
         assert self._estimate is not None  # see __post_init__
         found = self._estimate()

@@ -5,7 +5,6 @@
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from dlo_planner.direct.accuracy import step
 from dlo_planner.direct.beginning import (
     Velocity,
     first_shape,
@@ -20,6 +19,8 @@ from dlo_planner.direct.dynamics import simulate
 from dlo_planner.direct.grips import ends_of, moving_grips, poses
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.motion_error import Begun, Recipe
+from dlo_planner.direct.one_step import How, step
 from dlo_planner.direct.setup import Setup
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.stepping import Stepper
@@ -61,10 +62,9 @@ class Moving(Setup):
             self._judge_end(end)
         grips = moving_grips(grippers, ends, dt, velocity is None, initial)
         start, mesh = self._beginning(grippers[0], ends[0], initial)
-        result: Motion = simulate(make(mesh, grips, dt, self.method), start,
-                                  nodes_velocity(velocity, initial, start), len(grippers),
-                                  task.integrator, tolerance, steps, initial)
-        return result
+        begun = Begun(initial, start, nodes_velocity(velocity, initial, start))
+        plan = Recipe(len(grippers), task.integrator, tolerance)
+        return simulate(make(mesh, grips, dt, self.method), begun, plan, steps)
 
     def _beginning(self, gripper: Pose, far_end: FarEnd | None,
                    initial: Shape | None) -> tuple[Shape, Discretization]:
@@ -77,7 +77,7 @@ class Moving(Setup):
                 mesh = moving_mesh(known.state.made_on)
         if initial is not None:
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
-        return step(mesh, gripper, known, self._history, far_end, self.method)[0], mesh
+        return step(mesh, gripper, known, How(self._history, far_end, self.method))[0], mesh
 
 
 def motion_by(make: Callable[..., Stepper], simulator: Moving, task: Prescribed,

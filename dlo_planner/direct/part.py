@@ -105,11 +105,11 @@ class Part:
         """
         return None
 
-    def none(self, mesh: Discretization, s: Floats) -> Left:
+    def empty(self, mesh: Discretization, s: Floats) -> Left:
         """Return what it leaves where nothing has happened yet, on nodes `s` (N + 1,), m."""
         return {}
 
-    def on(self, left: Left, s: Floats, wanted: Floats) -> Left:
+    def resampled(self, left: Left, s: Floats, wanted: Floats) -> Left:
         """Return what it left on nodes `s` (N + 1,) as it is on nodes `wanted` (n + 1,), m."""
         return {}
 
@@ -133,7 +133,7 @@ class Part:
         """Return what it leaves to another part of the same step."""
         return {}
 
-    def holding(self, before: Left, after: Left) -> Left:
+    def with_contacts(self, before: Left, after: Left) -> Left:
         """Return what it left before a step, with the forces after it."""
         return {}
 

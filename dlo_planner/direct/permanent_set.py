@@ -48,12 +48,12 @@ class PermanentSet(Part):
         """Whether the DLO yields."""
         return mesh.yields
 
-    def none(self, mesh: Discretization, s: Floats) -> Left:
+    def empty(self, mesh: Discretization, s: Floats) -> Left:
         """Return no set."""
         springs = mesh.given(self.name).set.shape[1] if mesh.yields else 0
         return {'set': np.zeros((s.size - 1, springs)), 'lost': np.array(0.0)}
 
-    def on(self, left: Left, s: Floats, wanted: Floats) -> Left:
+    def resampled(self, left: Left, s: Floats, wanted: Floats) -> Left:
         """Return the set averaged over other elements."""
         return {'set': mapped(s, left['set'], wanted)}
 

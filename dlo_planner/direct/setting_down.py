@@ -17,7 +17,7 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.leading import grip_before, lead, parts_between
 from dlo_planner.direct.part import Solved
-from dlo_planner.direct.statics import equilibrium, solve
+from dlo_planner.direct.statics import Search, equilibrium, solve
 from dlo_planner.energy.depth import depth
 from dlo_planner.energy.potential import placed
 from dlo_planner.energy.scene import Scene
@@ -51,14 +51,14 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
     """
     firm = _resisting_twist(discretization)
     amid = bool(discretization.surroundings.obstacles)
-    alone = firm.alone if amid else firm
-    past = alone.past(history)
-    held = grip_before(alone, None, strains, gripper, far_end)
+    bare = firm.without_obstacles if amid else firm
+    past = bare.past(history)
+    held = grip_before(bare, None, strains, gripper, far_end)
     assert held is not None  # as far_end is not
-    parts = parts_between(gripper, gripper, held, far_end, alone.s[-1])
-    gripper, strains, past = lead(alone, strains, (gripper, gripper), (held, far_end), past, parts)
+    parts = parts_between(gripper, gripper, held, far_end, bare.s[-1])
+    gripper, strains, past = lead(bare, strains, (gripper, gripper), (held, far_end), past, parts)
     if amid:
-        shape, _ = equilibrium(alone, gripper, strains, 'newton', past, far_end)
+        shape, _ = equilibrium(bare, gripper, strains, 'newton', past, far_end)
         past = firm.past(history).leaving(hold=shape.state.left.left['hold'])
         gripper, strains, past = grown(firm, shape.gripper, np.array(shape.element_strains),
                                        far_end, past)
@@ -93,8 +93,8 @@ def grown(discretization: Discretization, gripper: Pose, strains: np.ndarray, fa
         wanted = max(0.0, thin - step)
         system = discretization.system(gripper.rotation, gripper.position, history, far_end)
         found = solve(discretization, system._replace(scene=_thinner(system.scene, wanted)),
-                      gripper, discretization.unknowns(strains), history, _STEPS, False,
-                      _ROUGHLY, _LEFT)
+                      gripper, discretization.unknowns(strains), history,
+                      Search(_STEPS, False, _ROUGHLY, _LEFT))
         state, system = found.state, found.system
         if not (found.residual < _ENOUGH * _LEFT
                 and found.violation < _ROUGHLY * discretization.s[-1]):

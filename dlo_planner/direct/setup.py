@@ -7,10 +7,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from dlo_planner.direct.accuracy import accurate_equilibrium, step
+from dlo_planner.direct.accuracy import Wanted, accurate_equilibrium
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.direct.one_step import How, step
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.errors import InvalidTask
@@ -160,13 +161,13 @@ class Setup(Value):
 
     def _equilibrium(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
                      most: float = np.inf) -> tuple[Shape, int]:
-        """Return (Shape, kicks); `most` as in `accuracy.step`."""
+        """Return (Shape, kicks); `most` as in `one_step.How`."""
+        how = How(self._history, far_end, self.method, self.strains, most)
         if self.accuracy is not None:
-            return accurate_equilibrium(self._discretization, self._fine, self.accuracy, gripper,
-                                        initial, self._history, far_end, most)
+            return accurate_equilibrium(Wanted(self._discretization, self._fine, self.accuracy),
+                                        gripper, initial, how)
         self._judge_end(far_end)
-        return step(self._discretization, gripper, initial, self._history, far_end, self.method,
-                    self.strains, most)
+        return step(self._discretization, gripper, initial, how)
 
     def _judge_end(self, far_end: FarEnd | None) -> None:
         if far_end is not None and self.method != 'newton':

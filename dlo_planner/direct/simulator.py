@@ -10,7 +10,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from dlo_planner.deprecated import renamed
-from dlo_planner.direct.accuracy import first_mesh, held_by, within
+from dlo_planner.direct.accuracy import first_mesh, mesh_to_begin_with, within
 from dlo_planner.direct.beginning import Velocity
 from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
@@ -19,6 +19,7 @@ from dlo_planner.direct.grips import ends_of, poses
 from dlo_planner.direct.mesh import even_mesh
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.moving import Moving, Prescribed
+from dlo_planner.direct.one_step import held_by
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.stepping import Stepper
 from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings, judge_method
@@ -266,6 +267,11 @@ class DirectSimulator(Moving):
                 and within(shape, self.accuracy)):
             return shape.state.made_on
         return self._equilibrium(gripper, shape, None)[0].state.made_on
+
+    def mesh_after(self, shape: Shape | None) -> Discretization:
+        """Return the Discretization on which what follows a Shape, or None, is sought first."""
+        return mesh_to_begin_with(self._discretization, self._fine, self.accuracy,
+                                  instance('shape', shape, Shape, optional=True), self._history)
 
 
 def clamping(name: str, simulator: object) -> DirectSimulator:

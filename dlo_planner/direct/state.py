@@ -84,7 +84,7 @@ class State(Value):
         """What the step began with, under the forces after it; raises as `made_on`."""
         if self.before is None:
             raise InvalidTask('Shape.state: expected a shape that comes from a simulator')
-        return self.before.holding(self.left)
+        return self.before.with_contacts(self.left)
 
     def forgotten(self) -> 'State':
         """Return what is left of it where the Shape was changed by hand: its error estimate."""
@@ -96,7 +96,7 @@ class State(Value):
 
     def resampled(self, s: Floats, error: float) -> 'State':
         """Return the past on other nodes `s` (n + 1,), m, of a Shape with a known error, m."""
-        history = None if self.history is None else self.history.on(s)
+        history = None if self.history is None else self.history.resampled(s)
         return State(history=history, estimate=Constant(error))
 
 

@@ -4,7 +4,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -65,7 +65,7 @@ def equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
         found = search(system, q, method, TOLERANCE)
         return shape_of(discretization, gripper, found, history), found.kicks
     most, exact = limits_of(discretization, gripper, far_end, Limits(MAX_ITERATIONS, EXACT))
-    found = solve(discretization, system, gripper, q, history, most, exact=exact)
+    found = solve(discretization, system, gripper, q, history, Search(most, exact=exact))
     return shape_of(discretization, gripper, found, history, far_end), found.kicks
 
 
@@ -140,18 +140,34 @@ NO_FRAMES = np.zeros((0, 3, 3))
 freeze(NO_FRAMES)
 
 
-def solve(discretization: Discretization, system: System, gripper: Pose, q: Floats,
-          history: History | None, most: int = MAX_ITERATIONS, check: bool = True,
-          exact: float = EXACT, rounding: float = 0.0) -> Minimum:
-    """Return the Minimum that is reached from q (m, 3) and the past `history` or None.
+class Search(NamedTuple):
+    """Until when a minimum is sought.
 
-    Parameters
+    Attributes
     ----------
-    exact : float, optional
+    steps : int
+        Newton steps at most.
+    check : bool
+        Whether its stability is looked at, and what is unstable left.
+    exact : float
         Part of the length by which constraints may be violated.
-    rounding : float, optional
+    rounding : float
         Rounding error of the residual, where it is larger than usual.
     """
+
+    steps: int = MAX_ITERATIONS
+    check: bool = True
+    exact: float = EXACT
+    rounding: float = 0.0
+
+
+THOROUGH = Search()
+
+
+def solve(discretization: Discretization, system: System, gripper: Pose, q: Floats,
+          history: History | None, how: Search = THOROUGH) -> Minimum:
+    """Return the Minimum that is reached from q (m, 3) and the past `history` or None."""
+    most, check, exact, rounding = how
     before = _NO_PAST
     if history is not None and len(history.positions):
         before = np.hstack([history.positions - gripper.position, history.tangents])

@@ -31,6 +31,7 @@ ShapeT = TypeVar('ShapeT', bound='Shape')
 
 _FORMAT = 2  # 1: files of 0.1.0, which do not say what they hold
 _PAST, _WAY = 'past_', ('s', 'positions', 'tangents')
+_RENAMED = {'Report': 'ValidationReport'}  # in older files
 _ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 _NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
             'jumped', 'evaluations', 'violation', 'dissipated')
@@ -126,6 +127,7 @@ def load(path: str | PathLike[str], read: Callable[[dict[str, NDArray[Any]]], T]
     try:
         arrays = read_json(path) if _is_json(path) else _read_npz(path)
         known, held = int(arrays.pop('format', -1)), str(arrays.pop('kind', kind))
+        held = _RENAMED.get(held, held)
     except Exception as error:  # whatever another file makes of the reader
         raise InvalidTask(f'path = {shown(str(path))}: expected {written} file, {error}') from None
     if not 1 <= known <= _FORMAT:

@@ -1,146 +1,216 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One step of a motion of a DLO that hangs freely, in one kernel: what `stepping` does otherwise.
+"""Steps of a motion of a DLO that hangs freely, one after the other, in one kernel.
 
-Of a short step more time would be spent between kernels and on small arrays than in the search.
+What `direct.stepping` does otherwise: of a short step more time would be spent between kernels and
+on small arrays than in the search.
 """
+
+from typing import Any
 
 import numpy as np
 
-from dlo_planner.energy.effects import Needs, with_anchor
+from dlo_planner.direct.trail import PAST, Coefficients, Trail
+from dlo_planner.energy.effects import Needs, potential, stored, with_anchor
 from dlo_planner.energy.inertia import Anchor
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.energy.system import System, unknown_count
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.hanging import fallen
 from dlo_planner.minimize.leash import no_leash
-from dlo_planner.ritz.record import Record, makes
-
-
-class Coefficients(Record):
-    """Of a `Scheme` of integration and of a DLO's damping, as kernels want them.
-
-    Attributes
-    ----------
-    alpha_m : float
-        Coefficient of the Scheme.
-    alpha_f : float
-        Coefficient of the Scheme.
-    beta : float
-        Coefficient of the Scheme.
-    gamma : float
-        Coefficient of the Scheme.
-    dt : float
-        Time step, s.
-    stiffness : float
-        Acceleration per displacement in the Scheme, 1/s^2.
-    drag : float
-        Velocity per displacement in the Scheme, 1/s.
-    slow : float
-        Damping in proportion to mass, 1/s.
-    viscous : float
-        Damping in proportion to stiffness, s.
-    masses : ndarray, shape (N + 1,)
-        Masses of the nodes, kg.
-    """
-
-    alpha_m: float
-    alpha_f: float
-    beta: float
-    gamma: float
-    dt: float
-    stiffness: float
-    drag: float
-    slow: float
-    viscous: float
-    masses: np.ndarray
-
-
-@makes(Coefficients)
-@kernel
-def _new_coefficients(alpha_m, alpha_f, beta, gamma, dt, stiffness, drag, slow, viscous, masses):
-    return Coefficients(alpha_m, alpha_f, beta, gamma, dt, stiffness, drag, slow, viscous, masses)
+from dlo_planner.minimize.nearby import nearby
+from dlo_planner.minimize.newton import NEUTRAL, leashed_newton
+from dlo_planner.model.arrays import Floats
 
 
 @kernel
-def swing(system, base, origin, how, nodes, bends, tolerance, max_iterations, check):
-    """Return the shape at the end of a step, as `hang` does, and how the DLO moves then.
+def swing_along(system: System, how: Coefficients, trail: Trail, books: Floats, limits: Floats,
+                tolerance: float, max_iterations: int) -> int:
+    """Fill rows of a Trail as long as each step is good; return the row of the last good one.
+
+    The row after that, if there is one, is of a step that is not.
 
     Args:
         system: System of the DLO at rest, without obstacles, far end, plasticity
-        base, origin: of the gripper at the end of the step, as in `hang`
-        how: Coefficients
-        nodes, bends: tuples of 4 arrays (N + 1, 3) and (N, 3), read-only, of a `Course`: position,
-            velocity, acceleration and mean acceleration of the nodes and of the strains
-        tolerance, max_iterations, check: as `newton`
-
-    Returns:
-        what `hang` returns, as a tuple
-        velocity, acceleration, mean of the nodes; the same of the strains
-        kinetic energy, J, and power that damping takes, W
+        how: Coefficients; trail: Trail
+        books: (4,) of the motion so far: least balance, least and most potential energy, most
+            kinetic energy, J; renewed
+        limits: (4,) residual; local error, m; part of the energy that has moved which may be
+            gained, and J in addition
+        tolerance, max_iterations: as `newton`
     """
-    where, speed = _without_force(how, nodes)
-    bent, rate = _without_force(how, bends)
-    strength = how.stiffness + how.slow * how.drag
-    for k in range(where.shape[0]):
-        for i in range(3):
-            where[k, i] -= how.slow * speed[k, i] / strength + origin[i]
-    firm = how.viscous * how.drag
-    natural = np.empty_like(system.natural)
-    for e in range(natural.shape[0]):
-        for i in range(3):  # K b u' is a spring of its own, drawn to where u' = 0
-            calm = bent[e, i] - rate[e, i] / how.drag
-            natural[e, i] = (system.natural[e, i] + firm * calm) / (1 + firm)
-    moving = System(system.lengths, natural, system.stiffness * (1 + firm), system.scale,
-                    system.basis, base.copy(), origin.copy(),
-                    with_anchor(system.effects, Anchor(where, how.masses * strength)),
-                    Needs(how.masses.size > 0, system.needs.attached, system.needs.border),
-                    system.proximal_point, system.proximal_weight)
-    guess = np.empty_like(natural)
-    for e in range(guess.shape[0]):
-        for i in range(3):
-            guess[e, i] = bends[0][e, i] + how.dt * (bends[1][e, i]
-                                                     + 0.5 * how.dt * bends[2][e, i])
-    q = np.empty((unknown_count(system), 3))
-    unknowns_of(moving, guess, q)
-    shape = fallen(moving, system, origin, q, tolerance, max_iterations, check, no_leash())
-    of_nodes, of_bends = _course(how, nodes, shape[2]), _course(how, bends, shape[0])
-    kinetic = viscous = 0.0
-    for k in range(how.masses.size):
-        for i in range(3):
-            kinetic += 0.5 * how.masses[k] * of_nodes[0][k, i] ** 2
-    for e in range(natural.shape[0]):
-        for i in range(3):
-            viscous += system.lengths[e] * system.stiffness[e, i] * of_bends[0][e, i] ** 2
-    damping = 2 * how.slow * kinetic + how.viscous * viscous
-    return shape, of_nodes, of_bends, kinetic, damping
+    for row in range(PAST + 1, trail.times.size):
+        swing(system, how, trail, row, tolerance, max_iterations)
+        account(system, how, trail, row)
+        proof = trail.proofs[row]
+        if not (proof[0] < limits[0] and proof[1] > -NEUTRAL and proof[2] <= limits[1]
+                and entered(books, trail.energies[row], limits[2], limits[3])):
+            return row - 1
+    return trail.times.size - 1
 
 
 @kernel
-def _without_force(how, course):
+def entered(books: Floats, energies: Floats, part: float, noise: float) -> bool:
+    """Whether an instant has no more energy than there can be; if so, `books` (4,) has it."""
+    static, kinetic, work, lost = energies[1], energies[2], energies[3], energies[5]
+    balance = kinetic + static - work + lost
+    low, high, most = min(books[1], static), max(books[2], static), max(books[3], kinetic)
+    if not balance - books[0] <= part * (most + high - low + lost) + noise:
+        return False
+    books[0] = min(books[0], balance)
+    books[1], books[2], books[3] = low, high, most
+    return True
+
+
+@kernel
+def swing(system: System, how: Coefficients, trail: Trail, row: int, tolerance: float,
+          max_iterations: int) -> None:
+    """Fill a row of a Trail with the DLO at the end of a step, and how it moves then."""
+    origin = trail.origins[row]
+    moving = _drawn(system, how, trail, row)
+    q = np.empty((unknown_count(system), 3))
+    unknowns_of(moving, _guess(how, trail.bends, row), q)
+    found, state, residual, stability, iterations = nearby(moving, q, tolerance)
+    if not found:
+        state, residual, stability, more, _ = leashed_newton(
+            moving, q, tolerance, max_iterations, tolerance > 0.0, no_leash())
+        iterations += more
+    places, frames = trail.nodes[0, row], trail.frames[row]
+    for k in range(places.shape[0]):
+        for i in range(3):
+            places[k, i] = state.positions[k, i] + origin[i]
+            for j in range(3):
+                frames[k, i, j] = state.rotations[k, i, j]
+    strains = trail.bends[0, row]
+    for e in range(strains.shape[0]):
+        for i in range(3):
+            strains[e, i] = state.strains[e, i]
+    for i in range(3):
+        trail.wrenches[row, i] = state.base_force[i]
+        trail.wrenches[row, 3 + i] = state.base_moment[i]
+    trail.proofs[row, 0], trail.proofs[row, 1] = residual, stability
+    trail.iterations[row] = iterations
+    _move_on(how, trail.nodes, row)
+    _move_on(how, trail.bends, row)
+
+
+@kernel
+def account(system: System, how: Coefficients, trail: Trail, row: int) -> None:
+    """Fill a row of a Trail with its energies and the local error of the step there."""
+    nodes, bends, energies = trail.nodes, trail.bends, trail.energies
+    kinetic = viscous = 0.0
+    for k in range(how.masses.size):
+        for i in range(3):
+            kinetic += 0.5 * how.masses[k] * nodes[1, row, k, i] ** 2
+    for e in range(system.lengths.size):
+        for i in range(3):
+            viscous += system.lengths[e] * system.stiffness[e, i] * bends[1, row, e, i] ** 2
+    power = then = 0.0
+    for i in range(6):
+        power += trail.wrenches[row, i] * trail.twists[row, i]
+        # the forces of a step of first order are the same all the step long
+        then += trail.wrenches[row, i] * trail.twists[row - 1, i]
+    if how.gamma != 1.0:
+        then = energies[row - 1, 4]
+    damping = 2 * how.slow * kinetic + how.viscous * viscous
+    elastic = stored(system.effects, system, bends[0, row])
+    energies[row, 0] = elastic
+    energies[row, 1] = elastic + potential(system.effects, system, nodes[0, row])
+    energies[row, 2] = kinetic
+    energies[row, 3] = energies[row - 1, 3] + 0.5 * how.dt * (then + power)
+    energies[row, 4] = power
+    energies[row, 5] = energies[row - 1, 5] + 0.5 * how.dt * (energies[row - 1, 6] + damping)
+    energies[row, 6] = damping
+    trail.proofs[row, 2] = how.third * third_difference(trail.times, nodes[0], row)
+
+
+@kernel
+def third_difference(times: Floats, places: Floats, row: int) -> Any:
+    """Return the largest divided difference of four places of a node, m/s^3.
+
+    Args:
+        times: (r,) s; places: (r, N + 1, 3), m, of which those up to `row` count
+    """
+    t0, t1, t2, t3 = times[row - 3], times[row - 2], times[row - 1], times[row]
+    a = -1 / ((t1 - t0) * (t2 - t0) * (t3 - t0))
+    b = 1 / ((t1 - t0) * (t2 - t1) * (t3 - t1))
+    c = -1 / ((t2 - t0) * (t2 - t1) * (t3 - t2))
+    largest = 0.0
+    for k in range(places.shape[1]):
+        square = 0.0
+        for i in range(3):
+            last = places[row, k, i]  # the sum of all four factors is zero
+            square += (a * (places[row - 3, k, i] - last) + b * (places[row - 2, k, i] - last)
+                       + c * (places[row - 1, k, i] - last)) ** 2
+        if not square <= largest:  # what is not a number has to be seen, too
+            largest = square
+    return np.sqrt(largest)
+
+
+@kernel
+def _drawn(system: System, how: Coefficients, trail: Trail, row: int) -> System:
+    """Return the System of a step: that of the DLO at rest, with inertia and damping."""
+    where, speed = _without_force(how, trail.nodes, row)
+    bent, rate = _without_force(how, trail.bends, row)
+    strength = how.stiffness + how.slow * how.velocity_gain
+    origin = trail.origins[row]
+    for k in range(where.shape[0]):
+        for i in range(3):
+            where[k, i] -= how.slow * speed[k, i] / strength + origin[i]
+    firm = how.viscous * how.velocity_gain
+    natural = np.empty_like(system.natural)
+    for e in range(natural.shape[0]):
+        for i in range(3):  # K b u' is a spring of its own, drawn to where u' = 0
+            calm = bent[e, i] - rate[e, i] / how.velocity_gain
+            natural[e, i] = (system.natural[e, i] + firm * calm) / (1 + firm)
+    return System(system.lengths, natural, system.stiffness * (1 + firm), system.scale,
+                  system.basis, trail.bases[row], origin,
+                  with_anchor(system.effects, Anchor(where, how.masses * strength)),
+                  Needs(how.masses.size > 0, system.needs.attached, system.needs.border),
+                  system.proximal_point, system.proximal_weight)
+
+
+@kernel
+def _guess(how: Coefficients, bends: Floats, row: int) -> Floats:
+    """Return the strains (N, 3) with which the search begins."""
+    guess = np.empty((bends.shape[2], 3))
+    known = row >= PAST + 40000  # steps of one length before
+    for e in range(guess.shape[0]):
+        for i in range(3):
+            if known:
+                guess[e, i] = (4 * (bends[0, row - 1, e, i] + bends[0, row - 3, e, i])
+                               - 6 * bends[0, row - 2, e, i] - bends[0, row - 4, e, i])
+            else:
+                guess[e, i] = bends[0, row - 1, e, i] + how.dt * (
+                    bends[1, row - 1, e, i] + 0.5 * how.dt * bends[2, row - 1, e, i])
+    return guess
+
+
+@kernel
+def _without_force(how: Coefficients, course: Floats, row: int) -> tuple[Floats, Floats]:
     """Return position and velocity at the end of a step that feels no force, `Scheme.anchor`."""
-    position, velocity = np.empty(course[0].shape), np.empty(course[0].shape)
+    position, velocity = np.empty((course.shape[2], 3)), np.empty((course.shape[2], 3))
     dt = how.dt
     for k in range(position.shape[0]):
         for i in range(3):
-            mean = course[3][k, i]
-            free = (how.alpha_f * course[2][k, i] - how.alpha_m * mean) / (1 - how.alpha_m)
-            position[k, i] = (course[0][k, i] + dt * course[1][k, i]
+            mean = course[3, row - 1, k, i]
+            free = (how.alpha_f * course[2, row - 1, k, i] - how.alpha_m * mean) / (1 - how.alpha_m)
+            position[k, i] = (course[0, row - 1, k, i] + dt * course[1, row - 1, k, i]
                               + dt**2 * ((0.5 - how.beta) * mean + how.beta * free))
-            velocity[k, i] = course[1][k, i] + dt * ((1 - how.gamma) * mean + how.gamma * free)
+            velocity[k, i] = course[1, row - 1, k, i] + dt * ((1 - how.gamma) * mean
+                                                              + how.gamma * free)
     return position, velocity
 
 
 @kernel
-def _course(how, course, position):
-    """Return velocity, acceleration, mean at the end of a step, see `Scheme.after`."""
-    anchor, velocity = _without_force(how, course)
-    acceleration, mean = np.empty(position.shape), np.empty(position.shape)
-    for k in range(position.shape[0]):
+def _move_on(how: Coefficients, course: Floats, row: int) -> None:
+    """Fill velocity, acceleration, mean at the end of a step, see `Scheme.after`."""
+    anchor, velocity = _without_force(how, course, row)
+    for k in range(anchor.shape[0]):
         for i in range(3):
-            away = position[k, i] - anchor[k, i]
-            acceleration[k, i] = how.stiffness * away
-            velocity[k, i] += how.drag * away
-            mean[k, i] = ((1 - how.alpha_f) * acceleration[k, i] + how.alpha_f * course[2][k, i]
-                          - how.alpha_m * course[3][k, i]) / (1 - how.alpha_m)
-    return velocity, acceleration, mean
+            away = course[0, row, k, i] - anchor[k, i]
+            acceleration = how.stiffness * away
+            course[1, row, k, i] = velocity[k, i] + how.velocity_gain * away
+            course[2, row, k, i] = acceleration
+            course[3, row, k, i] = ((1 - how.alpha_f) * acceleration
+                                    + how.alpha_f * course[2, row - 1, k, i]
+                                    - how.alpha_m * course[3, row - 1, k, i]) / (1 - how.alpha_m)

@@ -17,7 +17,7 @@ from dlo_planner.energy.scene import Scene, build_scene
 from dlo_planner.energy.system import System, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching_system
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.kinematics import point_inside
@@ -73,18 +73,18 @@ class Touch(Part):
 
     def placed(self, mesh: Discretization, base: Floats, left: Left, held: Held) -> System | None:
         """Return the System by one kernel, where the far end is free."""
-        if held.far_end is not None:
+        if held.far_end is not None or held.origin is None:
             return None
         system: System = _standing(mesh.static, base, held.origin, mesh.spring, left['node_force'],
                                    *(left[_POINT + name] for name in _OF_CONTACTS))
         return system
 
-    def none(self, mesh: Discretization, s: Floats) -> Left:
+    def empty(self, mesh: Discretization, s: Floats) -> Left:
         """Return no forces."""
         bodies = mesh.given(self.name).kind.size if mesh.obstructed else 0
         return {'node_force': np.zeros((bodies, s.size)), **_NO_POINTS}
 
-    def on(self, left: Left, s: Floats, wanted: Floats) -> Left:
+    def resampled(self, left: Left, s: Floats, wanted: Floats) -> Left:
         """Return forces where a node stays, and inside elements."""
         same = np.abs(s[:, None] - wanted) < _SAME * wanted[-1]
         return {'node_force': left['node_force'] @ same, **_left(_points_on(left, s, wanted))}
@@ -105,7 +105,7 @@ class Touch(Part):
         """Return the forces; friction still counts from where the step began."""
         return _forces(solved, False)
 
-    def holding(self, before: Left, after: Left) -> Left:
+    def with_contacts(self, before: Left, after: Left) -> Left:
         """Return the forces after the step; what slid in it slides, its anchors those of before."""
         points = _points(after)
         points['anchor'] = points['anchor'] - points['slid']
@@ -160,8 +160,9 @@ def halved_forces(left: Left, s: Floats) -> Left:
 
 
 @kernel
-def _standing(system, base, origin, spring, node, element, obstacle, multiplier, fraction, anchor,
-              normal, shear):
+def _standing(system: System, base: Floats, origin: Floats, spring: float, node: Floats,
+              element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
+              normal: Floats, shear: Floats) -> Any:
     """Return the same System in another gripper, with Contacts of read-only arrays."""
     held = touching_system(system, Contacts(
         spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(), fraction.copy(),

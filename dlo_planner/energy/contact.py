@@ -197,7 +197,7 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     """Add the forces of all contacts to `pull` and `attached`; return their potential in J."""
     energy = 0.0
     k = contacts.stiffness
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     frame, offset, second = np.empty((3, 3)), np.zeros(2), np.empty((9, 9))
     for o in range(scene.kind.size):
         if is_face(scene, o):
@@ -214,11 +214,12 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
                         + rotations[node, i, 2] * offset[1])
             if varies:
                 radius = radius_at_node(scene, o, node)
-            gap = signed_distance(scene, o, x, normal, bend) - radius
+            gap = signed_distance(scene, o, x, normal, hessian) - radius
             force = contacts.node[o, node] - k * gap
             if force > 0.0:
                 energy += 0.5 * force * force / k
-                push_node(scene, o, node, force, k, rotations[node], offset, normal, bend, second,
+                push_node(scene, o, node, force, k, rotations[node], offset, normal, hessian,
+                          second,
                            pull, attached)
             energy -= 0.5 * contacts.node[o, node] ** 2 / k
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
@@ -235,19 +236,19 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)
             continue
         gap, e, fraction = watched(scene, contacts, c, lengths, strains, rotations, positions,
-                                   normal, bend)
+                                   normal, hessian)
         attached.element[c], attached.fraction[c] = e, fraction
         point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             energy += 0.5 * force * force / k
             if scene.feature[o] == AXIS:
-                push(c, force, k, contacts.fraction[c] == 0.0, strains[e], frame, normal, bend,
+                push(c, force, k, contacts.fraction[c] == 0.0, strains[e], frame, normal, hessian,
                      attached)
             else:
-                gap_at(scene, o, frame, x, 0.0, offset, x.copy(), normal, bend)
+                gap_at(scene, o, frame, x, 0.0, offset, x.copy(), normal, hessian)
                 push_beside(scene, o, c, force, k, contacts.fraction[c] == 0.0, strains[e],
-                            frame, offset, normal, bend, second, attached)
+                            frame, offset, normal, hessian, second, attached)
         energy -= 0.5 * contacts.multiplier[c] ** 2 / k
     sort_points(attached)
     return energy
@@ -264,11 +265,11 @@ def next_touching(lengths, multiplier, node, gap):
         gap: m, of `node`, per length of what may touch along the DLO (`outline.longest_stretch`)
     """
     last = lengths.size
-    way = 0.0
+    distance = 0.0
     while node <= last:
         if node < last:
-            way += lengths[node]
+            distance += lengths[node]
         node += 1
-        if way >= gap or node <= last and multiplier[node] > 0.0:
+        if distance >= gap or node <= last and multiplier[node] > 0.0:
             break
     return node

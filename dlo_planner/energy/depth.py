@@ -23,12 +23,12 @@ def depth(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
             `scene.origin`
     """
     deepest = 0.0
-    normal, bend, offset, point = np.empty(3), np.empty((3, 3)), np.zeros(2), np.empty(3)
+    normal, hessian, offset, point = np.empty(3), np.empty((3, 3)), np.zeros(2), np.empty(3)
     for o in range(scene.kind.size):
         begin, end = nodes_of(scene, o, lengths.size)
         last = np.inf
         for k in range(begin, end + 1):
-            gap = node_gap(scene, o, k, rotations, positions, offset, point, normal, bend)
+            gap = node_gap(scene, o, k, rotations, positions, offset, point, normal, hessian)
             if k > 0:
                 deepest = max(deepest, -gap)
             e = k - 1
@@ -36,7 +36,7 @@ def depth(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
             if k > begin and scene.feature[o] != NODE_FACE and (
                     min(gap, last) - 0.5 * lengths[e] * stretch(scene, o, strains[e]) < -deepest):
                 inside, _ = nearest_inside(scene, o, e, lengths, strains, rotations, positions,
-                                           normal, bend)
+                                           normal, hessian)
                 deepest = max(deepest, -inside)
             last = gap
     return deepest

@@ -14,10 +14,10 @@ _CENTER = 1e-12  # of a radius: so near to the middle, no direction leads out
 
 
 @kernel
-def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, bend: Floats) -> float:
+def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Floats) -> float:
     """Return the distance in m of the world point x (3,) from obstacle `o`, negative inside.
 
-    Fills normal (3,), its gradient, and bend (3, 3), its second derivative, in 1/m.
+    Fills normal (3,), its gradient, and hessian (3, 3), its second derivative, in 1/m.
     """
     axes = scene.axes[o]
     kind = scene.kind[o]
@@ -42,19 +42,19 @@ def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, bend: Float
     for i in range(3):
         normal[i] = axes[i, 0] * local[0] + axes[i, 1] * local[1] + axes[i, 2] * local[2]
     if kind == PLANE:
-        bend[:] = 0.0
+        hessian[:] = 0.0
     else:
         for i in range(3):
             for k in range(3):
                 v[k] = axes[i, 0] * curved[0, k] + axes[i, 1] * curved[1, k] + (
                     axes[i, 2] * curved[2, k])
             for j in range(3):
-                bend[i, j] = axes[j, 0] * v[0] + axes[j, 1] * v[1] + axes[j, 2] * v[2]
+                hessian[i, j] = axes[j, 0] * v[0] + axes[j, 1] * v[1] + axes[j, 2] * v[2]
     return distance
 
 
 @kernel
-def _from_axis(p, half, radius, normal, bend):
+def _from_axis(p, half, radius, normal, hessian):
     """Distance from a capsule along x (half = 0: a sphere)."""
     beyond = abs(p[0]) - half
     sign = 1.0 if p[0] >= 0 else -1.0
@@ -67,12 +67,12 @@ def _from_axis(p, half, radius, normal, bend):
     first = 0 if beyond > 0 or half == 0.0 else 1
     for i in range(first, 3):
         for j in range(first, 3):
-            bend[i, j] = ((i == j) - normal[i] * normal[j]) / rho
+            hessian[i, j] = ((i == j) - normal[i] * normal[j]) / rho
     return rho - radius
 
 
 @kernel
-def _from_box(p, half, normal, bend):
+def _from_box(p, half, normal, hessian):
     outside = 0.0
     deepest = 0
     for i in range(3):
@@ -90,20 +90,20 @@ def _from_box(p, half, normal, bend):
     for i in range(3):
         for j in range(3):
             if abs(p[i]) > half[i] and abs(p[j]) > half[j]:
-                bend[i, j] = ((i == j) - normal[i] * normal[j]) / distance
+                hessian[i, j] = ((i == j) - normal[i] * normal[j]) / distance
     return distance
 
 
 @kernel
-def _from_sheet(scene, o, p, normal, bend):
+def _from_sheet(scene, o, p, normal, hessian):
     """Distance from a plate with holes."""
     slope = np.zeros(2)
     a, turn = in_plane(scene, o, p[1], p[2], slope)
-    return _from_faces(p, scene.size[o, 0], a, turn, slope, normal, bend)
+    return _from_faces(p, scene.size[o, 0], a, turn, slope, normal, hessian)
 
 
 @kernel
-def _from_cylinder(p, half, radius, normal, bend):
+def _from_cylinder(p, half, radius, normal, hessian):
     """Distance from a cylinder along x with flat ends."""
     slope = np.zeros(2)
     rho = np.sqrt(p[1] * p[1] + p[2] * p[2])
@@ -113,11 +113,11 @@ def _from_cylinder(p, half, radius, normal, bend):
     else:
         turn = 1.0 / rho
         slope[0], slope[1] = p[1] * turn, p[2] * turn
-    return _from_faces(p, half, rho - radius, turn, slope, normal, bend)
+    return _from_faces(p, half, rho - radius, turn, slope, normal, hessian)
 
 
 @kernel
-def _from_faces(p, half, a, turn, slope, normal, bend):
+def _from_faces(p, half, a, turn, slope, normal, hessian):
     """Distance from what lies between two faces `half` above and below: in the plane (a), both.
 
     Args:
@@ -129,29 +129,29 @@ def _from_faces(p, half, a, turn, slope, normal, bend):
         d = np.sqrt(a * a + b * b)
         normal[0], normal[1], normal[2] = side * b / d, a / d * slope[0], a / d * slope[1]
         m0, m1, m2 = -side * a / d, b / d * slope[0], b / d * slope[1]
-        bend[0, 0] = m0 * m0 / d
-        bend[0, 1] = bend[1, 0] = m0 * m1 / d
-        bend[0, 2] = bend[2, 0] = m0 * m2 / d
-        _add_turn(bend, slope, turn * a / d)
-        bend[1, 1] += m1 * m1 / d
-        bend[1, 2] += m1 * m2 / d
-        bend[2, 1] += m1 * m2 / d
-        bend[2, 2] += m2 * m2 / d
+        hessian[0, 0] = m0 * m0 / d
+        hessian[0, 1] = hessian[1, 0] = m0 * m1 / d
+        hessian[0, 2] = hessian[2, 0] = m0 * m2 / d
+        _add_turn(hessian, slope, turn * a / d)
+        hessian[1, 1] += m1 * m1 / d
+        hessian[1, 2] += m1 * m2 / d
+        hessian[2, 1] += m1 * m2 / d
+        hessian[2, 2] += m2 * m2 / d
         return d
     if b > 0 or (a <= 0 and b >= a):
         normal[0] = side
         return b
     normal[1], normal[2] = slope[0], slope[1]
-    _add_turn(bend, slope, turn)
+    _add_turn(hessian, slope, turn)
     return a
 
 
 @kernel
-def _add_turn(bend, slope, amount):
-    bend[1, 1] += amount * slope[1] * slope[1]
-    bend[2, 2] += amount * slope[0] * slope[0]
-    bend[1, 2] -= amount * slope[0] * slope[1]
-    bend[2, 1] -= amount * slope[0] * slope[1]
+def _add_turn(hessian, slope, amount):
+    hessian[1, 1] += amount * slope[1] * slope[1]
+    hessian[2, 2] += amount * slope[0] * slope[0]
+    hessian[1, 2] -= amount * slope[0] * slope[1]
+    hessian[2, 1] -= amount * slope[0] * slope[1]
 
 
 @kernel

@@ -62,7 +62,7 @@ def radius_at_node(scene, o, k):
 
 
 @kernel
-def gap_at(scene, o, rotation, position, radius, offset, point, normal, bend):
+def gap_at(scene, o, rotation, position, radius, offset, point, normal, hessian):
     """Return the gap in m between body `o` and the DLO's section with this frame and place.
 
     Args:
@@ -81,20 +81,20 @@ def gap_at(scene, o, rotation, position, radius, offset, point, normal, bend):
             _nearest_in_section(scene, o, rotation, point, offset)
         for i in range(3):
             point[i] += rotation[i, 1] * offset[0] + rotation[i, 2] * offset[1]
-    return signed_distance(scene, o, point, normal, bend) - radius
+    return signed_distance(scene, o, point, normal, hessian) - radius
 
 
 @kernel
-def node_gap(scene, o, k, rotations, positions, offset, point, normal, bend):
+def node_gap(scene, o, k, rotations, positions, offset, point, normal, hessian):
     """Return the gap in m of node k; see `gap_at`."""
     if scene.feature[o] >= FACE:
         return gap_at(scene, o, rotations[k], positions[k], scene.rounding[o], offset, point,
-                      normal, bend)
+                      normal, hessian)
     offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
     for i in range(3):
         point[i] = (scene.origin[i] + positions[k, i] + rotations[k, i, 1] * offset[0]
                     + rotations[k, i, 2] * offset[1])
-    return signed_distance(scene, o, point, normal, bend) - radius_at_node(scene, o, k)
+    return signed_distance(scene, o, point, normal, hessian) - radius_at_node(scene, o, k)
 
 
 @kernel
@@ -170,7 +170,7 @@ def longest_stretch(scene, o, strains):
 
 
 @kernel
-def sliding(scene, o, free_along, rotation, strain, offset, normal, bend, moves, curves):
+def sliding(scene, o, free_along, rotation, strain, offset, normal, hessian, moves, curves):
     """Return how many coordinates of a touching point are free to slide: across first, then along.
 
     Args:
@@ -197,7 +197,7 @@ def sliding(scene, o, free_along, rotation, strain, offset, normal, bend, moves,
             curves[i, j] = 0.0
             for k in range(3):
                 for m in range(3):
-                    curves[i, j] += moves[i, k] * bend[k, m] * moves[j, m]
+                    curves[i, j] += moves[i, k] * hessian[k, m] * moves[j, m]
     if count > across:
         for k in range(3):
             curves[across, across] += normal[k] * turn[k]
@@ -219,7 +219,7 @@ def sliding(scene, o, free_along, rotation, strain, offset, normal, bend, moves,
 
 
 @kernel
-def slope_along(scene, o, rotation, strain, offset, normal, bend):
+def slope_along(scene, o, rotation, strain, offset, normal, hessian):
     """Return dg/ds and d2g/ds2 of the gap along the DLO; a face's offset gives way."""
     moves, curves = np.empty((3, 3)), np.empty((3, 3))
     along, turn = np.empty(3), np.empty(3)
@@ -228,7 +228,7 @@ def slope_along(scene, o, rotation, strain, offset, normal, bend):
     curve = 0.0
     for i in range(3):
         slope += normal[i] * along[i]
-    count = sliding(scene, o, True, rotation, strain, offset, normal, bend, moves, curves)
+    count = sliding(scene, o, True, rotation, strain, offset, normal, hessian, moves, curves)
     for i in range(count - 1):
         if curves[i, i] > 0.0:
             for j in range(i + 1, count):

@@ -101,7 +101,7 @@ def _move(scene, o, k, rotations, old, turned, new, before, after):
 @kernel
 def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, turned, new):
     """Whether an element goes through a convex body; no node moves by more than `farthest`."""
-    normal, bend, x = np.empty(3), np.empty((3, 3)), np.empty(3)
+    normal, hessian, x = np.empty(3), np.empty((3, 3)), np.empty(3)
     rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
     before, after = np.empty((4, 3)), np.empty((4, 3))
     inner = scene.size[o, 2]
@@ -119,10 +119,10 @@ def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, 
             continue
         radius = radius_at_node(scene, o, k)
         move = _move(scene, o, k, rotations, old, turned, new, before, after)
-        here = node_gap(scene, o, k, rotations, old, offset, point, normal, bend)
-        clear = here - margin
-        near, moved, thick = min(here, last_gap), max(move, last_move), max(radius, last_radius)
-        last_gap, last_move, last_radius = here, move, radius
+        gap_here = node_gap(scene, o, k, rotations, old, offset, point, normal, hessian)
+        clear = gap_here - margin
+        near, moved, thick = min(gap_here, last_gap), max(move, last_move), max(radius, last_radius)
+        last_gap, last_move, last_radius = gap_here, move, radius
         if k == begin:
             continue
         e = k - 1
@@ -130,12 +130,13 @@ def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, 
         # no point of an element is farther than half its length from one of its nodes
         if moved <= near - 0.5 * lengths[e] * stretch(scene, o, strains[e]) + depth:
             continue
-        gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, old, normal, bend)
+        gap, fraction = nearest_inside(scene, o, e, lengths, strains, rotations, old, normal,
+                                       hessian)
         deep = max(gap + depth, flush)  # what is deeper inside may only come out
         if moved <= deep:
             continue
         point_inside(lengths, strains, rotations, old, e, fraction, rotation, x)
-        gap_at(scene, o, rotation, x, 0.0, offset, point, normal, bend)
+        gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
         for end in range(e, e + 2):
             for c in range(_corners(scene, o, turned[end], new[end], after)):
                 above = 0.0

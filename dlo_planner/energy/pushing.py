@@ -12,7 +12,7 @@ from dlo_planner.ritz.attached import spring_at
 
 
 @kernel
-def push_node(scene, o, node, force, k, rotation, offset, normal, bend, second, pull, attached):
+def push_node(scene, o, node, force, k, rotation, offset, normal, hessian, second, pull, attached):
     """Add the force and the stiffness of a contact at a node."""
     spring = spring_at(attached, node)
     for i in range(3):
@@ -20,9 +20,9 @@ def push_node(scene, o, node, force, k, rotation, offset, normal, bend, second, 
     if scene.feature[o] == AXIS:
         for i in range(3):
             for j in range(3):
-                spring[i, j] += k * normal[i] * normal[j] - force * bend[i, j]
+                spring[i, j] += k * normal[i] * normal[j] - force * hessian[i, j]
         return
-    _second(scene, o, False, force, k, normal, rotation, offset, normal, bend, second)
+    _second(scene, o, False, force, k, normal, rotation, offset, normal, hessian, second)
     for i in range(6):
         for j in range(6):
             attached.node_matrix[node, i, j] += second[i, j]
@@ -31,11 +31,11 @@ def push_node(scene, o, node, force, k, rotation, offset, normal, bend, second, 
 
 
 @kernel
-def push_beside(scene, o, c, force, k, rolls, strain, rotation, offset, normal, bend, second,
+def push_beside(scene, o, c, force, k, rolls, strain, rotation, offset, normal, hessian, second,
                 attached):
     """Write the force, moment and stiffness of a contact beside the axis, inside an element."""
     inside = rolls and 0.0 < attached.fraction[c] < 1.0  # at an end the point does not slide
-    _second(scene, o, inside, force, k, strain, rotation, offset, normal, bend, second)
+    _second(scene, o, inside, force, k, strain, rotation, offset, normal, hessian, second)
     for i in range(3):
         attached.force[c, i] = -force * normal[i]
     attached.matrix[c] = second[:6, :6]
@@ -55,7 +55,7 @@ def _add_moment(force, rotation, offset, normal, moment, first):
 
 
 @kernel
-def _second(scene, o, along, force, k, strain, rotation, offset, normal, bend, second):
+def _second(scene, o, along, force, k, strain, rotation, offset, normal, hessian, second):
     """Fill second (9, 9), the second derivative of the potential of a contact beside the axis.
 
     By the twist (rotation, displacement) of the frame there and by the element's own strain, on
@@ -69,14 +69,14 @@ def _second(scene, o, along, force, k, strain, rotation, offset, normal, bend, s
     second[:] = 0.0
     for i in range(3):
         for j in range(3):
-            second[3 + i, 3 + j] = k * normal[i] * normal[j] - force * bend[i, j]
-    count = sliding(scene, o, along, rotation, strain, offset, normal, bend, moves, curves)
+            second[3 + i, 3 + j] = k * normal[i] * normal[j] - force * hessian[i, j]
+    count = sliding(scene, o, along, rotation, strain, offset, normal, hessian, moves, curves)
     for a in range(count):  # change of the slope by coordinate a
         for i in range(3):
             j, m = (i + 1) % 3, (i + 2) % 3
             by[a, i] = moves[a, j] * normal[m] - moves[a, m] * normal[j]
             for j in range(3):
-                by[a, 3 + i] += bend[i, j] * moves[a, j]
+                by[a, 3 + i] += hessian[i, j] * moves[a, j]
     if along and scene.feature[o] != NODE_FACE:
         n0 = n1 = n2 = 0.0
         for i in range(3):
@@ -115,24 +115,24 @@ def _about_the_axis(arm, second):
 
 
 @kernel
-def push(c, force, k, rolls, strain, rotation, normal, bend, attached):
+def push(c, force, k, rolls, strain, rotation, normal, hessian, attached):
     """Write the force and the stiffness of a contact where the DLO's frame is `rotation`."""
     matrix = attached.matrix[c]
     for i in range(3):
         attached.force[c, i] = -force * normal[i]
         for j in range(3):
-            matrix[3 + i, 3 + j] = k * normal[i] * normal[j] - force * bend[i, j]
+            matrix[3 + i, 3 + j] = k * normal[i] * normal[j] - force * hessian[i, j]
     if not (rolls and 0.0 < attached.fraction[c] < 1.0):
         return  # at an end the point does not slide
-    _, curve = along_the_dlo(normal, bend, rotation, strain)
+    _, curve = along_the_dlo(normal, hessian, rotation, strain)
     if curve <= 0.0:
         return
     lever = np.empty(6)  # change of dg/ds by rotation and displacement of the frame there
     for i in range(3):
         first, second = (i + 1) % 3, (i + 2) % 3
         lever[i] = rotation[first, 0] * normal[second] - rotation[second, 0] * normal[first]
-        lever[3 + i] = (bend[i, 0] * rotation[0, 0] + bend[i, 1] * rotation[1, 0]
-                        + bend[i, 2] * rotation[2, 0])
+        lever[3 + i] = (hessian[i, 0] * rotation[0, 0] + hessian[i, 1] * rotation[1, 0]
+                        + hessian[i, 2] * rotation[2, 0])
     for i in range(6):
         for j in range(6):
             matrix[i, j] += force / curve * lever[i] * lever[j]

@@ -159,6 +159,7 @@ class _Aim:
     def shape(self, plan: Plan, index: int, guess: Shape) -> Shape | None:
         """Return the Shape that passes the center at a waypoint, or None."""
         center, s, normal = plan.via_points[index][0]
+        assert normal is not None  # `correct` has judged the plan
         mesh = self._mesh(mesh_of(plan.shapes[index]))
         inside = min(s, float(mesh.s[-1]))
         shape = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)

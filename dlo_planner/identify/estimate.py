@@ -64,7 +64,7 @@ class Estimate(Value):
     misfit: float = np.nan
     outliers: float = np.nan
     _shape: Shape | None = field(default=None, compare=False)
-    _memory: Any = field(default=None, compare=False)  # of the looks, see `identify.smoothing`
+    _memory: Any = field(default=None, compare=False)  # of the looks, see `identify.memory`
 
     def __post_init__(self) -> None:
         n = instance('Estimate.uncertain', self.uncertain, Uncertain).size

@@ -6,7 +6,8 @@ The model: an observed point is a point of the DLO plus noise, independent and a
 the gripper's pose is known but for a normal error, another one at each observation; what is sought
 may be known beforehand, within a normal error too. The most likely values are found by least
 squares, the noise (unless it is known) from what is left, by the number of residuals that nothing
-was fitted to. To first order, deviations are then those of repeated experiments.
+was fitted to. To first order, deviations are then those of repeated experiments. In a motion, what
+the model does not know lasts: there, residuals that go together widen them (`identify.together`).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.likelihood import LOSSES, Errors, Statistics
 from dlo_planner.identify.observation import Observation, ObservedMotion
-from dlo_planner.identify.observed import Observed
+from dlo_planner.identify.observed import ROUGHLY, Observed
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, flag, instance, items, number
@@ -34,7 +35,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.verify.spread import Spread
+from dlo_planner.verify.uncertainty import Uncertainty
 
 _Seen: TypeAlias = tuple[tuple[Observation, ...], tuple[ObservedMotion, ...]]
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins
@@ -129,7 +130,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
             parameters: Iterable[str] = ('bending_stiffness',), *,
             motions: Iterable[ObservedMotion] = (), knots: ArrayLike | None = None,
             noise: float | None = None, gripper_position: float | None = None,
-            gripper_rotation: float | None = None, prior: Spread | None = None,
+            gripper_rotation: float | None = None, prior: Uncertainty | None = None,
             loss: str = 'linear', loss_scale: float = 1.5, progress: OnProgress = None,
             deadline: float | None = None, **options: Any) -> Fit:
     """Return the Fit of a rod's properties to observed shapes and motions (least squares).
@@ -160,9 +161,9 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
         Standard deviations of the grippers' poses, m and rad, about each axis, independent at each
         observation, the same all along a motion; None: those of `prior`, or none. A far end is held
         where it is said to be.
-    prior : Spread, optional
-        Spread of the parameters about their values in `rod`; 0: nothing is known. That of natural
-        curvature applies at each knot.
+    prior : Uncertainty, optional
+        Uncertainty of the parameters about their values in `rod`; 0: nothing is known. That of
+        natural curvature applies at each knot.
     loss : str, optional
         How the distance of a point counts: 'linear' (its square), or less if it is large:
         'soft_l1', 'huber', 'cauchy', 'arctan' (as in SciPy's `least_squares`).
@@ -190,7 +191,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     if 'damping' in unknowns.names and not motions:
         raise InvalidTask('parameters: expected motions where damping is to be found')
     noise = None if noise is None else number('noise', noise, above=0)
-    prior = instance('prior', prior, Spread, optional=True) or Spread()
+    prior = instance('prior', prior, Uncertainty, optional=True) or Uncertainty()
     _judge_prior(prior, unknowns)
     position, rotation = (
         getattr(prior, name) if value is None else number(name, value, minimum=0)
@@ -205,7 +206,8 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     begin = None
     for mesh in meshes[_first_mesh(rod, observations, motions, options, meshes):]:
         observed = Observed(unknowns, observations, motions, pose, {**mesh, **options}, steps)
-        observed.choose_steps(np.append(unknowns.begin, np.zeros(observed.size - unknowns.size)))
+        observed.choose_steps(np.append(unknowns.begin, np.zeros(observed.size - unknowns.size)),
+                              ROUGHLY)
         errors = Errors(observed, unknowns.prior(prior), noise, rho, scale)
         found, statistics = _found(observed, errors, steps, begin)
         if _exact(observed.at(found.x).shapes[:len(observations)], rod):
@@ -221,14 +223,21 @@ def _found(observed: Observed, errors: Errors, steps: Progress,
     poses = np.zeros(observed.size - unknowns.size)
     stiff, first = np.append(unknowns.stiff, poses), np.append(unknowns.begin, poses)
     if begin is not None:
+        observed.choose_steps(begin)
         return errors.settled(errors.minimum(begin))
     if not observed.at(first).any:
         raise NotConverged('rod: no equilibrium was found for any observation with the first guess')
-    searches, starts = [], _STARTS if stiff.any() else _STARTS[:1]
-    for shift in starts:
-        searches.append(errors.minimum(first + shift * stiff))
+    starts = [first + shift * stiff for shift in (_STARTS if stiff.any() else _STARTS[:1])]
+    if observed.motions:  # they are costly: only the best start is followed, with few steps first
+        starts = [min(starts, key=errors.cost)]
+    searches = []
+    for start in starts:
+        searches.append(errors.minimum(start))
         steps.done(len(searches), len(starts) + 1)
-    found, statistics = errors.settled(min(searches, key=lambda search: search.cost))
+    best = min(searches, key=lambda search: search.cost)
+    if observed.choose_steps(best.x):
+        best = errors.minimum(best.x)
+    found, statistics = errors.settled(best)
     steps.done(len(starts) + 1, len(starts) + 1)
     return found, statistics
 
@@ -268,7 +277,7 @@ def _judged(rod: Rod, observations: Iterable[Observation], motions: Iterable[Obs
     return observations, motions
 
 
-def _judge_prior(prior: Spread, unknowns: Unknowns) -> None:
+def _judge_prior(prior: Uncertainty, unknowns: Unknowns) -> None:
     sought = {*unknowns.names}
     for name, held in (('mass', not sought & {'mass_per_length', 'tip_mass'}), ('length', True)):
         if held and getattr(prior, name):

@@ -6,16 +6,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from dlo_planner.identify.observed import Observed
+from dlo_planner.identify.observed import Misfits, Observed
+from dlo_planner.identify.together import spread_together
 from dlo_planner.model.arrays import Floats
 
 _SMALL = 1e-10  # relative change of the sum of squares, or of the unknowns, that ends a search
 _EVALUATIONS = 60
+_GAIN = 1e-3  # of the cost of one residual: a step that gains less moves by 1/30 of a deviation
+_STEP = 1e-4  # of the unknowns: differences of motions tell no shorter step
 _ROUNDS, _SETTLED = 30, 1e-3  # of the noise
 _FIRST_NOISE, _NO_NOISE = 1e-2, 1e-10  # of the length: taken at first; what rounding leaves
 _MEDIAN = 0.6744897501960817  # of the size of a standard normal number
@@ -48,6 +51,27 @@ class Statistics:
     deviations: Floats
     correlations: Floats
     noise: float
+
+
+class _Information(NamedTuple):
+    """What the points tell of n unknowns.
+
+    Attributes
+    ----------
+    plain : ndarray, shape (n, n)
+        J^T J of the residuals in standard deviations, without the loss.
+    stiffness : float
+        Mean slope of the force that a point exerts, by the loss.
+    force : float
+        Sum of the squares of these forces.
+    size : int
+        How many numbers were seen.
+    """
+
+    plain: Floats
+    stiffness: float
+    force: float
+    size: int
 
 
 class Errors:
@@ -84,32 +108,49 @@ class Errors:
             if abs(noise - before) <= _SETTLED * before:
                 break
             found = self.minimum(found.x, noise)
+        self._observed.differ_centrally()
         return found, self._statistics(found.x, noise)
+
+    def cost(self, x: Floats) -> float:
+        """Return what is minimized at x (n,), for the first guess of the noise."""
+        return 0.5 * float(np.sum(self._residuals(x, self._first) ** 2))
 
     def minimum(self, x: Floats, noise: float | None = None) -> OptimizeResult:
         """Return SciPy's result from x (n,) on, for a noise in m; None: the first guess."""
         size = noise or self._first
         self._observed.begin()
-        # what the derivatives cannot tell is not sought: motions are costly
+        # what the derivatives cannot tell, or is far less than the errors, is not sought: motions
+        # are costly
         small = max(_SMALL, self._observed.precision**2)
-        return least_squares(lambda x: self._weighted(x, size)[0], x,
-                             lambda x: self._weighted(x, size)[1], x_scale='jac', xtol=small,
-                             ftol=small, gtol=1e-12, max_nfev=_EVALUATIONS,
+        step, gain = small, small
+        if self._observed.motions:
+            step, gain = _STEP, _GAIN / self._observed.at(x).counts.sum()
+        return least_squares(lambda x: self._residuals(x, size), x,
+                             lambda x: self._slopes(x, size), x_scale='jac', xtol=step,
+                             ftol=gain, gtol=1e-12, max_nfev=_EVALUATIONS,
                              bounds=self._observed.bounds)
 
-    def _weighted(self, x: Floats, noise: float) -> tuple[Floats, Floats]:
-        """Return residuals, whose squares add up to what is minimized, and their derivatives."""
-        here, size = self._observed.at(x), noise * self._scale
-        z = np.sum(here.away**2, axis=1) / size**2
-        value, first, _ = self._loss(z)
-        root = np.sqrt(np.divide(value, z, out=np.ones_like(z), where=z > 0))[:, None]
-        away = root * here.away / noise
-        slopes = (first[:, None] / root)[:, :, None] * here.slopes / noise
-        return (np.append(away.ravel(), self._prior * x),
-                np.vstack([slopes.reshape(-1, x.size), np.diag(self._prior)]))
+    def _residuals(self, x: Floats, noise: float) -> Floats:
+        """Return the residuals, whose squares add up to what is minimized."""
+        here = self._observed.at(x)
+        return np.append((self._roots(here, noise)[0] * here.away / noise).ravel(),
+                         self._prior * x)
 
-    def _information(self, x: Floats, noise: float) -> tuple[Floats, float, float, int]:
-        """Return J^T J (n, n) of the points with weights, of the same squared, and its prior."""
+    def _slopes(self, x: Floats, noise: float) -> Floats:
+        """Return the derivatives of the residuals; of motions they cost far more."""
+        here = self._observed.at(x)
+        root, first = self._roots(here, noise)
+        slopes = (first / root)[:, :, None] * here.slopes / noise
+        return np.vstack([slopes.reshape(-1, x.size), np.diag(self._prior)])
+
+    def _roots(self, here: Misfits, noise: float) -> tuple[Floats, Floats]:
+        """Return (m, 1) each: how a distance counts relative to its square, and rho'."""
+        z = np.sum(here.away**2, axis=1) / (noise * self._scale) ** 2
+        value, first, _ = self._loss(z)
+        root = np.sqrt(np.divide(value, z, out=np.ones_like(z), where=z > 0))
+        return root[:, None], first[:, None]
+
+    def _information(self, x: Floats, noise: float) -> _Information:
         here = self._observed.at(x)
         z = np.sum(here.away**2, axis=1) / (noise * self._scale) ** 2
         _, first, second = self._loss(z)
@@ -119,7 +160,7 @@ class Errors:
         slopes = here.slopes.reshape(-1, x.size) / noise
         plain = slopes.T @ slopes
         force = np.sum(first**2 * np.sum(here.away**2, axis=1)) / noise**2
-        return plain, stiff, force, counts.sum()
+        return _Information(plain, stiff, force, counts.sum())
 
     def _left(self, x: Floats, noise: float) -> float:
         """Return the noise (m) that the misfit tells, with what was fitted to it accounted for."""
@@ -142,8 +183,17 @@ class Errors:
         inverse, unknown = self._inverse(stiff * plain + prior)
         fitted = np.trace(inverse @ (stiff * plain))
         spread = 1.0 if self._loss is LOSSES['linear'] else force / max(count - fitted, 1.0)
-        covariance = inverse @ (spread * plain + prior) @ inverse
+        pulls = spread_together(self._pulls(x, noise), spread * plain)
+        covariance = inverse @ (pulls + prior) @ inverse
         return Statistics(*_told(covariance, unknown), float(noise))
+
+    def _pulls(self, x: Floats, noise: float) -> list[Floats]:
+        """Return (k, n) of each motion: by what its instants pull the unknowns."""
+        here = self._observed.at(x)
+        away = self._roots(here, noise)[1] * here.away / noise
+        return [np.einsum('kmi,kmij->kj', one, slopes) for one, slopes in zip(
+            self._observed.of_motions(away), self._observed.of_motions(here.slopes / noise),
+            strict=True)]
 
     def _inverse(self, information: Floats) -> tuple[Floats, Floats]:
         return _inverse(information, self._observed.precision**2)

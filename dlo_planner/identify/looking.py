@@ -110,7 +110,7 @@ class Look:
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class Information:
     """The information of looks about a state x, to second order about the present one x0.
 
     Their cost is (x - x0)^T matrix (x - x0) / 2 - vector^T (x - x0), up to a constant.
@@ -185,8 +185,9 @@ def looked_at(uncertain: Uncertain, shape: Shape, slopes: Floats, off: Distances
     return Look(off, off.axes @ by_state, off.swaying(length))
 
 
-def told(look: Look, noise: float, outliers: float, sway: float, length: float) -> Told:
-    """Return the Told of a Look; arguments as of `Distances.cost`, `noise` as stated."""
+def information_of(look: Look, noise: float, outliers: float, sway: float,
+                   length: float) -> Information:
+    """Return the Information of a Look; arguments as of `Distances.cost`, `noise` as stated."""
     off = look.distances
     d, square = off.away.shape[1], off.square
     for _ in range(2 if sway else 1):
@@ -203,7 +204,7 @@ def told(look: Look, noise: float, outliers: float, sway: float, length: float) 
         matrix = matrix - across @ inner @ across.T
         vector = vector - across @ most_likely
     own = max(float(weights.sum()), np.finfo(float).tiny)
-    return Told(matrix, vector, float(np.sqrt(weights @ np.sum(off.away**2, axis=1) / own)),
+    return Information(matrix, vector, float(np.sqrt(weights @ np.sum(off.away**2, axis=1) / own)),
                 float(1 - weights.mean()), scale)
 
 

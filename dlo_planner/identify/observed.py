@@ -34,7 +34,8 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.progress import Progress
 
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives
-_STEPPED, _MOST_PARTS = 1e-4, 16  # of the length; of a motion's dt
+ROUGHLY, EXACTLY = 4e-4, 1e-4  # of the length: error of the steps of motions
+_MOST_PARTS = 16  # of a motion's dt
 _KEPT = 4  # values of x whose misfits are remembered
 
 
@@ -104,23 +105,50 @@ class Observed:
         self.bounds = np.append(unknowns.lower, -free), np.append(unknowns.upper, free)
         self.precision = _IN_MOTION if motions else _AT_REST
         self._parts = [1] * len(motions)  # steps in each dt
+        self._central = False
         self.begin()
 
-    def choose_steps(self, x: Floats) -> None:
+    def choose_steps(self, x: Floats, tolerance: float = EXACTLY) -> bool:
         """Halve the steps of the motions until that changed little at x (n,).
 
         They then stay the same: steps that follow an error would make derivatives noisy.
+
+        Parameters
+        ----------
+        tolerance : float
+            Change of a point that is little, of the length.
+
+        Returns
+        -------
+        bool
+            Whether any step is shorter now.
         """
+        before = list(self._parts)
         for index, one in enumerate(self.motions):
+            self._parts[index] = max(self._parts[index] // 2, 1)
             coarse, _ = self._seen(index, one, x)
             while self._parts[index] < _MOST_PARTS:
                 self._parts[index] *= 2
                 fine, _ = self._seen(index, one, x)
                 if coarse is not None and fine is not None and (
-                        np.abs(fine - coarse).max() <= _STEPPED * self.rod.length):
+                        np.abs(fine - coarse).max() <= tolerance * self.rod.length):
                     break
                 coarse = fine
         self.begin()
+        return before != self._parts
+
+    def differ_centrally(self) -> None:
+        """Take central differences of motions from now on: twice the cost, hardly an error."""
+        self._central = True
+        self.begin()
+
+    def of_motions(self, rows: Floats) -> list[Floats]:
+        """Return of each motion (k, points, ...): the rows (m, ...) of its k instants."""
+        sizes = [one.points.shape[:2] for one in self.motions]
+        first = len(rows) - sum(k * m for k, m in sizes)
+        ends = first + np.cumsum([0, *(k * m for k, m in sizes)])
+        return [rows[begin:begin + k * m].reshape(k, m, *rows.shape[1:])
+                for begin, (k, m) in zip(ends[:-1], sizes, strict=True)]
 
     def begin(self) -> None:
         """Forget the shapes from which the search for the next ones begins."""
@@ -180,7 +208,7 @@ class Observed:
     def _motion(self, index: int, one: ObservedMotion, x: Floats) -> Misfit:
         where = self.errors(len(self.observations) + index, x).where
         lower = self.bounds[0]
-        columns = [(k, x[k] - MOVED >= lower[k]) for k in range(x.size)
+        columns = [(k, self._central and x[k] - MOVED >= lower[k]) for k in range(x.size)
                    if k < self.n_parameters or where.start <= k < where.stop]
         return in_motion(one, x, partial(self._seen, index, one), columns, x.size,
                          self.rod.length)

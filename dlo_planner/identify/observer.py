@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
@@ -23,7 +24,7 @@ from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.model.checks import instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
-from dlo_planner.verify.spread import Spread
+from dlo_planner.verify.uncertainty import Uncertainty
 
 _LONGER = 5.0  # standard deviations of the length by which an arc length may exceed it
 
@@ -38,8 +39,8 @@ class Observer(Value):
     simulator : DirectSimulator or Rod
         DirectSimulator of the DLO as stated, or its Rod. The DLO hangs freely from a clamped
         gripper: obstacles are left out, and it does not yield.
-    spread : Spread
-        Spread of the DLO and of the gripper's pose about what is stated: the prior.
+    uncertainty : Uncertainty
+        Deviations of the DLO and of the gripper's pose from what is stated: the prior.
     noise : float, optional
         Standard deviation of a seen point along each axis, m.
     bias : float, optional
@@ -72,21 +73,23 @@ class Observer(Value):
     sway: float
     drift: float
 
-    def __init__(self, simulator: DirectSimulator | Rod, spread: Spread, *, noise: float = 0.001,
-                 bias: float = 0.0, cutout: float = 0.0, outliers: float = 0.1, sway: float = 0.0,
-                 drift: float = 0.0, n_terms: int = 6) -> None:
+    @renamed_arguments(spread='uncertainty')
+    def __init__(self, simulator: DirectSimulator | Rod, uncertainty: Uncertainty, *,
+                 noise: float = 0.001, bias: float = 0.0, cutout: float = 0.0,
+                 outliers: float = 0.1, sway: float = 0.0, drift: float = 0.0,
+                 n_terms: int = 6) -> None:
         if isinstance(simulator, Rod):
             simulator = DirectSimulator(simulator)
         simulator = clamping('simulator', simulator)
         if simulator.surroundings.has_moments:
             raise InvalidTask('simulator.point_loads: expected forces alone, dead moments have no '
                               'potential')
-        instance('spread', spread, Spread)
-        uncertain = Uncertain(simulator.elastic().without_obstacles(), spread,
+        instance('uncertainty', uncertainty, Uncertainty)
+        uncertain = Uncertain(simulator.elastic().without_obstacles(), uncertainty,
                               integer('n_terms', n_terms, minimum=1, maximum=20),
                               number('bias', bias, minimum=0), number('cutout', cutout, minimum=0))
         if not uncertain.size:
-            raise InvalidTask(f'spread = {spread!r}: expected something that is uncertain')
+            raise InvalidTask(f'uncertainty = {uncertainty!r}: expected a deviation above 0')
         put(self, uncertain=uncertain, noise=number('noise', noise, above=0),
             outliers=number('outliers', outliers, minimum=0, below=1),
             sway=number('sway', sway, minimum=0), drift=number('drift', drift, minimum=0))
@@ -128,13 +131,14 @@ class Observer(Value):
         elapsed = number('elapsed', elapsed, minimum=0)
         if instance('observation', observation, Observation).far_end is not None:
             raise InvalidTask('observation.far_end: expected None, the DLO hangs freely')
-        length = self.uncertain.simulator.rod.length + _LONGER * self.uncertain.spread.length
+        length = self.uncertain.simulator.rod.length + _LONGER * self.uncertain.uncertainty.length
         if observation.s is not None and ((observation.s < 0) | (observation.s > length)).any():
             raise InvalidTask(f'observation.s: expected 0 to the length {length:g} m')
         noise = self.noise if noise is None else number('noise', noise, above=0)
         sway = self.sway if sway is None else number('sway', sway, minimum=0)
-        found = Search(self, estimate, observation, elapsed * self.drift**2, noise, sway).found()
-        return replace(estimate, converged=False) if found is None else found
+        search = Search(self, estimate, observation, elapsed * self.drift**2, noise, sway)
+        after = search.estimate()
+        return replace(estimate, converged=False) if after is None else after
 
     def see_cutout(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
                    noise: float | None = None) -> Estimate:

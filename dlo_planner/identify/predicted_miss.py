@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -174,8 +174,29 @@ def _miss_at(estimate: Estimate, slopes: Floats, shape: Shape, center: Floats, s
     return off, covariance, _bound(across @ off, across @ covariance @ across.T)
 
 
+class Crossing(NamedTuple):
+    """Where a DLO crosses a plane.
+
+    Attributes
+    ----------
+    off : ndarray, shape (3,)
+        Vector from the center to the crossing, m.
+    normal : ndarray, shape (3,)
+        Normal of the plane.
+    tangent : ndarray, shape (3,)
+        Tangent of the DLO there.
+    s : float
+        Arc length in m, at most the length.
+    """
+
+    off: Floats
+    normal: Floats
+    tangent: Floats
+    s: float
+
+
 def crossing(shape: Shape, center: Floats, normal: Floats | None,
-             s: float) -> tuple[Floats, Floats, Floats, float]:
+             s: float) -> Crossing:
     """Return where a Shape, extended straight on at its end, crosses a plane near `s` (m).
 
     Parameters
@@ -184,12 +205,6 @@ def crossing(shape: Shape, center: Floats, normal: Floats | None,
         Center in m, in the plane.
     normal : ndarray, shape (3,) or None
         Normal of the plane, or None: the DLO's tangent.
-
-    Returns
-    -------
-    (ndarray, ndarray, ndarray, float)
-        Vector (3,) from the center to the crossing in m, normal (3,), tangent (3,) there, and arc
-        length in m, at most the length.
     """
     for _ in range(_CROSSINGS):
         inside = min(max(s, 0.0), shape.s[-1])
@@ -201,7 +216,7 @@ def crossing(shape: Shape, center: Floats, normal: Floats | None,
         s += step
         if abs(step) < _STILL * shape.s[-1]:
             break
-    return position - center, np.array(across), tangent, inside
+    return Crossing(position - center, np.array(across), tangent, inside)
 
 
 def at_arc_lengths(nodes: Floats, s: Floats, wanted: Floats) -> Floats:

@@ -10,19 +10,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
-from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
+from dlo_planner.identify.blending import MOST_TIMES, Change, apart_in_time, step_response
 from dlo_planner.identify.correction import Correction
-from dlo_planner.model.arrays import Bools, Floats
-from dlo_planner.model.checks import array, instance, items, number, row, shown
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import instance, items, number, row
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.motion.limits import Limits
@@ -32,66 +31,8 @@ _MODES = 4       # slowest vibrations that are looked at: two in each plane of a
 _DIFFERENT = 1.2  # ratio above which two periods count as different
 _EVEN = 0.1      # s, width of the third window, which bounds the jerk
 _LEAST = 3       # windows: with fewer the jerk is not bounded
-_MOST = 100_000  # times in one call, as `TimedPath.at` takes
 _SHORT, _LONG = 0.02, 5.0  # s: widths of windows
 _GRID = 4096     # times between which a waypoint's time is interpolated
-_AT_ONCE = 1e-9  # s: waypoints reached so shortly one after the other are one (a dwell)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Change(Value):
-    """Change of the remaining poses, blended in from some time on.
-
-    Attributes
-    ----------
-    since : float
-        Time at which the blending begins, s.
-    times : ndarray, shape (m,)
-        Times at which the remaining waypoints are reached, s, none before the last.
-    offsets : ndarray, shape (m, 6)
-        Change of their poses: rotation vector, rad, then displacement, m; world axes.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
-    """
-
-    since: float
-    times: Floats
-    offsets: Floats
-
-    def __post_init__(self) -> None:
-        put(self, since=number('Change.since', self.since),
-            times=row('Change.times', self.times, most=_MOST))
-        put(self, offsets=array('Change.offsets', self.offsets, (self.times.size, 6)))
-        if (np.diff(self.times) < 0).any():
-            raise InvalidTask(f'Change.times = {shown(self.times.tolist())}: expected times in '
-                              'ascending order')
-        super().__post_init__()
-
-    def at(self, times: Floats, order: int = 0) -> Floats:
-        """Return (n, 6) the unblended change at times (n,) s, or its derivative of `order` by time.
-
-        A cubic spline between the waypoints, constant before the first and after the last.
-        """
-        if self._spline is None:
-            return np.repeat(self.offsets[:1] * (order == 0), len(times), axis=0)
-        known = self._spline.x
-        inside = np.clip(times, known[0], known[-1])
-        out = self._spline(inside, order)
-        if order:
-            out[times != inside] = 0.0
-        result: Floats = out
-        return result
-
-    @cached_property
-    def _spline(self) -> CubicSpline | None:
-        """CubicSpline of the offsets; None where all waypoints are reached at once."""
-        kept = _apart(self.times)  # a dwell reaches two at once
-        if kept.sum() == 1:
-            return None
-        return CubicSpline(self.times[kept], self.offsets[kept], bc_type='clamped')
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,7 +127,7 @@ class Steered(Value):
         InvalidTask
             A time is not a finite number.
         """
-        times = row('times', times, most=_MOST)
+        times = row('times', times, most=MOST_TIMES)
         poses, speeds, accelerations = self.trajectory.at(times)
         arms, spin = np.array([pose.rotation @ self.tool.position for pose in poses]), speeds[:, 3:]
         speeds[:, :3] += np.cross(spin, arms)
@@ -231,7 +172,7 @@ class Steered(Value):
         Each is cubic between its times, so its values and slopes at the times of all tell it.
         """
         knots = np.unique(np.concatenate([change.times for change in self.changes]))
-        knots = knots[_apart(knots)]
+        knots = knots[apart_in_time(knots)]
         if knots.size == 1:
             knots = knots + np.array([0.0, 1.0])
         values, slopes = (np.stack([change.at(knots, order) for change in self.changes], axis=1)
@@ -251,7 +192,7 @@ class Steered(Value):
         InvalidTask
             A time is not a finite number.
         """
-        plan_times = row('plan_times', plan_times, most=_MOST)
+        plan_times = row('plan_times', plan_times, most=MOST_TIMES)
         times = np.linspace(0, self.trajectory.duration, _GRID)
         done = np.maximum.accumulate(self.trajectory.progress(times))
         return np.interp(plan_times, done, times)
@@ -277,7 +218,7 @@ class Steered(Value):
         """
         time = number('time', time)
         instance('correction', correction, Correction)
-        reached = row('reached', reached, most=_MOST)
+        reached = row('reached', reached, most=MOST_TIMES)
         if reached.size != len(correction.grippers):
             raise InvalidTask(f'reached has {reached.size} entries: expected one for each waypoint '
                               f'of the correction, {len(correction.grippers)}')
@@ -286,32 +227,3 @@ class Steered(Value):
         before = sum((change.at(reached) for change in self.changes), np.zeros((reached.size, 6)))
         change = Change(time, reached, correction.offsets - before)
         return replace(self, changes=(*self.changes, change))
-
-
-def _apart(times: Floats) -> Bools:
-    """Return (n,) which of ascending times are not reached together with the one before."""
-    return np.append(True, np.diff(times) > _AT_ONCE)
-
-
-def step_response(times: Floats, windows: Floats, order: int = 0) -> Floats:
-    """Return (n,) a unit step at time 0 averaged over moving windows, or a derivative of that.
-
-    In closed form: the Laplace transform of a step is 1 / s, and a window of width w multiplies it
-    by (1 - exp(-s w)) / (s w).
-
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-    windows : ndarray, shape (k,)
-        Widths, s.
-    order : int, optional
-        Order of the derivative by time, below k.
-    """
-    power, out = len(windows) - order, np.zeros(np.shape(times))
-    times = np.minimum(times, np.sum(windows))  # at rest from there on
-    for count in range(len(windows) + 1):
-        for some in combinations(windows, count):
-            since = times - sum(some)
-            out += (-1) ** count * np.maximum(since, 0.0) ** power
-    out /= factorial(power) * np.prod(windows)
-    return out if order else np.clip(out, 0.0, 1.0)

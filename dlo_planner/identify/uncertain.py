@@ -36,7 +36,7 @@ from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
-from dlo_planner.verify.spread import Spread, variation_deviations
+from dlo_planner.verify.uncertainty import Uncertainty, variation_deviations
 
 _KEPT = 8     # meshes whose Varied is remembered
 _SAME = 1e-9  # of the length: nodes closer than this are the same
@@ -50,7 +50,8 @@ class Uncertain(Value):
     ----------
     simulator : DirectSimulator
         DirectSimulator of the DLO as stated, elastic, without obstacles.
-    spread : Spread
+    uncertainty : Uncertainty
+        Standard deviations of the DLO and of the gripper's pose.
     n_terms : int
         Legendre terms of each natural curvature.
     bias, cutout : float
@@ -64,10 +65,10 @@ class Uncertain(Value):
         Names of the n numbers.
     """
 
-    PARTS = ('simulator', 'spread', 'n_terms', 'bias', 'cutout')
+    PARTS = ('simulator', 'uncertainty', 'n_terms', 'bias', 'cutout')
 
     simulator: DirectSimulator
-    spread: Spread
+    uncertainty: Uncertainty
     n_terms: int
     bias: float
     cutout: float
@@ -78,17 +79,19 @@ class Uncertain(Value):
     _columns: dict[str, tuple[Ints, Ints]]
     _meshes: list[Varied]
 
-    def __init__(self, simulator: DirectSimulator, spread: Spread, n_terms: int, bias: float,
-                 cutout: float) -> None:
-        put(self, simulator=simulator, spread=spread, n_terms=n_terms, bias=bias, cutout=cutout)
-        terms = np.append(spread.natural_curvature,
-                          spread.curvature_variation * variation_deviations(n_terms - 1))
+    def __init__(self, simulator: DirectSimulator, uncertainty: Uncertainty, n_terms: int,
+                 bias: float, cutout: float) -> None:
+        put(self, simulator=simulator, uncertainty=uncertainty, n_terms=n_terms, bias=bias,
+            cutout=cutout)
+        terms = np.append(uncertainty.natural_curvature,
+                          uncertainty.curvature_variation * variation_deviations(n_terms - 1))
         every: dict[str, Sequence[float] | Floats] = {
-                 'bending_stiffness': [spread.bending_stiffness],
-                 'torsional_stiffness': [spread.torsional_stiffness], 'mass': [spread.mass],
-                 'length': [spread.length], 'natural_curvature': np.repeat(terms, 2),
-                 'gripper_rotation': [spread.gripper_rotation] * 3,
-                 'gripper_position': [spread.gripper_position] * 3,
+                 'bending_stiffness': [uncertainty.bending_stiffness],
+                 'torsional_stiffness': [uncertainty.torsional_stiffness],
+                 'mass': [uncertainty.mass],
+                 'length': [uncertainty.length], 'natural_curvature': np.repeat(terms, 2),
+                 'gripper_rotation': [uncertainty.gripper_rotation] * 3,
+                 'gripper_position': [uncertainty.gripper_position] * 3,
                  'camera': [bias] * 3, 'cutout': [cutout] * 3}
         each = np.array([name for name, values in every.items() for _ in values])
         number = np.concatenate([np.arange(len(values)) for values in every.values()])
@@ -243,6 +246,6 @@ class Varied:
             (length + d if s >= length - step else s, kg) for s, kg in rod.point_masses)))
             for d in (-step, step))
         if not back.s.size == self.mesh.s.size == ahead.s.size:
-            raise InvalidTask('spread.length: expected 0 where something jumps along the DLO')
+            raise InvalidTask('uncertainty.length: expected 0 where something jumps along the DLO')
         return {name: (getattr(ahead.static, name) - getattr(back.static, name)) / (2 * step)
                 for name in ('lengths', 'natural', 'stiffness', 'pull')}

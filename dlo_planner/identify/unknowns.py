@@ -21,7 +21,7 @@ from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.checks import choice, items, row
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
-from dlo_planner.verify.spread import Spread
+from dlo_planner.verify.uncertainty import Uncertainty
 
 _BENT = 0.1    # rad along the length: how far a natural strain is moved as one unit
 _DAMPED = 0.1  # twice the damping ratio that is one unit of damping
@@ -36,8 +36,9 @@ _SCALES = {  # attribute of the Rod, and which of its components a logarithm sca
     'torsional_stiffness': ('torsional_stiffness', (1.0,)),
     'mass_per_length': ('mass_per_length', (1.0,)), 'tip_mass': ('tip_mass', (1.0,))}
 _STRAINS = {'natural_curvature': 2, 'natural_twist': 1}  # components
-_SPREAD = {'bending_stiffness_n': 'bending_stiffness', 'bending_stiffness_b': 'bending_stiffness',
-           'mass_per_length': 'mass', 'tip_mass': 'mass'}
+_UNCERTAINTY = {'bending_stiffness_n': 'bending_stiffness',
+                'bending_stiffness_b': 'bending_stiffness', 'mass_per_length': 'mass',
+                'tip_mass': 'mass'}
 PARAMETERS = (*_SCALES, *_STRAINS, 'damping')
 
 
@@ -106,7 +107,7 @@ class Unknowns:
         names, rod = self.names, self.rod
         if len(set(names)) < len(names):
             raise InvalidTask(f'parameters = {names!r}: expected each name once')
-        if 'bending_stiffness' in names and len({*names} & {*_SPREAD}) > len(
+        if 'bending_stiffness' in names and len({*names} & {*_UNCERTAINTY}) > len(
                 {*names} & {'mass_per_length', 'tip_mass'}):
             raise InvalidTask(f'parameters = {names!r}: expected bending_stiffness or its '
                               'components, not both')
@@ -226,11 +227,11 @@ class Unknowns:
                                                                                 where.stop)
         return np.array(each)
 
-    def prior(self, spread: Spread) -> Floats:
-        """Return (n,): 1 / standard deviation of each unknown in a Spread, 0 for none."""
+    def prior(self, uncertainty: Uncertainty) -> Floats:
+        """Return (n,): 1 / standard deviation of each unknown in an Uncertainty, 0 for none."""
         out = np.zeros(self.size)
         for name, where in self._slices.items():
-            known = getattr(spread, _SPREAD.get(name, name), 0.0)
+            known = getattr(uncertainty, _UNCERTAINTY.get(name, name), 0.0)
             if known:
                 out[where] = (_BENT / self.rod.length if name in _STRAINS else 1.0) / known
         return out

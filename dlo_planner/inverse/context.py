@@ -1,15 +1,18 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a task is solved with: the DLO, where it is now, and what its plan has to keep."""
+"""The context in which a task is solved: the DLO, its present state, the demands on its plan."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import number
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -23,14 +26,14 @@ _FASTEST = 1e6   # lengths of the DLO and rad per s: times of a plan have to dif
 
 @dataclass(frozen=True)
 class PlanContext:
-    """What a task's `solve` is given.
+    """The argument of a task's `solve`.
 
     Attributes
     ----------
     given : DirectSimulator
         DirectSimulator of the DLO, which may yield; its obstacles count.
     simulator : DirectSimulator
-        The same, elastic: what plans are made with.
+        The same, elastic: plans are made with it.
     start : Pose or None
         Pose of the gripper now. If None, not known.
     initial : Shape or None
@@ -70,24 +73,24 @@ class PlanContext:
     @cached_property
     def demands(self) -> PlanRequirements:
         """The requirements as a PlanBuilder judges them, for this DLO and this computation."""
-        wanted, rod = self.requirements, self.simulator.rod
-        speeds = (checked_speed('linear_speed', wanted.limits.linear_speed, rod.length),
-                  checked_speed('angular_speed', wanted.limits.angular_speed))
+        required, rod = self.requirements, self.simulator.rod
+        speeds = (checked_speed('linear_speed', required.limits.linear_speed, rod.length),
+                  checked_speed('angular_speed', required.limits.angular_speed))
         touched = self.touching
         return PlanRequirements(
-            speeds, self.progress, wanted.workspace, () if touched else self.simulator.obstacles,
-            Surface.of(rod), None if wanted.allow_plastic else _yield_limits(self.given.rod),
-            None if touched else self.simulator.without_obstacles(), wanted.tolerance)
+            speeds, self.progress, required.workspace, () if touched else self.simulator.obstacles,
+            Surface.of(rod), None if required.allow_plastic else _yield_limits(self.given.rod),
+            None if touched else self.simulator.without_obstacles(), required.tolerance)
 
-    def builder(self, depths: np.ndarray) -> PlanBuilder:
+    def builder(self, depths: ArrayLike) -> PlanBuilder:
         """Return a PlanBuilder: it takes one Waypoint per depth, in order, and judges each.
 
         Parameters
         ----------
-        depths : ndarray, shape (n,)
+        depths : array_like, shape (n,)
             Depths in m that have gone through a cut-out; zeros where there is none.
         """
-        return PlanBuilder(np.asarray(depths, dtype=float), self.demands)
+        return PlanBuilder(depths, self.demands)
 
 
 def checked_speed(name: str, value: object, length: float = 1.0) -> float:
@@ -95,8 +98,10 @@ def checked_speed(name: str, value: object, length: float = 1.0) -> float:
     return number(name, value, above=0, maximum=_FASTEST * length)
 
 
-def _yield_limits(rod: Rod) -> np.ndarray | None:
+def _yield_limits(rod: Rod) -> Floats | None:
     """Return the strains (3,) at which a Rod yields, 1/m; None: it does not."""
     if not rod.yields:
         return None
-    return np.array([rod.yield_torsion or np.inf, *(rod.yield_curvature or (np.inf, np.inf))])
+    torsion = rod.yield_torsion or np.inf
+    bending: Any = rod.yield_curvature or (np.inf, np.inf)  # a pair, whatever was given
+    return np.array([torsion, *bending])

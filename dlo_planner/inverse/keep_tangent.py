@@ -1,17 +1,18 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The penalty of a stretch of the DLO that turns away from a direction."""
+"""A penalty on a stretch of the DLO whose tangent leaves a direction."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.penalties import judged
+from dlo_planner.inverse.penalty import judged
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import direction, number
 from dlo_planner.model.value import Value, put
 
@@ -43,8 +44,12 @@ class KeepTangent(Value):
 
     begin: float
     end: float
-    direction: NDArray[np.float64]
+    direction: Floats
     weight: float = 1.0
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, begin: float, end: float, direction: ArrayLike,
+                     weight: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
         begin, end = (number(f'KeepTangent.{name}', getattr(self, name), minimum=0)
@@ -56,13 +61,13 @@ class KeepTangent(Value):
             weight=number('KeepTangent.weight', self.weight, above=0))
         super().__post_init__()
 
-    def residuals(self, shape: Shape) -> NDArray[np.float64]:
+    def residuals(self, shape: Shape) -> Floats:
         """Return (27,): differences of unit vectors, 3 at each of 9 points."""
         judged(shape)
         return self._share * np.ravel([shape.frame_at(s)[0][:, 0] - self.direction
                                        for s in self._points])
 
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> NDArray[np.float64]:
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
         """Return (27, 6), by rotation (rad) and displacement (m) of the gripper."""
         judged(shape, sensitivity)
         return self._share * np.vstack([
@@ -70,7 +75,7 @@ class KeepTangent(Value):
             for s in self._points])
 
     @property
-    def _points(self) -> NDArray[np.float64]:
+    def _points(self) -> Floats:
         return np.linspace(self.begin, self.end, _POINTS)
 
     @property

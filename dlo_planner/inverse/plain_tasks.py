@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tasks as plain Python and back: each value says its class, so that nothing has to be guessed."""
+"""Tasks as plain Python and back: each value names its class, so that nothing is guessed."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,8 @@ _DEEPEST = 20  # values inside values
 _POSE = {'position', 'quaternion'}
 
 
-def to_plain(content: object) -> object:
-    """Return a content as dicts, lists, numbers, strings, truth values and None.
+def to_plain(content: object) -> Any:
+    """Return a content as dicts, lists, numbers, strings, booleans and None.
 
     Raises
     ------
@@ -71,13 +72,13 @@ def from_plain(name: str, content: object, depth: int = 0) -> object:
     return content
 
 
-def _value(name: str, content: Mapping, depth: int) -> object:
+def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
     if _TYPE not in content and {'position'} <= set(content) <= _POSE:
         return Pose(content['position'], content.get('quaternion', (0.0, 0.0, 0.0, 1.0)))
     kind = content.get(_TYPE)
     if isinstance(kind, str) and kind == 'Shape':
         return _shape(name, content)
-    known = {cls.__name__: cls for cls in _below(Value) if is_dataclass(cls)}
+    known: dict[str, Any] = {cls.__name__: cls for cls in _below(Value) if is_dataclass(cls)}
     if not isinstance(kind, str) or kind not in known:
         raise InvalidTask(f'{name}.type = {shown(kind)}: expected the name of a class of tasks, '
                           'penalties, cut-outs or obstacles that has been imported')
@@ -94,11 +95,12 @@ def _value(name: str, content: Mapping, depth: int) -> object:
         raise InvalidTask(f'{name}: {error}') from None
 
 
-def _shape(name: str, content: Mapping) -> Shape:
+def _shape(name: str, content: Mapping[str, Any]) -> Shape:
     try:
         arrays = {key: np.array(part['data'], dtype=_DTYPES[part['of']]).reshape(part['shape'])
                   for key, part in content.items() if key != _TYPE}
-        return unpack(Shape, arrays)
+        shape: Shape = unpack(Shape, arrays)
+        return shape
     except Exception as error:  # whatever another content makes of the reader
         raise InvalidTask(f'{name}: expected a Shape as `Task.to_dict` writes it, {error}'
                           ) from None
@@ -107,7 +109,7 @@ def _shape(name: str, content: Mapping) -> Shape:
 _DTYPES = {'f': float, 'i': int, 'u': int, 'b': bool, 'U': str}
 
 
-def _below(cls: type) -> Iterator[type]:
+def _below(cls: type[Value]) -> Iterator[type[Value]]:
     """Yield all classes derived from a class."""
     for one in cls.__subclasses__():
         yield one

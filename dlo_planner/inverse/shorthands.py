@@ -16,9 +16,7 @@ from dlo_planner.inverse.context import PlanContext, checked_speed
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import (
     Approach,
-    HoldContact,
     Insert,
-    SlideContact,
     Thread,
     ThreadSequence,
     ThreadTwo,
@@ -56,7 +54,7 @@ class Shorthands(Value):
 
         At each depth the DLO passes the center P_goal along the normal n_goal (paper, section
         5.2). One rotation of the gripper is free (a round straight DLO may roll): the first
-        waypoint turns as little as it can against `start`, each other one against the one before
+        waypoint turns as little as possible from `start`, each other one from the one before
         (about the mean of the gripper's axis and the normal it does not turn at all).
 
         Parameters
@@ -65,8 +63,8 @@ class Shorthands(Value):
         start : Pose, optional
             Pose of the gripper before, for its roll. If None, as upright as it can be.
         initial : Shape, optional
-            Shape of the DLO before, its far end free, from which it has to get into the first shape
-            of the plan; a permanent set that it has counts. If None, it is set down there in its
+            Shape of the DLO before, with a free far end; the DLO has to get from it into the first
+            shape of the plan. Its permanent set counts. If None, the DLO is set down there in its
             natural shape.
         depths : array_like, shape (n,), optional
             Arc lengths that have gone through, m, not decreasing, in [0, L]; None: 40 of them from
@@ -75,10 +73,10 @@ class Shorthands(Value):
             'coupled' solves equilibrium and alignment as one Newton system; 'nested' is the paper's
             minimization of c arccos(t . n)^2 around the direct simulation.
         gripper_clearance : float, optional
-            Distance in m that the gripper's origin has to keep from the sheet. Where no depths are
-            given, the plan ends there.
+            Distance in m that the gripper's origin has to keep from the sheet. If no depths are
+            given, the plan ends at this distance.
         as_deep_as_possible : bool, optional
-            Where not all depths can be reached, the plan ends with the deepest one found, and
+            If not all depths can be reached, the plan ends with the deepest one found, and
             `Plan.fraction` is its part of the last one.
         linear_speed : float, optional
             Limit in m/s for the plan's times.
@@ -122,14 +120,10 @@ class Shorthands(Value):
             Its center is that of the mouth, its normal points inwards.
         start : Pose, optional
             As for `thread`.
-        linear_speed, angular_speed : float, optional
-            As for `thread`.
-        progress : callable, optional
-            As for `thread`.
-        deadline : float, optional
-            As for `thread`.
         depths : array_like, optional
             As for `thread`, less than the length.
+        linear_speed, angular_speed, progress, deadline : optional
+            As for `thread`.
 
         Returns
         -------
@@ -152,10 +146,10 @@ class Shorthands(Value):
     start_phase = renamed('start_phase', 'approach')
 
     def approach(self, cutout: CutOut, plan: Plan, start: Pose, *, standoff: float = 0.05,
-                    initial: Shape | None = None, linear_speed: float = 0.1,
-                    angular_speed: float = 0.5, progress: OnProgress = None,
-                    deadline: float | None = None) -> Plan:
-        """Plan the way from the gripper's present pose to where a threading begins.
+                 initial: Shape | None = None, linear_speed: float = 0.1,
+                 angular_speed: float = 0.5, progress: OnProgress = None,
+                 deadline: float | None = None) -> Plan:
+        """Plan the motion from the gripper's present pose to where a threading begins.
 
         The gripper backs off along the normal, turns where the DLO cannot reach the sheet, and
         comes straight to where the free end is `standoff` before the hole, aligned, and then in it.
@@ -168,15 +162,12 @@ class Shorthands(Value):
         start : Pose
             Pose of the gripper now, the DLO behind the sheet.
         standoff : float, optional
-            Distance in m between the free end and the cut-out where the last straight way begins.
+            Distance in m between the free end and the cut-out where the last straight motion
+            begins.
         initial : Shape, optional
             Shape of the DLO now, as for `thread`. If None, the one it falls into from its natural
             shape.
-        linear_speed, angular_speed : float, optional
-            As for `thread`.
-        progress : callable, optional
-            As for `thread`.
-        deadline : float, optional
+        linear_speed, angular_speed, progress, deadline : optional
             As for `thread`.
 
         Returns
@@ -190,14 +181,14 @@ class Shorthands(Value):
         InvalidTask
             An argument makes no sense; the message names it.
         Infeasible
-            The DLO is beyond the sheet at the start, has no stable shape on the way, or does not
+            The DLO is beyond the sheet at the start, has no stable shape on the path, or does not
             come into the shape in which the plan begins.
         """
         if not len(instance('plan', plan, Plan)):
             raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-        return self._plan(Approach(cutout, plan.shapes[0], standoff), instance('start', start,
-                                                                               Pose),
-                          initial, self._with(linear_speed, angular_speed, deadline), progress)
+        instance('start', start, Pose)
+        return self._plan(Approach(cutout, plan.shapes[0], standoff), start, initial,
+                          self._with(linear_speed, angular_speed, deadline), progress)
 
     def thread_two(self, first: CutOut, second: CutOut, *, start: Pose | None = None,
                    depths: ArrayLike | None = None, linear_speed: float = 0.1,
@@ -206,27 +197,23 @@ class Shorthands(Value):
         """Plan the threading through two cut-outs, whose centers count (paper, section 5.2).
 
         From where the free end reaches the second center, both are hit at once; before, the first
-        one is passed along the direction that it then has, so the way is continuous.
+        one is passed along the direction that it then has, so that the path is continuous.
 
         Parameters
         ----------
         first, second : CutOut
             The cut-outs, in the order in which they are passed.
         start : Pose, optional
-            As for `thread`; depths count from the first cut-out.
+            As for `thread`.
         depths : array_like, optional
-            As for `thread`; depths count from the first cut-out.
-        linear_speed, angular_speed : float, optional
-            As for `thread`; depths count from the first cut-out.
-        progress : callable, optional
-            As for `thread`; depths count from the first cut-out.
-        deadline : float, optional
-            As for `thread`; depths count from the first cut-out.
+            As for `thread`, from the first cut-out on.
+        linear_speed, angular_speed, progress, deadline : optional
+            As for `thread`.
 
         Returns
         -------
         Plan
-            `miss` is the larger of both distances, `misalignment` is 0.
+            `position_error` is the larger of both distances, `misalignment` is 0.
 
         Raises
         ------
@@ -242,7 +229,7 @@ class Shorthands(Value):
                         start: Pose | None = None, depths: ArrayLike | None = None,
                         linear_speed: float = 0.1, angular_speed: float = 0.5,
                         progress: OnProgress = None, deadline: float | None = None) -> Plan:
-        """Plan the threading through any number of cut-outs, as well as can be.
+        """Plan the threading through any number of cut-outs, as near to their centers as possible.
 
         One is passed along its normal, as by `thread`, and two at once, as by `thread_two`. More
         cannot be hit exactly: the sum of the squared weighted distances is made least, a cut-out
@@ -255,15 +242,11 @@ class Shorthands(Value):
         weights : array_like, shape (k,), optional
             Weights of their distances. If None, all alike.
         start : Pose, optional
-            As for `thread`; depths count from the first cut-out.
+            As for `thread`.
         depths : array_like, optional
-            As for `thread`; depths count from the first cut-out.
-        linear_speed, angular_speed : float, optional
-            As for `thread`; depths count from the first cut-out.
-        progress : callable, optional
-            As for `thread`; depths count from the first cut-out.
-        deadline : float, optional
-            As for `thread`; depths count from the first cut-out.
+            As for `thread`, from the first cut-out on.
+        linear_speed, angular_speed, progress, deadline : optional
+            As for `thread`.
 
         Returns
         -------
@@ -278,111 +261,6 @@ class Shorthands(Value):
             A waypoint has no stable solution; carries the plan up to it.
         """
         return self._plan(ThreadSequence(cutouts, weights, depths), start, None,
-                          self._with(linear_speed, angular_speed, deadline), progress)
-
-    def hold_contact(self, contact: Pose, s: float, *, condition: str | None = 'least_energy',
-                     forces: ArrayLike | None = None, start: Pose | None = None,
-                     linear_speed: float = 0.1, angular_speed: float = 0.5,
-                     progress: OnProgress = None, deadline: float | None = None) -> Plan:
-        """Plan how to hold the DLO in contact with an obstacle (paper, section 5.3, Fig. 16).
-
-        Arc length, place and direction at the contact leave the force of contact free: a family of
-        gripper poses, found without a search. Its admissible parts are intervals of the force: the
-        shape is stable, with the contact as a constraint, by 0.02 at least, it is in no obstacle,
-        and it keeps this simulator's demands. What is chosen from them is the least to 0.1 % and
-        confirmed by the direct simulation. What hangs beyond the contact is the shape that it
-        falls into from its natural one.
-
-        Parameters
-        ----------
-        contact : Pose
-            Pose on the surface of one of the simulator's obstacles: x axis = direction of the DLO,
-            z axis = outward normal. A DLO that is not round lies there with the axes (t, n, b) of
-            its material frame along the contact's: a strip whose width is along n lies flat.
-        s : float
-            Arc length of the contact, m.
-        condition : str or None, optional
-            Which one of the family: 'least_energy' (bending), 'least_force' (a thousandth of weight
-            + EI / L^2, where that can be held and the simulator's discretization tells it from
-            none), 'least_motion' (from `start`), 'largest_clearance' (from the other obstacles;
-            without any, the least energy). If None, a motion through the interval that has the
-            least energy, in order of the force, its steps below 0.12 (rad plus parts of the
-            length).
-        forces : array_like, shape (n,), optional
-            Forces in N: only these are looked at, as they are. If None, all.
-        start : Pose, optional
-            Pose of the gripper before.
-        linear_speed, angular_speed : float, optional
-            As for `thread`.
-        progress : callable, optional
-            As for `thread`.
-        deadline : float, optional
-            As for `thread`.
-
-        Returns
-        -------
-        Plan
-
-        Raises
-        ------
-        InvalidTask
-            An argument makes no sense, or the contact is not on a surface.
-        Infeasible
-            No force will do. The constraint is the demand that the best one breaks, or 'contact':
-            the amount is how far, in m, the DLO would be in an obstacle, or off the best of these
-            shapes.
-        """
-        return self._plan(HoldContact(contact, s, condition, forces), start, None,
-                          self._with(linear_speed, angular_speed, deadline), progress)
-
-    def slide_contact(self, contact: Pose, lengths: ArrayLike, *, condition: str = 'least_motion',
-                      forces: ArrayLike | None = None, start: Pose | None = None,
-                      way: str = 'aligned', linear_speed: float = 0.1, angular_speed: float = 0.5,
-                      progress: OnProgress = None, deadline: float | None = None) -> Plan:
-        """Plan how to draw the DLO over an obstacle, its direction there kept (Fig. 15), or not.
-
-        Parameters
-        ----------
-        lengths : array_like, shape (n,)
-            Arc lengths between gripper and contact, m, one after the other.
-        contact : Pose
-            As for `hold_contact`.
-        condition : str, optional
-            As for `hold_contact`; 'least_motion' is from one waypoint to the next, the first one
-            has the least energy if there is no `start`. The others choose the first waypoint; each
-            further one is the local minimum of the same that is nearest to the one before.
-        forces : array_like, optional
-            As for `hold_contact`.
-        start : Pose, optional
-            As for `hold_contact`.
-        way : str, optional
-            'aligned': the DLO keeps its place and direction at the contact; 'straight': the gripper
-            keeps its orientation and goes straight from the first waypoint towards the contact, or
-            away from it (footnote 19 of the paper). The DLO then touches where and as it comes to
-            lie: `Plan.misalignment` is by how much its direction has drifted, `Plan.position_error`
-            how far the place. `condition` and `forces` choose the first waypoint.
-        linear_speed, angular_speed : float, optional
-            As for `thread`.
-        progress : callable, optional
-            As for `thread`.
-        deadline : float, optional
-            As for `thread`.
-
-        Returns
-        -------
-        Plan
-
-        Raises
-        ------
-        InvalidTask
-            An argument makes no sense; the message names it.
-        Infeasible
-            As for `hold_contact`; or 'continuity': no admissible shapes lead from one waypoint to
-            the next, the amount is the gripper's leap (rad plus parts of the length); on a straight
-            way how far the DLO falls, in m, or 'contact': how far the arc length that touches is
-            from the one asked for, in m; carries the plan up to it.
-        """
-        return self._plan(SlideContact(contact, lengths, condition, forces, way), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
 
     def _with(self, linear_speed: float, angular_speed: float,

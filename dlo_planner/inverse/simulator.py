@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inverse simulator: from a task to gripper poses."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from dlo_planner.deprecated import renamed, renamed_arguments
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
+from dlo_planner.inverse.contact_shorthands import ContactShorthands
 from dlo_planner.inverse.context import PlanContext
-from dlo_planner.inverse.shorthands import Shorthands
+from dlo_planner.inverse.solvers.penalty_function import Penalty
 from dlo_planner.inverse.solvers.search import PenaltyResult
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import Minimize
@@ -24,37 +26,36 @@ from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress
 
 
-class InverseSimulator(Shorthands):
+class InverseSimulator(ContactShorthands):
     """Finds the gripper poses that make the DLO's shape do a task.
 
-    A waypoint that leaves the workspace, touches what it should not, bends more sharply than
-    `Rod.max_bend_curvature`, or yields though it must not, is refused: `Infeasible` names the
-    waypoint, the constraint and the amount. Workspace and contacts are looked at between waypoints
-    as well, on the path that `Trajectory` takes: there the waypoint is the next one. Not looked at
-    is the DLO between the waypoints of contact tasks and of `insert`, whose shapes are of parts.
-    Where a task leaves a choice, it is made so as to keep them.
+    A waypoint is refused if it leaves the workspace, touches an obstacle against the task, bends
+    more sharply than `Rod.max_bend_curvature`, or yields although it must not: `Infeasible` names
+    the waypoint, the constraint and the amount. Workspace and contacts are checked between
+    waypoints as well, on the path of `Trajectory`; the waypoint is then the next one. The DLO is
+    not checked between the waypoints of contact tasks and of `insert`, whose shapes are parts of
+    it. If a task leaves a choice, it is made so that these demands are kept.
 
     Parameters
     ----------
     simulator : DirectSimulator
-        Its rod, gravity and discretization are used. A permanent set that it starts with counts.
-        The contact tasks touch its obstacles, the others avoid them; a Sheet among them is the one
-        around a cut-out that it has.
+        Its rod, gravity, discretization and permanent set are used. The contact tasks touch its
+        obstacles, the others avoid them. A Sheet among them with the hole of a cut-out is the
+        sheet around this cut-out.
     workspace : Workspace, optional
         Where the gripper may be. If None, anywhere.
     allow_plastic : bool, optional
         Whether a plan may bend the DLO beyond its yield limits. Planning itself is elastic:
-        `replay` with `simulator` shows the set that remains.
+        `replay` with `simulator` shows the permanent set.
     """
 
     PARTS = ('simulator', 'requirements', '_given')
 
-    simulator: DirectSimulator
-    workspace: Workspace | None
+    _given: DirectSimulator
 
     @renamed_arguments(may_yield='allow_plastic')
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
-                 allow_plastic: bool = True):
+                 allow_plastic: bool = True) -> None:
         clamping('simulator', simulator)
         instance('workspace', workspace, Workspace, optional=True)
         if simulator.method != 'newton':
@@ -71,13 +72,13 @@ class InverseSimulator(Shorthands):
         """Where the gripper may be, if the requirements of a plan do not say otherwise."""
         return self.requirements.workspace
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return brief(self, repr(self.simulator), '' if self.workspace is None else
                      repr(self.workspace))
 
     def plan(self, task: Task, *, start: Pose | None = None, initial: Shape | None = None,
              requirements: Requirements | None = None, progress: OnProgress = None) -> Plan:
-        """Return the Plan of a task: the one entry, of which the other methods are shorthands.
+        """Return the Plan of a task; the other methods are shorthands of this one.
 
         Parameters
         ----------
@@ -85,9 +86,9 @@ class InverseSimulator(Shorthands):
             `Thread`, `ThreadTwo`, `ThreadSequence`, `Insert`, `Approach`, `HoldContact`,
             `SlideContact`, `Minimize`, or one of your own.
         start : Pose, optional
-            Pose of the gripper now. If None, the plan begins where it is best.
+            Pose of the gripper now. If None, the plan begins at the best pose.
         initial : Shape, optional
-            Shape of the DLO now, for the tasks in which it counts.
+            Shape of the DLO now, for tasks with `takes_initial`.
         requirements : Requirements, optional
             Demands on the plan. If None, those of this simulator.
         progress : callable, optional
@@ -98,10 +99,10 @@ class InverseSimulator(Shorthands):
         InvalidTask
             An argument makes no sense; the message names it.
         Infeasible
-            There is no such plan; says which constraint, at which waypoint, by how much, and
-            carries the plan up to it.
+            There is no such plan; names the constraint, the waypoint and the amount, and carries
+            the plan up to it.
         NotConverged
-            The search of a `Minimize` ended before.
+            The search of a `Minimize` did not converge.
         DeadlineExceeded
             The deadline of the requirements is over.
         """
@@ -111,34 +112,36 @@ class InverseSimulator(Shorthands):
 
     minimise_penalty = renamed('minimise_penalty', 'minimize_penalty')
 
-    def minimize_penalty(self, penalties: object, start: Pose, *, initial: Shape | None = None,
-                         max_iterations: int = 200, progress: OnProgress = None,
+    def minimize_penalty(self, penalties: Penalty | Sequence[Penalty], start: Pose, *,
+                         initial: Shape | None = None, max_iterations: int = 200,
+                         progress: OnProgress = None,
                          deadline: float | None = None) -> PenaltyResult:
-        """Return what `minimize_penalty` finds for this simulator (paper, section 5.1).
+        """Return the PenaltyResult of `minimize_penalty` for this simulator (paper, section 5.1).
 
-        Its arguments are explained there.
+        The function of the same name explains the arguments.
 
         Raises
         ------
         InvalidTask, NotConverged
             As in `plan`.
         Infeasible
-            What it finds breaks a demand.
+            The result breaks a demand.
         """
         task = Minimize(penalties, max_iterations)
         context = self._context(task, instance('start', start, Pose), initial,
                                 replace(self.requirements, deadline=deadline), progress)
-        found = task.result(context)
-        context.builder([0.0]).add(Waypoint(found.shape))
-        return found
+        result = task.result(context)
+        context.builder([0.0]).add(Waypoint(result.shape))
+        return result
 
     def check(self, plan: Plan, *, progress: OnProgress = None,
               deadline: float | None = None) -> Plan:
         """Return a Plan if it keeps all demands between its waypoints too.
 
-        The path of its `Trajectory` is looked at, all of it: the gripper in the workspace and, if
-        the plan does not mean to touch anything, the DLO beside the sheets around the cut-outs and
-        the obstacles. Every plan made here was; one that was joined or shortened has another path.
+        The whole path of its `Trajectory` is checked: the gripper stays in the workspace and, if
+        the plan does not mean to touch anything, the DLO stays clear of the obstacles and of the
+        sheets around the cut-outs. Plans made here have been checked; a plan that was concatenated
+        or truncated has another path.
 
         Parameters
         ----------
@@ -162,7 +165,7 @@ class InverseSimulator(Shorthands):
 
     def _context(self, task: Task, start: Pose | None, initial: Shape | None,
                  requirements: Requirements, progress: OnProgress) -> PlanContext:
-        """Return the PlanContext of a task; judge what does not belong to the task itself."""
+        """Return the PlanContext of a task; check the arguments that are not part of the task."""
         instance('start', start, Pose, optional=True)
         instance('initial', initial, Shape, optional=True)
         if initial is not None and not task.takes_initial:

@@ -101,7 +101,7 @@ def borne(system, q, tolerance, exact, previous):
         tolerance: of the residual; exact: of gaps, m
         previous: as of `constrained_newton`
     """
-    there, here, before = system, q.copy(), np.inf
+    loaded, unknowns, before = system, q.copy(), np.inf
     if not _bears(system.effects.contact.contacts):
         return False, q, system, 0
     begin = new_state(system)
@@ -109,32 +109,32 @@ def borne(system, q, tolerance, exact, previous):
     _place(system, begin)
     state, hessian = begin, new_hessian(system)
     for steps in range(_STEPS):
-        there, deepest = _loaded(there, state, previous)
-        state, residual, table, violation = truth(there, here)
+        loaded, deepest = _loaded(loaded, state, previous)
+        state, residual, table, violation = truth(loaded, unknowns)
         if table.gap.size == 0:
             break
         normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
         for a in range(table.gap.size):
             if table.rubbing[a] >= 0:
-                shear[a] = state.attached.force[table.rubbing[a]]
+                shear[a] = state.attached.force[table.rubbing[a]]  # type: ignore[union-attr]
         if residual < tolerance and violation < exact:
-            put_forces(there, table, normal, shear)
+            put_forces(loaded, table, normal, shear)
             outside = (deepest > -_DEEP * np.sum(system.lengths)
                        and not blocks(system.effects, system, begin, state))
-            return outside, here, there, steps
+            return outside, unknowns, loaded, steps
         wrong = max(residual / tolerance, violation / exact)
         if steps >= _GRACE and not wrong < _FALLS * before:
             break
         before = wrong
-        step = np.empty_like(here)
+        step = np.empty_like(unknowns)
         # near the end the factorization before is as good; what slides turns its friction
         fresh = steps == 0 or residual > _NEAR or np.max(table.rubbing) >= 0
-        if not lawful(there, state, table, hessian, fresh, normal, shear, step):
+        if not lawful(loaded, state, table, hessian, fresh, normal, shear, step):
             break
-        put_forces(there, table, normal, shear)
-        here += step
-        state.q[:] = here
-        _place(there, state)
+        put_forces(loaded, table, normal, shear)
+        unknowns += step
+        state.q[:] = unknowns
+        _place(loaded, state)
     return False, q, system, _STEPS
 
 
@@ -152,17 +152,17 @@ def correction(system, strains, positions):
         twice[e] = strains[e // 2]
     unknowns_of(system, twice, state.q)
     _place(system, state)
-    there, _ = _loaded(system, state, np.zeros((0, 6)))
-    state, _, table, _ = truth(there, state.q)
+    loaded, _ = _loaded(system, state, np.zeros((0, 6)))
+    state, _, table, _ = truth(loaded, state.q)
     normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
     step = np.zeros_like(state.q)
-    if table.gap.size == 0 or not lawful(there, state, table, new_hessian(system),
+    if table.gap.size == 0 or not lawful(loaded, state, table, new_hessian(system),
                                          table.gap.size > 0, normal, shear, step):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf
     state.q[:] += step
-    _place(there, state)
+    _place(loaded, state)
     farthest = 0.0
     for k in range(positions.shape[0]):
         away = 0.0
@@ -202,12 +202,12 @@ def _loaded(system, state, previous):
     What has none does not push, however deep it is. Friction is that of the contacts there. Also
     returned is the least gap, m, of the nodes that do not push.
     """
-    known = system.effects.contact.contacts
-    contacts = _of_stiffness(known, 0.0, known.node.copy(), known.multiplier.copy())
+    given = system.effects.contact.contacts
+    contacts = _of_stiffness(given, 0.0, given.node.copy(), given.multiplier.copy())
     if len(previous):
         contacts = with_friction(system, contacts, state, previous)
-    scene, k, lengths = system.effects.contact.scene, known.stiffness, system.lengths
-    x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths
+    x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     deepest = np.inf
     for o in range(scene.kind.size):
         if is_face(scene, o):
@@ -217,7 +217,7 @@ def _loaded(system, state, previous):
         node = max(1, begin)
         while node <= end:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
-                           bend)
+                           hessian)
             if contacts.node[o, node] <= 0.0:
                 deepest = min(deepest, gap)
             contacts.node[o, node] = _pushing(contacts.node[o, node], k * gap)
@@ -225,7 +225,7 @@ def _loaded(system, state, previous):
     for c in range(contacts.element.size):
         if contacts.obstacle[c] >= 0:
             gap, _, _ = watched(scene, contacts, c, lengths, state.strains, state.rotations,
-                                state.positions, normal, bend)
+                                state.positions, normal, hessian)
             contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap)
     contacts = _of_stiffness(contacts, k, contacts.node, contacts.multiplier)
     return touching_system(system, contacts, scene), deepest

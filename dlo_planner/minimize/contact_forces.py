@@ -37,12 +37,12 @@ def move_multipliers(system, state, table, share):
             shear[a] = state.attached.force[table.rubbing[a]]
     used = share > 0.0 and table.gap.size > 0
     if used:
-        wanted, across = normal.copy(), shear.copy()
-        used = lawful(system, state, table, new_hessian(system), used, wanted, across,
+        target, across = normal.copy(), shear.copy()
+        used = lawful(system, state, table, new_hessian(system), used, target, across,
                       np.empty_like(state.q))
         if used:
             for a in range(table.gap.size):
-                normal[a] += share * (wanted[a] - normal[a])
+                normal[a] += share * (target[a] - normal[a])
                 for i in range(3):
                     shear[a, i] += share * (across[a, i] - shear[a, i])
     put_forces(system, table, normal, shear)

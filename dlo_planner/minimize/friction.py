@@ -34,23 +34,23 @@ def with_friction(system: System, contacts: Contacts, state: State, previous: Fl
     rubs = scene.friction[table.obstacle] > 0.0
     for a in range(rubs.size):
         c = table.inside[a]
-        known = (contacts.multiplier[c] if c >= 0
+        bound = (contacts.multiplier[c] if c >= 0
                  else contacts.node[table.obstacle[a], table.element[a] + 1])
-        table.force[a] = min(table.force[a], _GROWTH * known)
-        rubs[a] &= known > 0.0
+        table.force[a] = min(table.force[a], _GROWTH * bound)
+        rubs[a] &= bound > 0.0
     count = np.sum(rubs)
     anchors, shears = np.empty((count, 3)), np.zeros((count, 3))
     limits = scene.friction[table.obstacle[rubs]] * table.force[rubs]
     elements, fractions = table.element[rubs], table.fraction[rubs]
     obstacles, normals = -1 - table.obstacle[rubs], table.normal[rubs]
-    here, there = np.empty(3), np.empty(3)
+    place, former = np.empty(3), np.empty(3)
     for p in range(count):
-        _before(system, state, previous, elements[p], fractions[p], here)
-        anchors[p] = here
+        _before(system, state, previous, elements[p], fractions[p], place)
+        anchors[p] = place
         c = _known(contacts, obstacles[p], elements[p], fractions[p])
         if c >= 0:
-            _before(system, state, previous, contacts.element[c], contacts.fraction[c], there)
-            anchors[p] += contacts.anchor[c] - there
+            _before(system, state, previous, contacts.element[c], contacts.fraction[c], former)
+            anchors[p] += contacts.anchor[c] - former
             _cut(contacts.shear[c], normals[p], limits[p], shears[p])
     kept = contacts.obstacle >= 0
     return with_contacts_of(

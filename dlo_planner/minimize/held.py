@@ -68,18 +68,18 @@ def held_newton(system: System, q: Floats, tolerance: float, exact: float,
     """
     kicks = iterations = 0
     while True:
-        found = held_descent(system, q, tolerance, exact, max_iterations - iterations, check)
-        iterations += found.iterations
-        steady = not check or found.stability > -HELD_NEUTRAL
+        descent = held_descent(system, q, tolerance, exact, max_iterations - iterations, check)
+        iterations += descent.iterations
+        steady = not check or descent.stability > -HELD_NEUTRAL
         if steady or iterations >= max_iterations or kicks >= _MOST_KICKS:
             break
-        kicked = kick(system, found.state, found.mode)
+        kicked = kick(system, descent.state, descent.mode)
         if kicked is None:
             break
         kicks += 1
         q = kicked
-    return Minimum(found.state, found.residual, found.stability, iterations, kicks, system,
-                   found.violation)
+    return Minimum(descent.state, descent.residual, descent.stability, iterations, kicks, system,
+                   descent.violation)
 
 
 def held_descent(system: System, q: Floats, tolerance: float, exact: float,
@@ -103,9 +103,9 @@ def led(system: System, q: Floats, bases: Floats, targets: Floats, axes: Floats,
     length = np.sum(system.lengths)
     most, never = int(_PER_PART), length < 0.0  # literals would be compiled for by themselves
     for part in range(bases.shape[0]):
-        there = regripped_system(system, bases[part], moved_hold(
+        regripped = regripped_system(system, bases[part], moved_hold(
             system.effects.hold, targets[part], axes[part], rows[part]))
-        state, residual, _, _, _, missed = descend_held(there, q, _ROUGH, _ROUGH * length,
+        state, residual, _, _, _, missed = descend_held(regripped, q, _ROUGH, _ROUGH * length,
                                                         most, never)
         if not missed <= _LEFT * length:
             return q, part

@@ -43,9 +43,8 @@ def constrained_newton(system: System, q: Floats, tolerance: float, max_iteratio
         from which friction counts. (0, 6) if there is no step before.
     """
     if obstructed(system.contact):
-        *found, settled, violation = touch_down(system, q, _COARSER * tolerance, exact,
-                                                max_iterations, check, previous)
-        return Minimum(*found, system=settled, violation=violation)
+        end = touch_down(system, q, _COARSER * tolerance, exact, max_iterations, check, previous)
+        return Minimum(*end)
     if holds(system.hold) or hinged(system):
         return held_newton(system, q, tolerance, exact, max_iterations, check)
     return newton(system, q, tolerance, max_iterations, check)
@@ -66,9 +65,9 @@ def carried_newton(system: System, start: tuple[Floats, Bools, Floats, Floats], 
     tolerance, max_iterations, exact, previous
         As of `constrained_newton`.
     """
-    goes_on, *found, settled, violation = bear_on(system, *start, _COARSER * tolerance, exact,
-                                                  max_iterations, previous)
-    return Minimum(*found, system=settled, violation=violation) if goes_on else None
+    goes_on, *end = bear_on(system, *start, _COARSER * tolerance, exact, max_iterations,
+                            previous)
+    return Minimum(*end) if goes_on else None
 
 
 def firm(system: System, state: State) -> System:
@@ -91,7 +90,7 @@ def _keep_forces(system: System, state: State, more: float) -> None:
     """
     scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
     k = contacts.stiffness
-    x, normal, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
         if is_face(scene, o):
             continue
@@ -100,7 +99,7 @@ def _keep_forces(system: System, state: State, more: float) -> None:
         node = max(1, begin)
         while node <= end:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
-                           bend)
+                           hessian)
             if contacts.node[o, node] > k * gap:
                 contacts.node[o, node] += more * gap
             node = next_touching(system.lengths, contacts.node[o], node, gap * longest)
@@ -108,11 +107,11 @@ def _keep_forces(system: System, state: State, more: float) -> None:
         e = contacts.element[c]
         if contacts.obstacle[c] >= 0:
             gap, _, _ = watched(scene, contacts, c, system.lengths, state.strains,
-                                state.rotations, state.positions, normal, bend)
+                                state.rotations, state.positions, normal, hessian)
             if contacts.multiplier[c] > k * gap:
                 contacts.multiplier[c] += more * gap
             continue
         point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
-                     contacts.fraction[c], bend, x)
+                     contacts.fraction[c], hessian, x)
         if trial_force(contacts, c, x, normal) <= contacts.multiplier[c]:  # it sticks
             contacts.shear[c] -= more / k * (normal - contacts.shear[c])

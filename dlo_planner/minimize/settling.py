@@ -52,14 +52,14 @@ def touch_down(system, q, tolerance, exact, max_iterations, check, previous):
     """Do as `settle` does, but seek shape and forces at once before, where the DLO bears."""
     steps = 0
     if not is_held(system) and max_iterations > _ON_A_WAY:
-        found, start, there, steps = borne(system, q, tolerance, exact, previous)
-        if found:
-            state, residual, stability, iterations, kicks, there, violation = settle(
-                there, start, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
+        bears, start, loaded, steps = borne(system, q, tolerance, exact, previous)
+        if bears:
+            state, residual, stability, iterations, kicks, loaded, violation = settle(
+                loaded, start, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
             steps += iterations
-            if kicks == 0 and _rests(there, state, residual, stability, violation, tolerance,
+            if kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
                                      exact):
-                return state, residual, stability, steps, kicks, there, violation
+                return state, residual, stability, steps, kicks, loaded, violation
     state, residual, stability, iterations, kicks, system, violation = settle(
         system, q, tolerance, exact, max_iterations, check, previous, _ROUNDS)
     return state, residual, stability, iterations + steps, kicks, system, violation
@@ -74,13 +74,13 @@ def bear_on(system, base, slid, strains, twist, tolerance, exact, max_iterations
     """
     follows, q = carried(system, base, slid, strains, twist)
     if follows:
-        found, q, there, steps = borne(system, q, tolerance, exact, previous)
-        if found:
-            state, residual, stability, iterations, kicks, there, violation = settle(
-                there, q, tolerance, exact, min(_SOON, max_iterations), found, previous, _FEW)
-            found = kicks == 0 and _rests(there, state, residual, stability, violation, tolerance,
+        bears, q, loaded, steps = borne(system, q, tolerance, exact, previous)
+        if bears:
+            state, residual, stability, iterations, kicks, loaded, violation = settle(
+                loaded, q, tolerance, exact, min(_SOON, max_iterations), bears, previous, _FEW)
+            bears = kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
                                           exact)
-            return found, state, residual, stability, iterations + steps, kicks, there, violation
+            return bears, state, residual, stability, iterations + steps, kicks, loaded, violation
     return False, new_state(system), np.inf, np.nan, 0, 0, system, np.inf
 
 
@@ -106,16 +106,16 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
     stiffer, held = 1.0, is_held(system)
     stability, judged, final = np.nan, False, False
     for _ in range(rounds):
-        state, left, made, contacts, new = _round(system, q, tolerance, exact,
-                                                  min(_PATIENCE, max_iterations - iterations),
-                                                  previous)
+        state, left, steps, contacts, new = _round(system, q, tolerance, exact,
+                                                   min(_PATIENCE, max_iterations - iterations),
+                                                   previous)
         news = news + 1 if new or left > _SHORT * tolerance else 0
-        iterations += made
+        iterations += steps
         q = state.q
         system = touching_system(system, contacts, system.effects.contact.scene)
         state, residual, table, violation = truth(system, q)
         violation = max(violation, _off_its_grip(system, state))
-        enough = residual < max(tolerance * (_COARSER if made else _STALLED),
+        enough = residual < max(tolerance * (_COARSER if steps else _STALLED),
                                 gradient_noise(system, state))
         good = violation < exact and enough
         if iterations >= max_iterations or good and not check:
@@ -159,15 +159,15 @@ def _round(system, q, tolerance, exact, most, previous):
     """
     never = most < 0  # literals would be compiled for by themselves
     if is_held(system):
-        state, residual, _, made, _, _ = descend_held(system, q, tolerance, exact, most, never)
+        state, residual, _, steps, _, _ = descend_held(system, q, tolerance, exact, most, never)
     else:
-        state, residual, _, made, _, _ = leashed_descent(system, q, tolerance, most, never,
-                                                         no_leash())
+        state, residual, _, steps, _, _ = leashed_descent(system, q, tolerance, most, never,
+                                                          no_leash())
     contacts, new = watching(system, state)
     # Without a past it has slid to where it needs no friction; on its way it keeps what it has.
     if len(previous) and residual <= _SHORT * tolerance:
         contacts = with_friction(system, contacts, state, previous)
-    return state, residual, made, contacts, new
+    return state, residual, steps, contacts, new
 
 
 @kernel

@@ -76,7 +76,7 @@ def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) ->
     value = np.empty((3, most))
     normals, arms = np.empty((most, 3)), np.zeros((most, 3))
     count = 0
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     offset, rotation, place = np.zeros(2), np.empty((3, 3)), np.empty(3)
     for o in range(scene.kind.size):
         if is_face(scene, o):
@@ -87,7 +87,7 @@ def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) ->
         while node <= end:
             offset[:] = 0.0
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
-                           bend)
+                           hessian)
             force = contacts.node[o, node] - k * gap
             if force > 0.0:
                 index[0, count], index[1, count], index[2, count] = o, node - 1, -1
@@ -101,7 +101,7 @@ def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) ->
         if o < 0:
             continue
         gap, e, fraction = watched(scene, contacts, c, lengths, state.strains, state.rotations,
-                                   state.positions, normal, bend)
+                                   state.positions, normal, hessian)
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             index[0, count], index[1, count], index[2, count] = o, e, c
@@ -111,7 +111,7 @@ def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) ->
             point_inside(lengths, state.strains, state.rotations, state.positions, e, fraction,
                          rotation, place)
             offset[:] = 0.0
-            gap_at(scene, o, rotation, place, 0.0, offset, x, normal, bend)
+            gap_at(scene, o, rotation, place, 0.0, offset, x, normal, hessian)
             _fill_arm(rotation, offset, arms[count])
             count += 1
     for a in range(count):

@@ -94,12 +94,12 @@ def _taken_from_nodes(system, e, o):
 def _rolled_to(system, state):
     """Return the elements (C,) in which the Contacts' points are at `state`, and plus fractions."""
     scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
-    at, normal, bend = contacts.element.copy(), np.empty(3), np.empty((3, 3))
+    at, normal, hessian = contacts.element.copy(), np.empty(3), np.empty((3, 3))
     places = np.zeros(at.size)
     for c in range(at.size):
         if contacts.obstacle[c] >= 0:
             _, at[c], fraction = watched(scene, contacts, c, system.lengths, state.strains,
-                                         state.rotations, state.positions, normal, bend)
+                                         state.rotations, state.positions, normal, hessian)
             places[c] = at[c] + fraction
     return at, places
 
@@ -140,10 +140,10 @@ def _points_inside(system, state, places):
     n, pushed = system.lengths.size, system.effects.contact.contacts.node
     sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
     longest = np.max(system.lengths)
-    found = np.empty((n * scene.kind.size, 2), dtype=np.int64)
+    points = np.empty((n * scene.kind.size, 2), dtype=np.int64)
     fixed, hugs = np.zeros(n * scene.kind.size), np.zeros(n, dtype=np.bool_)
     count = 0
-    x, normal, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
     nobody = np.zeros(n + 1)
     gaps, normals, offsets = np.empty(n + 1), np.empty((n + 1, 3)), np.empty((n + 1, 2))
@@ -155,7 +155,7 @@ def _points_inside(system, state, places):
         k = begin
         while k <= end:
             gaps[k] = node_gap(scene, o, k, state.rotations, state.positions, offset, point,
-                               normals[k], bend)
+                               normals[k], hessian)
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
         for e in range(begin, end if system.basis.shape[1] == 0 else begin):
@@ -168,11 +168,11 @@ def _points_inside(system, state, places):
             if scene.feature[o] == NODE_FACE:
                 if gaps[e + 1] < 0.5 * system.lengths[e] and _rounds(
                         scene, o, sag, state.rotations[e + 1], state.positions[e + 1]):
-                    found[count, 0], found[count, 1] = e, o
+                    points[count, 0], points[count, 1] = e, o
                     count += 1
                 continue
             if hugs[e]:
-                found[count, 0], found[count, 1], fixed[count] = e, o, _MIDDLE
+                points[count, 0], points[count, 1], fixed[count] = e, o, _MIDDLE
                 count += 1
             if (hugs[e] or e > 0 and hugs[e - 1] and _presses(system, o, e, gaps)
                     or e + 1 < n and hugs[e + 1] and _presses(system, o, e + 1, gaps)):
@@ -183,20 +183,20 @@ def _points_inside(system, state, places):
                               normals[e + 1]) <= grows):
                 continue
             gap, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
-                                           state.rotations, state.positions, normal, bend)
+                                           state.rotations, state.positions, normal, hessian)
             if gap >= 0.5 * system.lengths[e]:
                 continue
             point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
                          fraction, rotation, x)
-            gap_at(scene, o, rotation, x, 0.0, offset, point, normal, bend)
+            gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
             if scene.feature[o] == FACE and not _rounds(scene, o, sag, rotation, x):
                 continue
-            _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, bend)
+            _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, hessian)
             sharp = curve * system.lengths[e] ** 2 > _SHARP * sag or gap < near - sag
             if sharp or gap < near - level and not _lies(pushed[o], gaps, e):
-                found[count, 0], found[count, 1] = e, o
+                points[count, 0], points[count, 1] = e, o
                 count += 1
-    return found[:count], fixed[:count]
+    return points[:count], fixed[:count]
 
 
 @kernel
@@ -227,9 +227,9 @@ def _hugs(system, state, o, e, gaps, places):
             old = c
     if old < 0 and not (first and second):
         return False
-    normal, bend = np.empty(3), np.empty((3, 3))
+    normal, hessian = np.empty(3), np.empty((3, 3))
     middle = gap_inside(scene, o, e, _MIDDLE, system.lengths, state.strains,
-                        state.rotations, state.positions, normal, bend)
+                        state.rotations, state.positions, normal, hessian)
     curved = 4.0 * (gaps[e] - 2.0 * middle + gaps[e + 1])  # of the gap, times the length squared
     if abs(curved) > _SNUG * system.lengths[e]:
         return False
@@ -290,10 +290,10 @@ def _slope(rotation, strain, offset, normal):
 @kernel
 def _rounds(scene, o, sag, rotation, position):
     """Whether an obstacle is nearest between the edges of a section, and sharply so."""
-    offset, point, normal, bend = np.zeros(2), np.empty(3), np.empty(3), np.empty((3, 3))
+    offset, point, normal, hessian = np.zeros(2), np.empty(3), np.empty(3), np.empty((3, 3))
     moves, curves = np.empty((3, 3)), np.empty((3, 3))
-    gap_at(scene, o, rotation, position, 0.0, offset, point, normal, bend)
-    if sliding(scene, o, False, rotation, normal, offset, normal, bend, moves, curves) == 0:
+    gap_at(scene, o, rotation, position, 0.0, offset, point, normal, hessian)
+    if sliding(scene, o, False, rotation, normal, offset, normal, hessian, moves, curves) == 0:
         return False
     half = abs(scene.offset[o, 0 if abs(offset[0]) < scene.offset[o, 0] else 1])
     return curves[0, 0] * half**2 > 8 * sag

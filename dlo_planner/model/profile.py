@@ -65,7 +65,8 @@ class Profile(Value):
         width = np.diff(self.edges)
         powers = np.einsum('ij,mjk->imk', _POWERS, self.values)
         powers = powers / width[None, :, None] ** np.arange(_POINTS)[:, None, None]
-        return PPoly(powers[::-1], self.edges).antiderivative()
+        edges = np.array(self.edges)  # SciPy 1.11 takes no read-only array here
+        return PPoly(powers[::-1], edges).antiderivative()
 
     @cached_property
     def _second(self) -> PPoly:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dlo_planner.direct.history import History
-from dlo_planner.direct.integrator import Course, Scheme
+from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.statics import TOLERANCE
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.minimize.methods import approximate
@@ -39,8 +39,8 @@ class Moving(NamedTuple):
     """
 
     stepper: Shared
-    nodes: Course
-    bends: Course
+    nodes: KinematicState
+    bends: KinematicState
     history: History
     place: float
     scheme: Scheme

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.accuracy import step
+from dlo_planner.direct.one_step import step
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.pose import Pose
@@ -138,7 +138,7 @@ def _meet(before: Found, after: Found) -> bool:
     if not np.array_equal(last.gripper.position, first.gripper.position):
         return False  # the last shapes of the part before have failed
     if not np.array_equal(last.s, first.s):
-        first, _ = step(last.state.made_on, last.gripper, first, None, None)
+        first, _ = step(last.state.made_on, last.gripper, first)
     return bool(first.converged
                 and np.abs(last.positions - first.positions).max() <= _SAME * last.s[-1]
                 and np.abs(last.frames - first.frames).max() <= _SAME)

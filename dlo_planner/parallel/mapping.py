@@ -38,13 +38,10 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     simulator : DirectSimulator
     work : iterable of object
         Sequence of Pose: each by itself, the same bit for bit as `simulator.solve(pose)`; or
-        sequence of motions, each a sequence of Pose that is followed like `simulator.track(poses)`.
-        A motion of more than `chunk` + 1 poses is cut into parts, where the DLO neither yields nor
-        touches with friction. A part begins with a shape that was found from the natural one, or
-        among obstacles with one that was followed on a coarse motion. Where that is not the one in
-        which the part before it ends, the part is followed again from there. The equilibria and
-        jumps are those of `track`; their numbers differ by what the solver leaves open (1e-5 of the
-        length at a seam at most).
+        sequence of motions, each a sequence of Pose that is followed like `simulator.track(poses)`,
+        in parts of `chunk` poses (`parallel.chains`) where the DLO neither yields nor touches with
+        friction: the equilibria and jumps are those of `track`, their numbers differ by what the
+        solver leaves open (1e-5 of the length at a seam at most).
     executor : Workers, optional
         `concurrent.futures.Executor`: threads, processes, or a cluster's (extra `[cluster]`:
         `dask.distributed.Client(...).get_executor()`); a function that makes one, which is closed

@@ -24,17 +24,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.continuation import LONGEST_TURN, fell
 from dlo_planner.direct.grips import poses
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.moving import Prescribed, motion_by
+from dlo_planner.direct.one_step import past_of
 from dlo_planner.direct.setup import made_by
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Instant, Stepper
+from dlo_planner.direct.stepping import Stepper
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.energy.system import System
 from dlo_planner.errors import InvalidTask
@@ -95,12 +96,8 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
     instance('simulator', simulator, DirectSimulator)
     checked(executor)
     tasks = 1 if tasks is None else integer('tasks', tasks, minimum=1, maximum=_MOST_TASKS)
-    steps = Progress(progress, deadline)
-    grippers = poses(grippers)
-    instance('initial', initial, (Shape, Motion), optional=True)
-    at_first = initial if isinstance(initial, Shape) else None
-    if dt is None and isinstance(initial, Motion):
-        raise InvalidTask(f'initial = {initial!r}: expected a Shape where dt is None')
+    steps, grippers = Progress(progress, deadline), poses(grippers)
+    at_first = _first_shape(initial, dt)
     if dt is not None:
         dt = number('dt', dt, above=0)
     alone = any(getattr(simulator.surroundings, name) for name in _NO_MATTER)
@@ -116,6 +113,14 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
         make = partial(AheadStepper, rounds, len(grippers) - 1)
         return motion_by(make, simulator, Prescribed(grippers, dt, initial, None, velocity,
                                                      tolerance, integrator), steps)
+
+
+def _first_shape(initial: Shape | Motion | None, dt: float | None) -> Shape | None:
+    """Return `initial` if it is a Shape, else None; raise InvalidTask if it makes no sense."""
+    instance('initial', initial, (Shape, Motion), optional=True)
+    if dt is None and isinstance(initial, Motion):
+        raise InvalidTask(f'initial = {initial!r}: expected a Shape where dt is None')
+    return initial if isinstance(initial, Shape) else None
 
 
 def _work(shape: Shape) -> int:
@@ -137,6 +142,7 @@ class AheadStepper(Stepper):
 
     def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
         super().__init__(*more)
+        self.swings = False
         self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
 
     def _step(self, before: Instant, place: float, scheme: Scheme, patience: int) -> Instant:

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Gripper poses, the shapes they make, and what a plan has to keep."""
+"""Plans: gripper poses and the shapes of the DLO, and the demands on them."""

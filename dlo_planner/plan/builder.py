@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A plan in the making: it keeps all demands, or is refused with what it breaks.
+"""A plan in the making: it keeps all demands, or is refused with the violated one.
 
-Each waypoint is judged when it is added, the way between them when the plan is complete.
+Each waypoint is checked when it is added, the path between them when the plan is complete.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -18,10 +19,11 @@ from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.surface import Surface
+from dlo_planner.plan.assembly import build_plan, truncate
 from dlo_planner.plan.between import violation_between
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan, PlanStatus, build_plan, truncate
+from dlo_planner.plan.plan import Plan, PlanStatus
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
@@ -29,7 +31,7 @@ from dlo_planner.progress import Progress
 
 @dataclass(frozen=True)
 class PlanRequirements:
-    """What a plan has to keep, whatever the task.
+    """The demands on a plan, for every task.
 
     Attributes
     ----------
@@ -48,7 +50,7 @@ class PlanRequirements:
         yield, 1/m, or None where it may.
     simulator : DirectSimulator or None
         DirectSimulator without obstacles that finds the DLO's shapes between the waypoints. If
-        None, the DLO is looked at at the waypoints only.
+        None, the DLO is checked at the waypoints only.
     tolerance : float or None
         Largest position error of a waypoint, m. If None, any.
     """
@@ -80,7 +82,7 @@ class PlanRequirements:
         return self.simulator if self.simulator is None or simulator is None else simulator
 
     def violation(self, waypoint: Waypoint) -> tuple[str, float, str] | None:
-        """Return None, or the constraint that a Waypoint breaks, by how much, and in words."""
+        """Return constraint, amount and words of the demand that a Waypoint breaks, or None."""
         shape = waypoint.shape
         if self.workspace is not None:
             name, room = self.workspace.min_margin(shape.gripper)
@@ -117,10 +119,10 @@ def utilization(shape: Shape, yield_limits: Floats) -> float:
 
 
 def yield_shares(shape: Shape, yield_limits: Floats) -> Floats:
-    """Return (N_L,) the strains since the stress-free shape as a part of what yields.
+    """Return (N_L,) the strains since the stress-free shape as a part of the yield limits.
 
-    Curvature counts by the ellipse of its two thresholds, that of a rectangle by what its corners
-    are strained; torsion by itself.
+    Curvature counts by the ellipse of its two limits, of a rectangle by the strain of its corners;
+    torsion counts separately.
 
     Parameters
     ----------
@@ -139,9 +141,9 @@ class PlanBuilder:
 
     Parameters
     ----------
-    depths : ndarray, shape (n,)
+    depths : array_like, shape (n,)
         Depths of the waypoints wanted, m.
-    brief : PlanRequirements
+    demands : PlanRequirements
         PlanRequirements.
     what : str, optional
         How a waypoint is called in a refusal.
@@ -151,11 +153,12 @@ class PlanBuilder:
         Indices of waypoints at which the gripper stops.
     """
 
-    def __init__(self, depths: Floats, brief: PlanRequirements, what: str = 'waypoint',
+    def __init__(self, depths: ArrayLike, demands: PlanRequirements, what: str = 'waypoint',
                  initial: Shape | None = None, stops: Iterable[int] = ()) -> None:
         self.waypoints: list[Waypoint] = []
         self._initial, self._stops = initial, stops
-        self._depths, self._brief, self._what = depths, brief, what
+        self._depths: Floats = np.asarray(depths, dtype=float)
+        self._demands, self._what = demands, what
 
     @property
     def last(self) -> Shape | None:
@@ -170,11 +173,11 @@ class PlanBuilder:
 
     def add(self, waypoint: Waypoint) -> None:
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""
-        broken = self._brief.violation(waypoint)
+        broken = self._demands.violation(waypoint)
         if broken is not None:
             raise self.refusal(*broken)
         self.waypoints.append(waypoint)
-        self._brief.progress.done(len(self.waypoints), len(self._depths))
+        self._demands.progress.done(len(self.waypoints), len(self._depths))
 
     def refusal(self, constraint: str, amount: float, why: str) -> Infeasible:
         """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
@@ -185,7 +188,7 @@ class PlanBuilder:
         """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
         plan = self._plan(PlanStatus.COMPLETE)
         known = [room if np.isfinite(room) else None for room in plan.clearance]
-        return kept_between(plan, self._brief, self._what, known)
+        return kept_between(plan, self._demands, self._what, known)
 
     def partial(self) -> Plan:
         """Return the Plan so far, as evidence."""
@@ -193,10 +196,10 @@ class PlanBuilder:
 
     def _plan(self, status: PlanStatus) -> Plan:
         stops = tuple(stop for stop in self._stops if stop < len(self.waypoints))
-        return build_plan(self.waypoints, self._depths, self._brief.speeds, status, stops)
+        return build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops)
 
 
-def kept_between(plan: Plan, brief: PlanRequirements, what: str = 'waypoint',
+def kept_between(plan: Plan, demands: PlanRequirements, what: str = 'waypoint',
                  known: Sequence[float | None] | None = None) -> Plan:
     """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory.
 
@@ -212,11 +215,11 @@ def kept_between(plan: Plan, brief: PlanRequirements, what: str = 'waypoint',
     Infeasible
         It does not; the waypoint is the one to which the gripper is going.
     """
-    looked_at = brief.workspace is not None or brief.simulator is not None and (
-        plan.sheets or brief.obstacles)
+    looked_at = demands.workspace is not None or demands.simulator is not None and (
+        plan.sheets or demands.obstacles)
     if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:
         return plan
-    broken = violation_between(GripperPath.of(plan), plan.shapes, plan.sheets, brief, known)
+    broken = violation_between(GripperPath.of(plan), plan.shapes, plan.sheets, demands, known)
     if broken is None:
         return plan
     raise _refusal(what, broken.waypoint, plan.depths,

@@ -21,7 +21,6 @@ from dlo_planner.energy.outline import (
     stretch,
     taper,
 )
-from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, Scene, build_scene
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
@@ -279,42 +278,3 @@ def _room_in_plane(scene: Scene, o: int, x: Floats) -> Any:
         z += scene.axes[o, i, 2] * away
     gap, _ = in_plane(scene, o, y, z, np.empty(2))
     return gap
-
-
-def nearest(scene: Scene, shape: Shape) -> list[tuple[float, float, Floats]]:
-    """Return [(gap in m, arc length in m, unit normal (3,))] of the DLO's nearest points.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene of `energy.distance.build_scene` for a round DLO, one entry per body.
-    shape : Shape
-    """
-    s = np.array(shape.s)
-    return [_nearest(scene, o, s, *shape.for_kernels) for o in range(scene.kind.size)]
-
-
-@kernel
-def _nearest(scene: Scene, o: int, s: Floats, lengths: Floats, strains: Floats, rotations: Floats,
-             positions: Floats) -> tuple[float, float, Floats]:
-    x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
-    offset, last = np.zeros(2), np.empty(3)
-    smallest, where = np.inf, 0.0
-    begin, end = nodes_of(scene, o, positions.shape[0] - 1)
-    for k in range(begin, end + 1):
-        gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
-        if gap < smallest:
-            smallest, where = gap, s[k]
-            normal[:] = slope
-        if k > begin:
-            grows = taper(scene, o, k - 1) / lengths[k - 1]
-            before = dot(last, rotations[k - 1, :, 0]) - grows
-            behind = dot(slope, rotations[k, :, 0]) - grows
-        last[:] = slope
-        if k > begin and before < 0.0 < behind:
-            gap, fraction = nearest_inside(scene, o, k - 1, lengths, strains, rotations, positions,
-                                           slope, bend)
-            if gap < smallest:
-                smallest, where = gap, s[k - 1] + fraction * lengths[k - 1]
-                normal[:] = slope
-    return smallest, where, normal

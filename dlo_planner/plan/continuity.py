@@ -15,6 +15,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.builder import PlanBuilder
 
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
+_STABLE = 0.1  # stability at both ends of a step, without which the DLO may fall between them
 _SAME = 1e-3   # of the length: farther apart, two shapes are not the same
 # What a step of the gripper may be: a constant and a part per depth, both relative to the length.
 # Of 500 random plans 99 % stay below half of the rates; a fold exceeds any.
@@ -36,7 +37,7 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
            length: float) -> float:
     """Return by how much (m) the gripper turns or moves too far for a step; 0 if it does not.
 
-    A turn counts as the way of a point at the DLO's length from the gripper.
+    A turn counts as the displacement of a point at the DLO's length from the gripper.
 
     Parameters
     ----------
@@ -53,9 +54,10 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
 
 
 def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape) -> float:
-    """Return how far (m) a DLO is from `shape` when the gripper goes there, 0 if it gets there.
+    """Return how far (m) the DLO is from `shape` when the gripper goes there; 0 if it takes it.
 
-    The direct simulation decides where the shape changes more than the gripper's turn causes.
+    The direct simulation decides where the shape changes more than the gripper's turn causes, or is
+    hardly stable.
 
     Parameters
     ----------
@@ -70,7 +72,8 @@ def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape
         reached = simulator.solve(shape.gripper)
     else:
         turn = angle_between(before.gripper.rotation, shape.gripper.rotation)
-        if shape_change(before, shape) < _QUIET + turn:
+        if (shape_change(before, shape) < _QUIET + turn
+                and min(before.stability, shape.stability) > _STABLE):
             return 0.0
         reached = simulator.track([shape.gripper], initial=before)[0]
     if reached.converged and not reached.jumped and same(reached, shape):
@@ -98,16 +101,16 @@ def gripper_motion(one: Pose, other: Pose, length: float) -> float:
     return angle_between(one.rotation, other.rotation) + float(shift) / length
 
 
-def refusal_for_leap(simulator: DirectSimulator, draft: PlanBuilder,
+def refusal_for_leap(simulator: DirectSimulator, builder: PlanBuilder,
                      shape: Shape) -> Infeasible | None:
     """Return Infeasible if the next waypoint of a PlanBuilder cannot have this Shape, else None."""
-    away = discontinuity(simulator, draft.last, shape)
+    away = discontinuity(simulator, builder.last, shape)
     if not away:
         return None
-    if not draft.waypoints:
-        why = ('set down there in its natural shape' if draft.last is None
+    if not builder.waypoints:
+        why = ('set down there in its natural shape' if builder.last is None
                else 'brought there from its initial shape')
-        return draft.refusal('start', away, 'a stable shape does the task, but the DLO, '
-                             f'{why}, falls into another one')
-    return draft.refusal('continuity', away, 'the DLO would fall into another shape on the way '
-                         'there; closer waypoints may help')
+        return builder.refusal('start', away, 'a stable shape does the task, but the DLO, '
+                               f'{why}, falls into another one')
+    return builder.refusal('continuity', away, 'the DLO would fall into another shape on the way '
+                           'there; closer waypoints may help')

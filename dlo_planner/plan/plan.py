@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from enum import Enum
 from os import PathLike
 from typing import NamedTuple, overload
@@ -27,11 +27,10 @@ from dlo_planner.pictured import Filmed
 from dlo_planner.plan.passing import Passes, arc_lengths_at, first_center
 from dlo_planner.plan.path import pose_at_arc_length
 from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
-from dlo_planner.plan.timing import times_at_speed
-from dlo_planner.plan.waypoint import Waypoint
 
-_SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
-_STRAIGHT = np.cos(np.deg2rad(5))
+# fields of a Plan with an entry for each waypoint
+PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
+                'via_points', 'clearances')
 
 
 class PlanStatus(Enum):
@@ -73,8 +72,8 @@ class Plan(Filmed):
     shapes : tuple of Shape
         The n shapes, the DLO at each waypoint.
     misalignment : ndarray, shape (n,)
-        Angle between DLO and normal at the cut-out, rad; of a contact against the direction that
-        was asked for.
+        Angle between DLO and normal at the cut-out, rad; of a contact against the requested
+        direction.
     position_error : ndarray, shape (n,)
         Distance of the DLO from the cut-out's center, or that place, m.
     times : ndarray, shape (n,)
@@ -83,8 +82,8 @@ class Plan(Filmed):
         n tuples of (center (3,), s, normal (3,) or None): which arc length should be where.
     clearances : ndarray, shape (n, k, 3)
         Distances in m between the DLO's surface and the sheets around the k cut-outs of the task:
-        at the rim (by so much the cut-out may be displaced), of what is before the sheet, of what
-        is behind it; infinite where a cut-out has no size.
+        at the rim (the cut-out may be displaced by it), of the part before the sheet, of the part
+        behind it; infinite where a cut-out has no size.
     sheets : tuple of (Sheet, ndarray)
         (Sheet, normal (3,)) around each cut-out that has a size.
     fraction : float
@@ -110,7 +109,7 @@ class Plan(Filmed):
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
         n = len(grippers)
-        for name in _PER_WAYPOINT:
+        for name in PER_WAYPOINT:
             if len(items(f'Plan.{name}', getattr(self, name), object)) != n:
                 raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
                                   f'per gripper pose, {n}')
@@ -206,7 +205,7 @@ class Plan(Filmed):
     def velocities(self) -> Floats:
         """(n, 6) linear (m/s) and angular (rad/s) velocity of the gripper, world axes.
 
-        Of the straight way to the next waypoint at even speed; zero at the end.
+        Of the straight motion to the next waypoint at even speed; zero at the end.
         """
         velocities = np.zeros((len(self), 6))
         for k, (one, other) in enumerate(zip(self.grippers, self.grippers[1:], strict=False)):
@@ -220,7 +219,7 @@ class Plan(Filmed):
     def bore_moment(self) -> Floats:
         """(n, 3) moment in N m, world axes, on the DLO at the mouth of the bore that holds it.
 
-        It bends what is inside straight: (0, EI_n k_n, EI_b k_b) in the material frame, k the
+        It bends the part inside straight: (0, EI_n k_n, EI_b k_b) in the material frame, k the
         natural curvature there. nan where nothing is held in a bore.
         """
         return np.array([_straightening(shape) for shape in self.shapes]).reshape(-1, 3)
@@ -250,81 +249,3 @@ def _straightening(shape: Shape) -> Floats:
     moment[0] = 0.0  # its twist is free
     result: Floats = shape.frames[-1] @ moment
     return result
-
-
-def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[float, float],
-               status: PlanStatus, stops: tuple[int, ...] = ()) -> Plan:
-    """Return the Plan of Waypoints at the first of the `depths`; speeds: m/s, rad/s."""
-    grippers = [waypoint.shape.gripper for waypoint in waypoints]
-    return Plan(np.array(depths[:len(waypoints)]), tuple(grippers),
-                tuple(waypoint.shape for waypoint in waypoints),
-                np.array([waypoint.misalignment for waypoint in waypoints]),
-                np.array([waypoint.position_error for waypoint in waypoints]),
-                times_at_speed(grippers, *speeds),
-                tuple(waypoint.via_points for waypoint in waypoints),
-                _padded([waypoint.clearances for waypoint in waypoints]),
-                waypoints[-1].sheets if waypoints else (),
-                len(waypoints) / len(depths), status, stops)
-
-
-def truncate(plan: Plan, count: int, status: PlanStatus) -> Plan:
-    """Return the first `count` waypoints of a Plan, as a plan with another PlanStatus."""
-    part = {name: getattr(plan, name)[:count] for name in _PER_WAYPOINT}
-    return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
-                   else plan.fraction * count / len(plan), status=status,
-                   stops=tuple(stop for stop in plan.stops if stop < count))
-
-
-def concatenate(one: Plan, other: Plan) -> Plan:
-    """Return one Plan that does a Plan and then another, which begins where the first ends.
-
-    The gripper stops between them, unless it goes on in the same direction (within 5 degrees).
-
-    Raises
-    ------
-    InvalidTask
-        The second begins elsewhere than the first ends.
-    """
-    for name, plan in (('one', one), ('other', other)):
-        if not len(instance(name, plan, Plan)):
-            raise InvalidTask(f'{name} = {plan!r}: expected a Plan with a waypoint')
-    apart = np.abs(one.grippers[-1].matrix - other.grippers[0].matrix).max()
-    if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
-        raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
-                          f'{one.grippers[-1]!r}')
-    depths, grippers, shapes, misalignment, errors, times, via_points, clearances = (
-        [*getattr(one, name), *getattr(other, name)[1:]] for name in _PER_WAYPOINT)
-    end = len(one) - 1
-    times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
-    stops = [*one.stops, *(stop + end for stop in other.stops if stop)]
-    if _turns(grippers[max(end - 1, 0):end + 2], shapes[0].s[-1]):
-        stops.append(end)
-    return Plan(np.array(depths), tuple(grippers), tuple(shapes), np.array(misalignment),
-                np.array(errors), np.array(times), tuple(via_points), _padded(clearances),
-                other.sheets or one.sheets,
-                min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))))
-
-
-def _turns(grippers: Sequence[Pose], length: float) -> bool:
-    """Whether the way through three Poses bends; a turn by 1 rad counts as `length`."""
-    ways = [np.concatenate([after.position - before.position, length * Rotation.from_matrix(
-        after.rotation @ before.rotation.T).as_rotvec()])
-        for before, after in zip(grippers, grippers[1:], strict=False)]
-    sizes = [np.linalg.norm(way) for way in ways]
-    return len(ways) == 2 and bool(
-        min(sizes) > 0 and ways[0] @ ways[1] < _STRAIGHT * sizes[0] * sizes[1])
-
-
-_PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
-                 'via_points',
-                 'clearances')
-
-
-def _padded(clearances: Sequence[Sequence[Sequence[float] | Floats] | Floats]) -> Floats:
-    """Return (n, k, 3) of n sequences of at most k entries; infinite where there is none."""
-    most = max((len(rooms) for rooms in clearances), default=0)
-    out = np.full((len(clearances), most, 3), np.inf)
-    for k, rooms in enumerate(clearances):
-        if len(rooms):
-            out[k, :len(rooms)] = rooms
-    return out

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a user requires of a plan, whatever its task."""
+"""The requirements of a user on a plan, for every task."""
 
 from dataclasses import dataclass, field
 
@@ -12,7 +12,7 @@ from dlo_planner.plan.workspace import Workspace
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Requirements(Value):
-    """What every plan has to keep, and how long it may be computed.
+    """The demands on every plan, and the time for its computation.
 
     Attributes
     ----------

@@ -21,7 +21,8 @@ from dlo_planner.model.checks import array, instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
-from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.leg import Leg
+from dlo_planner.plan.path import GripperPath
 
 # Rooms (n,) of places (n, 3), m, and their slopes (n, 3).
 Rooms: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
@@ -121,15 +122,15 @@ class Workspace(Value):
             distance in m beyond it before that waypoint.
         """
         instance('path', path, GripperPath)
-        limits, found = self._limits(), []
+        limits, crossings = self._limits(), []
         for leg in path.legs:
             for name, rooms, sheet in limits:
                 places, least = _least_on(leg, rooms, sheet)
                 beyond = np.flatnonzero(least < 0)
                 if beyond.size:
-                    found.append((path.goal(places[beyond[0]]), name, -float(least[beyond[0]])))
-            if found:
-                return min(found, key=lambda one: (one[0], -one[2]))
+                    crossings.append((path.goal(places[beyond[0]]), name, -float(least[beyond[0]])))
+            if crossings:
+                return min(crossings, key=lambda one: (one[0], -one[2]))
         return None
 
 

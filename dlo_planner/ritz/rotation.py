@@ -10,7 +10,7 @@ import numpy as np
 
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import rotation_and_chord
+from dlo_planner.ritz.arc import jacobians, rotation_and_chord
 from dlo_planner.ritz.matrix3 import Matrix, Vector, put_matrix, times, times_transposed
 
 
@@ -60,3 +60,9 @@ def turn_between(one: Floats, other: Floats) -> Floats:
     """Return the rotation vector (3,), rad, in world axes, from one frame (3, 3) to another."""
     turn = cast(Matrix, tuple((other @ one.T).ravel().tolist()))
     return np.array(rotation_vector(turn), dtype=float)
+
+
+def left_jacobian(v: Floats) -> Floats:
+    """Return (3, 3) the turn of exp(v) per change of v (3,), rad (Bullo and Murray 1995)."""
+    turning, _ = jacobians(float(v[0]), float(v[1]), float(v[2]), 1.0)
+    return np.reshape(turning, (3, 3))

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.steering import Change, Steered
+from dlo_planner.identify.blending import Change
+from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.periods import slowest_period

@@ -21,7 +21,7 @@ _RECENT = 50      # shapes over which rates and latencies are averaged
 _STALE = 30.0     # s that an error stays the headline
 
 
-_REPORTED = {  # figures of a Report
+_REPORTED = {  # figures of a ValidationReport
     'position_error': 'largest miss [m]', 'misalignment': 'largest misalignment [rad]',
     'residual': 'largest residual', 'stability': 'smallest stability',
     'clearance': 'smallest clearance [m]', 'bend_margin': 'smallest bend margin [1/m]',

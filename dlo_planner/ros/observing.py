@@ -24,7 +24,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.spread import Spread
+from dlo_planner.verify.uncertainty import Uncertainty
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz
 _ABOUT = 0.25        # s before and after a stamp: of which speed and acceleration are told
@@ -46,8 +46,8 @@ class Seeing:
 
     Attributes
     ----------
-    spread : Spread
-        Spread, of the DLO and of how the gripper holds it.
+    spread : Uncertainty
+        Uncertainty, of the DLO and of how the gripper holds it.
     noise, bias, outliers, sway : float
         See `Observer`.
     cutout : float
@@ -64,7 +64,7 @@ class Seeing:
         Largest correction in m: a plan that is farther off has to be made anew.
     """
 
-    spread: Spread = field(default_factory=Spread)
+    spread: Uncertainty = field(default_factory=Uncertainty)
     noise: float = 1e-3
     bias: float = 0.0
     outliers: float = 0.1

@@ -13,7 +13,7 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.proving import ProcessLost
 from dlo_planner.ros.scene import Scene
-from dlo_planner.verify.replay import Report
+from dlo_planner.verify.report import ValidationReport
 
 DONE = ('held', 'refused')  # states of a proof that has no step left
 _CHECKED = 'the plan is still being checked: ask again'
@@ -28,8 +28,8 @@ class Proof:
     Attributes
     ----------
     plan : Plan
-    report : Report or None
-        Report, of the last step that was done, or None.
+    report : ValidationReport or None
+        ValidationReport, of the last step that was done, or None.
     reason : str
         Why its trajectory must not be executed; empty: it may be.
     done : bool
@@ -39,7 +39,7 @@ class Proof:
     """
 
     plan: Plan
-    report: Report | None = None
+    report: ValidationReport | None = None
     reason: str = _CHECKED
     done: bool = False
     cause: Cause = Cause.PROOF_PENDING
@@ -57,15 +57,15 @@ class Proof:
         return 'not ready' if self.report is None else 'held slowly'
 
 
-def proofs(replayed: Callable[..., Report | None], scene: Scene, plan: Plan,
+def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan: Plan,
            before: Shape | None) -> Iterator[Proof]:
     """Yield the Proof of a Plan after each step; the last one is `done`.
 
     Parameters
     ----------
     replayed : callable
-        Takes the arguments of `replay`, returns its Report. If None, give up. Where it raises
-        ProcessLost it is called again, three times at most.
+        Takes the arguments of `replay`, returns its ValidationReport. If None, give up. Where it
+        raises ProcessLost it is called again, three times at most.
     scene : Scene
         Scene in which the plan was made.
     plan : Plan
@@ -106,15 +106,16 @@ def proofs(replayed: Callable[..., Report | None], scene: Scene, plan: Plan,
             yield Proof(plan, report, _MOVED)
 
 
-def _persistent(replayed: Callable[..., Report | None], arguments: Any) -> Report | None:
-    """Return the Report of `replayed`, after some attempts if its process ends."""
+def _persistent(replayed: Callable[..., ValidationReport | None],
+                arguments: Any) -> ValidationReport | None:
+    """Return the ValidationReport of `replayed`, after some attempts if its process ends."""
     for _ in range(_ATTEMPTS - 1):
         with suppress(ProcessLost):
             return replayed(**arguments)
     return replayed(**arguments)
 
 
-def _lost(report: Report) -> str:
+def _lost(report: ValidationReport) -> str:
     return ('replayed slowly, the DLO does not follow the plan: largest miss '
             f'{report.position_error:.3g} m, largest deviation {report.deviation:.3g} m, '
             f'smallest stability {report.stability:.3g}')

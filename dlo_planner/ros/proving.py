@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Proof of plans in a process of its own, so that shapes and plans never wait for it.
 
-Messages are pickles on the pipes of the process: keyword arguments of `replay` in, a Report or an
-error out. It ends with its input, so it never outlives the node.
+Messages are pickles on the pipes of the process: keyword arguments of `replay` in, a
+ValidationReport or an error out. It ends with its input, so it never outlives the node.
 """
 
 import os
@@ -18,7 +18,8 @@ from time import monotonic, sleep
 from typing import Any
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
-from dlo_planner.verify.replay import Report, replay
+from dlo_planner.verify.replay import replay
+from dlo_planner.verify.report import ValidationReport
 
 _LOOK = 0.1      # s between looks whether an answer is still wanted
 _WATCH = 0.5     # s between looks whether the node still runs
@@ -37,11 +38,12 @@ class Prover:
         self._process: Popen[bytes] | None = None
         self._closed = False
 
-    def report(self, wanted: Callable[[], bool] = lambda: True, **arguments: Any) -> Report | None:
-        """Return the Report of `replay(**arguments)`; blocks, but not the interpreter.
+    def report(self, wanted: Callable[[], bool] = lambda: True,
+               **arguments: Any) -> ValidationReport | None:
+        """Return the ValidationReport of `replay(**arguments)`; blocks, but not the interpreter.
 
-        None if the Prover is closed meanwhile, or the Report is not `wanted()` any more: a search
-        for a calm motion may take long, and the next plan must not wait for it.
+        None if the Prover is closed meanwhile, or the ValidationReport is not `wanted()` any more:
+        a search for a calm motion may take long, and the next plan must not wait for it.
 
         Another question waits until the one before is answered.
 
@@ -62,7 +64,8 @@ class Prover:
         finally:
             self._asking.release()
 
-    def _answer(self, wanted: Callable[[], bool], arguments: Mapping[str, Any]) -> Report | None:
+    def _answer(self, wanted: Callable[[], bool],
+                arguments: Mapping[str, Any]) -> ValidationReport | None:
         process = self._running()
         if process is None or process.stdin is None or process.stdout is None:
             return None
@@ -77,7 +80,7 @@ class Prover:
                 if monotonic() > end:
                     self._end(process)
                     raise ProcessLost('the process that proves plans does not answer')
-            report: Report | None
+            report: ValidationReport | None
             report, error = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError) as lost:
             if self._closed:
@@ -127,7 +130,7 @@ def main() -> None:
         except EOFError:
             return
         try:
-            answer: tuple[Report | None, object] = replay(**arguments), None
+            answer: tuple[ValidationReport | None, object] = replay(**arguments), None
         except DeadlineExceeded as error:
             answer = None, error
         except Exception as error:  # it has to be answered in any case

@@ -18,7 +18,7 @@ from dlo_planner.ros.proof import Proof, proofs
 from dlo_planner.ros.proving import Prover
 from dlo_planner.ros.qos import LATCHED
 from dlo_planner.ros.state import State
-from dlo_planner.verify.replay import Report
+from dlo_planner.verify.report import ValidationReport
 from msg_helpers.trajectories import timed_trajectory
 
 _LOOK = 0.1   # s between looks whether there is a plan to be proved
@@ -76,14 +76,14 @@ class Verification:
                     self._reporter.failed('report', proof.cause,
                                           f'the plan is not safe: {proof.reason}')
 
-    def _publish(self, made: Made, report: Report, way: Trajectory) -> None:
+    def _publish(self, made: Made, report: ValidationReport, way: Trajectory) -> None:
         scene = made.scene
         number = 1 + int(np.clip(np.ceil(way.duration / _TIMED_STEP), 1, _TIMED_MOST))
         self._out.publish(timed_trajectory(way, number, scene.tool, scene.frame_id, made.stamp))
         self._reporter.info(f'the plan is safe: {way.duration:.1f} s, largest miss in motion '
                             f'{report.max_tracking_error:.1e} m, at most {way.tolerance:.1e} m')
 
-    def _move_arm(self, made: Made, report: Report) -> None:
+    def _move_arm(self, made: Made, report: ValidationReport) -> None:
         """Publish the motion of the robot's joints, where an arm is described."""
         with self._reporter.answering('joint_trajectory', told=False):
             self._arm.on_proof(report.trajectory, made.scene.tool, made.stamp,

@@ -17,7 +17,7 @@ from dlo_planner.model.checks import vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.verify.spread import Spread
+from dlo_planner.verify.uncertainty import Uncertainty
 
 SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
 _FINEST = 1e-6         # accuracy, of the length: a shape takes less than a second
@@ -66,9 +66,9 @@ def limits_of(values: Values) -> Limits:
     return Limits(**{item.name: values[f'threading.{item.name}'] for item in fields(Limits)})
 
 
-def spread_of(values: Values) -> Spread:
-    """Return the Spread of what is uncertain."""
-    return Spread(**{item.name: values[f'spread.{item.name}'] for item in fields(Spread)})
+def spread_of(values: Values) -> Uncertainty:
+    """Return the Uncertainty of what is uncertain."""
+    return Uncertainty(**{item.name: values[f'spread.{item.name}'] for item in fields(Uncertainty)})
 
 
 def tolerance_of(values: Values) -> float | None:

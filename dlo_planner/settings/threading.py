@@ -14,8 +14,9 @@ from dlo_planner.inverse.solvers.threading.one_cutout import trim_to_clearance
 from dlo_planner.inverse.tasks import Approach, threading_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.plan import Plan, concatenate
+from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress
 
 

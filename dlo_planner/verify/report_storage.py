@@ -11,24 +11,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.shift import Shift
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.trajectory import Trajectory, restored
-from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.path import GripperPath
 
 if TYPE_CHECKING:
-    from dlo_planner.verify.replay import Report
+    from dlo_planner.verify.report import ValidationReport
 
 _LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
 _SHIFT = ('knots', 'coefficients')
 _RENAMED = {'miss': 'position_error', 'dynamic_miss': 'max_tracking_error'}  # in older files
-_OTHERS = ('trajectory', 'not_looked_at')  # fields of a Report that are no numbers or texts
+_OTHERS = ('trajectory', 'not_looked_at')  # fields that are no numbers or texts
 
 
-def report_arrays(report: Report) -> dict[str, NDArray[Any]]:
-    """Return a dict of arrays that hold all of a Report."""
+def report_arrays(report: ValidationReport) -> dict[str, NDArray[Any]]:
+    """Return a dict of arrays that hold all of a ValidationReport."""
     arrays = {item.name: getattr(report, item.name) for item in fields(report)
               if item.name not in _OTHERS}
     arrays['not_looked_at'] = np.array(report.not_looked_at, dtype=str)
@@ -39,7 +40,7 @@ def report_arrays(report: Report) -> dict[str, NDArray[Any]]:
 
 
 def report_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a dict of what a Report is made of, from the arrays of `report_arrays`."""
+    """Return a dict of the fields of a ValidationReport, from the arrays of `report_arrays`."""
     own = {_RENAMED.get(name, name): array for name, array in arrays.items() if '/' not in name}
     contents = {name: array.item() for name, array in own.items() if name not in _OTHERS}
     contents['not_looked_at'] = tuple(_RENAMED.get(name, name)
@@ -48,13 +49,14 @@ def report_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
     return contents | {'trajectory': _trajectory(inside) if inside else None}
 
 
-def _trajectory_arrays(way: Trajectory) -> dict[str, Any]:
-    arrays = {'times': way.path.times, 'limits': way.limits.sizes, 'tolerance': way.tolerance,
-              'mode_margin': way.mode_margin, 'legs': len(way.laws)}
-    if way.motion is not None:
-        arrays |= {f'motion/{item.name}': getattr(way.motion, item.name)
+def _trajectory_arrays(trajectory: Trajectory) -> dict[str, Any]:
+    arrays = {'times': trajectory.path.times, 'limits': trajectory.limits.sizes,
+              'tolerance': trajectory.tolerance, 'mode_margin': trajectory.mode_margin,
+              'legs': len(trajectory.laws)}
+    if trajectory.motion is not None:
+        arrays |= {f'motion/{item.name}': getattr(trajectory.motion, item.name)
                    for item in fields(InMotion)}
-    for k, (leg, law) in enumerate(zip(way.path.legs, way.laws, strict=True)):
+    for k, (leg, law) in enumerate(zip(trajectory.path.legs, trajectory.laws, strict=True)):
         arrays |= {f'{k}/leg/{name}': getattr(leg, name) for name in _LEG}
         if law is not None:
             arrays |= {f'{k}/law/{name}': getattr(law, name) for name in _LAW}

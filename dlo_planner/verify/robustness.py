@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a plan bears: by how much it misses when the DLO or the robot are not as assumed.
+"""Robustness of a plan: by how much it misses when the DLO or the robot are not as assumed.
 
-To first order from the sensitivities of the equilibrium, which separates the causes, and sampled,
-which needs no smallness. A miss is the distance of the DLO, extended straight on where it is too
-short to get there, from a center that it should pass.
+To first order, from the sensitivities of the equilibrium, for each cause separately; and sampled,
+for deviations of any size. A miss is the distance from a center to be passed of the DLO, extended
+straight where it is too short.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
@@ -30,23 +31,23 @@ from dlo_planner.model.value import Value, brief, put, same
 from dlo_planner.plan.passing import Passes
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.verify.spread import CAUSES, DRAWN, Spread, twist, varied
+from dlo_planner.verify.uncertainty import CAUSES, DRAWN, Uncertainty, twist, varied
 
-_SMALL = 1e-3   # of a spread: step of the differences
+_SMALL = 1e-3   # of a deviation: step of the differences
 _NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a center
 _AT_ONCE = 25   # samples in one piece of work
 
-_Work: TypeAlias = tuple[DirectSimulator, Sequence[Shape], Sequence[Passes], Spread, Floats]
+_Work: TypeAlias = tuple[DirectSimulator, Sequence[Shape], Sequence[Passes], Uncertainty, Floats]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robustness(Value):
-    """Misses of a plan under a Spread; n waypoints, m samples.
+    """Misses of a plan under an Uncertainty; n waypoints, m samples.
 
     Attributes
     ----------
     causes : tuple of str
-        Names in Spread.
+        Names in Uncertainty.
     by_cause : ndarray
         (n, len(causes)) root mean square of the miss due to each alone, to first order, m.
     first_order : ndarray, shape (n,)
@@ -95,7 +96,7 @@ class Robustness(Value):
         Raises
         ------
         InvalidTask
-            No such part, or there are no samples.
+            `part` is not between 0 and 1, or there are no samples.
         """
         part = number('part', part, minimum=0, maximum=1)
         if not len(self.sampled):
@@ -104,17 +105,20 @@ class Robustness(Value):
         return result
 
 
-def robustness(simulator: DirectSimulator, plan: Plan, spread: Spread, *, samples: int = 0,
-              seed: int = 0, executor: Executor | None = None, progress: OnProgress = None,
-              deadline: float | None = None) -> Robustness:
-    """Return the Robustness of a plan under a Spread.
+@renamed_arguments(spread='uncertainty')
+def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty, *,
+               samples: int = 0, seed: int = 0, executor: Executor | None = None,
+               progress: OnProgress = None, deadline: float | None = None) -> Robustness:
+    """Return the Robustness of a plan under an Uncertainty.
 
     Parameters
     ----------
     simulator : DirectSimulator
         DirectSimulator for which the plan was made.
     plan : Plan
-        Plan of a threading, which is looked at without obstacles, or of a contact.
+        Plan of a threading, which is examined without obstacles, or of a contact.
+    uncertainty : Uncertainty
+        Standard deviations of the DLO and of the gripper's pose.
     samples : int, optional
         Number of samples; 0: first order only.
     seed : int, optional
@@ -134,31 +138,19 @@ def robustness(simulator: DirectSimulator, plan: Plan, spread: Spread, *, sample
     DeadlineExceeded
         The deadline is over; samples that an executor has begun go on.
     """
-    clamping('simulator', simulator)
-    if not len(instance('plan', plan, Plan)):
-        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-    if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
-        raise InvalidTask('plan: expected shapes of the simulator\'s whole DLO')
-    instance('spread', spread, Spread)
+    simulator = _made_for(simulator, plan)
+    instance('uncertainty', uncertainty, Uncertainty)
     samples = integer('samples', samples, minimum=0, maximum=1_000_000)
     seed = integer('seed', seed, minimum=0, maximum=2**63)
     if executor is not None:
         instance('executor', executor, Executor)
     steps = Progress(progress, deadline)
-    own = simulator.history is not None  # its set makes a rod of its own
-    simulator = simulator.elastic()
-    if not own and not all(_acts_alike(shape, simulator) for shape in plan.shapes):
-        raise InvalidTask('simulator: expected the one for which the plan was made, with its rod, '
-                          'gravity and load')
-    if not any(shape.contacts for shape in plan.shapes):
-        simulator = simulator.without_obstacles()  # a rim would hold it back, and hide the miss
-    by_cause = _first_order(simulator.rod, plan, spread, steps)
+    by_cause = _first_order(simulator.rod, plan, uncertainty, steps)
     draws = np.random.default_rng(seed).normal(size=(samples, len(DRAWN)))
-    work = [(simulator, plan.shapes, plan.via_points, spread, draws[k:k + _AT_ONCE])
+    work = [(simulator, plan.shapes, plan.via_points, uncertainty, draws[k:k + _AT_ONCE])
             for k in range(0, samples, _AT_ONCE)]
-    run = map if executor is None else executor.map
     batches = [np.zeros((0, len(plan)))]
-    for batch in run(_sampled, work):
+    for batch in (map if executor is None else executor.map)(_sampled, work):
         batches.append(batch)
         steps.done(len(batches) - 1, len(work))
     sampled = np.concatenate(batches)
@@ -169,24 +161,41 @@ def robustness(simulator: DirectSimulator, plan: Plan, spread: Spread, *, sample
     return Robustness(CAUSES, by_cause, np.sqrt((by_cause**2).sum(axis=1)), sampled, success)
 
 
+def _made_for(simulator: DirectSimulator, plan: Plan) -> DirectSimulator:
+    """Return the elastic simulator of a Plan, or raise InvalidTask if it was made for another."""
+    clamping('simulator', simulator)
+    if not len(instance('plan', plan, Plan)):
+        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+    if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
+        raise InvalidTask('plan: expected shapes of the simulator\'s whole DLO')
+    own = simulator.history is not None  # its set makes a rod of its own
+    simulator = simulator.elastic()
+    if not own and not all(_acts_alike(shape, simulator) for shape in plan.shapes):
+        raise InvalidTask('simulator: expected the one for which the plan was made, with its rod, '
+                          'gravity and load')
+    if any(shape.contacts for shape in plan.shapes):
+        return simulator
+    return simulator.without_obstacles()  # a rim would hold it back, and hide the miss
+
+
 def _acts_alike(shape: Shape, simulator: DirectSimulator) -> bool:
     """Whether a Shape is of a simulator's rod with its gravity and load; obstacles may differ.
 
     So may the parameters of yielding: nothing yields here.
     """
-    here = shape.state.mesh
-    return here is not None and same(*(replace(around, obstacles=(), rod=replace(
+    mesh = shape.state.mesh
+    return mesh is not None and same(*(replace(around, obstacles=(), rod=replace(
         around.rod, yield_curvature=None, yield_torsion=None, section_model='ideal', hardening=0.0))
-        for around in (here.surroundings, simulator.surroundings)))
+        for around in (mesh.surroundings, simulator.surroundings)))
 
 
-def _first_order(rod: Rod, plan: Plan, spread: Spread, progress: Progress) -> Floats:
+def _first_order(rod: Rod, plan: Plan, uncertainty: Uncertainty, progress: Progress) -> Floats:
     """Return (n, causes) root mean square misses."""
     out = np.zeros((len(plan), len(CAUSES)))
     columns = [CAUSES.index(name) for name in DRAWN]
     steps = [_SMALL * step for step, name in zip(np.eye(len(DRAWN)), DRAWN, strict=True)
-             if getattr(spread, name)]
-    rods = [(varied(rod, spread, step), varied(rod, spread, -step)) for step in steps]
+             if getattr(uncertainty, name)]
+    rods = [(varied(rod, uncertainty, step), varied(rod, uncertainty, -step)) for step in steps]
     for k, (shape, passes) in enumerate(zip(plan.shapes, plan.via_points, strict=True)):
         if not passes or not steps:
             continue
@@ -196,7 +205,7 @@ def _first_order(rod: Rod, plan: Plan, spread: Spread, progress: Progress) -> Fl
         for step, both in zip(steps, rods, strict=True):
             ahead, back = (
                 sensitivity.predicted(one) if one is not rod
-                else sensitivity.moved(twist(shape.gripper, spread, sign * step))
+                else sensitivity.moved(twist(shape.gripper, uncertainty, sign * step))
                 for one, sign in zip(both, (1, -1), strict=True))
             for j, (center, s, _) in enumerate(passes):
                 off = (_off(ahead, center, s) - _off(back, center, s)) / (2 * _SMALL)
@@ -207,21 +216,21 @@ def _first_order(rod: Rod, plan: Plan, spread: Spread, progress: Progress) -> Fl
 
 def _sampled(work: _Work) -> Floats:
     """Return (m, n) largest misses of the samples that (m, k) draws stand for."""
-    simulator, shapes, passes, spread, draws = work
+    simulator, shapes, passes, uncertainty, draws = work
     out = np.empty((len(draws), len(shapes)))
     for i, draw in enumerate(draws):
-        rod = varied(simulator.rod, spread, draw)
+        rod = varied(simulator.rod, uncertainty, draw)
         drawn = simulator if rod is simulator.rod else simulator.with_rod(rod)
         initial = None
         for k, shape in enumerate(shapes):
-            gripper = displaced(shape.gripper, twist(shape.gripper, spread, draw))
+            gripper = displaced(shape.gripper, twist(shape.gripper, uncertainty, draw))
             # it starts where the plan does, and then goes its own way
             start = _stretched(shape, rod.length) if initial is None else initial
-            found = drawn.track([gripper], initial=start)[0]
-            initial = found if found.converged else initial
-            out[i, k] = max((np.linalg.norm(_off(found, center, s))
+            reached = drawn.track([gripper], initial=start)[0]
+            initial = reached if reached.converged else initial
+            out[i, k] = max((np.linalg.norm(_off(reached, center, s))
                              for center, s, _ in passes[k]), default=0.0)
-            if not found.converged:
+            if not reached.converged:
                 out[i, k] = np.inf
     return out
 

@@ -16,7 +16,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError, MissingExtra
 from dlo_planner.extras import extra
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.replay import Report
+from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.axes import Frame
 from dlo_planner.view.films import film
 from dlo_planner.view.plots import plot_motion, plot_plan, plot_shape
@@ -26,9 +26,9 @@ from dlo_planner.view.summaries import rows_of, text_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Drawable = Shape | Plan | Motion | Report
+Drawable = Shape | Plan | Motion | ValidationReport
 _PLOTS: dict[type[Any], Callable[..., 'Figure']] = {
-    Shape: plot_shape, Plan: plot_plan, Motion: plot_motion, Report: plot_report}
+    Shape: plot_shape, Plan: plot_plan, Motion: plot_motion, ValidationReport: plot_report}
 _THUMBNAIL, _DPI = (4.6, 3.1), 72  # inches
 
 
@@ -60,7 +60,7 @@ def html(value: Drawable) -> str:
 
 def _thumbnail(value: Drawable) -> bytes:
     """Return the bytes of a PNG."""
-    if isinstance(value, Report):
+    if isinstance(value, ValidationReport):
         figure = extra('matplotlib.figure', 'figures', 'pictures').Figure(
             figsize=_THUMBNAIL, layout='constrained')
         axes = figure.add_subplot()

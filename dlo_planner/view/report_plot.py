@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of a Report: its distances beside the tolerance, and how the gripper moves."""
+"""The picture of a ValidationReport: distances beside the tolerance, and the gripper's motion."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from dlo_planner.extras import extra
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.verify.replay import Report
+from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.axes import Frame
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ _INSTANTS = 400
 _SIZE, _ALONE = (8.0, 6.2), (8.0, 4.0)  # inches
 
 
-def plot_report(report: Report, ax: 'Axes | Frame | None' = None) -> 'Figure':
-    """Return the Figure of a Report, see `Report.plot`.
+def plot_report(report: ValidationReport, ax: 'Axes | Frame | None' = None) -> 'Figure':
+    """Return the Figure of a ValidationReport, see `ValidationReport.plot`.
 
     Bars of its distances, blue those that should be small, green those that should be large; and,
     in a new figure, the speeds of its trajectory with their limits.
@@ -52,7 +52,7 @@ def plot_report(report: Report, ax: 'Axes | Frame | None' = None) -> 'Figure':
     return figure
 
 
-def _bars(axes: Any, report: Report) -> None:
+def _bars(axes: Any, report: ValidationReport) -> None:
     values = {said: (1e3 * getattr(report, name), small)
               for name, (said, small) in _DISTANCES.items()}
     finite = [abs(value) for value, _ in values.values() if np.isfinite(value)]

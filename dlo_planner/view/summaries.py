@@ -11,7 +11,7 @@ from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.replay import Report
+from dlo_planner.verify.report import ValidationReport
 
 Row = tuple[str, str, str]  # quantity, value, unit
 _UNITS = {
@@ -22,7 +22,7 @@ _UNITS = {
     'bend_margin': '1/m', 'tolerance': 'm'}
 
 
-def rows_of(value: Shape | Plan | Motion | Report) -> list[Row]:
+def rows_of(value: Shape | Plan | Motion | ValidationReport) -> list[Row]:
     """Return the rows of a value: (quantity, value, unit), all of them texts."""
     if isinstance(value, Shape):
         return _of_shape(value)
@@ -119,7 +119,7 @@ def _last(values: Floats | None) -> float:
     return np.nan if values is None else float(values[-1])
 
 
-def _of_report(report: Report) -> list[Row]:
+def _of_report(report: ValidationReport) -> list[Row]:
     rows = [('safe', 'yes' if report.safe else 'no', '')]
     if not report.safe:
         rows.append(('reason', report.reason, ''))

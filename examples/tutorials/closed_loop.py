@@ -15,7 +15,7 @@ from dlo_planner import (
     Observer,
     Pose,
     Rod,
-    Spread,
+    Uncertainty,
     correct,
 )
 
@@ -44,9 +44,9 @@ def wire_at(k):
 print(f'open loop: {1e3 * np.linalg.norm(off(plan.grippers, 0)):.1f} mm off at the start')
 
 # %%
-# `Spread` states what is uncertain, as standard deviations. The estimate starts from it and learns
-# from each look. Points may come in any order.
-observer = Observer(DirectSimulator(stated), Spread(
+# `Uncertainty` states what is uncertain, as standard deviations. The estimate starts from it and
+# learns from each look. Points may come in any order.
+observer = Observer(DirectSimulator(stated), Uncertainty(
     bending_stiffness=0.05, natural_curvature=0.05, curvature_variation=0.03), noise=1e-3)
 estimate = observer.begin()
 for k in (0, 3, 6):

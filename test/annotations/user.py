@@ -16,11 +16,11 @@ from dlo_planner import (
     Limits,
     Plan,
     Pose,
-    Report,
     Rod,
     Shape,
     Sheet,
     Trajectory,
+    ValidationReport,
     replay,
 )
 
@@ -66,7 +66,7 @@ def main() -> None:
     assert_type(poses, list[Pose])
     assert_type(velocities, Floats)
     report = replay(DirectSimulator(rod), plan)
-    assert_type(report, Report)
+    assert_type(report, ValidationReport)
     print(report.summary())
 
 

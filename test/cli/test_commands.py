@@ -13,7 +13,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from dlo_planner import DirectSimulator, Plan, Pose, Report, Rod, Shape
+from dlo_planner import DirectSimulator, Plan, Pose, Rod, Shape, ValidationReport
 from dlo_planner.cli.doctor import findings
 from dlo_planner.cli.figures import scripts, shows
 from dlo_planner.cli.main import BAD_INPUT, NO_SOLUTION, main
@@ -124,7 +124,7 @@ def test_a_plan_is_proved(planned):
     result = run('replay', 'copper_wire', 'plan.npz', *QUICK, '-o', 'report.json', '-o',
                  'report.csv')
     assert result.exit_code == 0, result.output
-    report = Report.load('report.json')
+    report = ValidationReport.load('report.json')
     assert report.safe and report.trajectory is not None
     assert re.search(r'safe +yes', result.output)
     with Path('report.csv').open(newline='') as file:

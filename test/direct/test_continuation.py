@@ -29,7 +29,7 @@ def bent(gripper, angle):
 def leaping(size, at=0.05):
     """Return an `equilibrium` whose shape changes by `size` once the gripper has turned by `at`."""
     def equilibrium(gripper, initial, far_end, most=np.inf):
-        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]
         return bent(gripper, size if turned > at else 0.0), 0
     return equilibrium
 
@@ -45,7 +45,7 @@ def test_a_quick_change_is_followed_in_smaller_steps():
     asked = []
 
     def equilibrium(gripper, initial, far_end, most=np.inf):
-        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]
         asked.append(turned)
         return bent(gripper, 8.0 * turned), 0  # 8 rad per rad, without a leap
 
@@ -56,7 +56,7 @@ def test_a_quick_change_is_followed_in_smaller_steps():
 
 def test_a_failure_on_the_way_is_not_passed_over():
     def equilibrium(gripper, initial, far_end, most=np.inf):
-        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]
         return replace(bent(gripper, 0.0), converged=turned < 0.3), 0
 
     shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(1.0))
@@ -66,7 +66,7 @@ def test_a_failure_on_the_way_is_not_passed_over():
 def test_where_nothing_on_the_way_is_found_the_step_is_made_at_once_to_its_end():
     # a search that may give up tells nothing of the shape that the DLO falls into
     def equilibrium(gripper, initial, far_end, most=np.inf):
-        turned = Rotation.from_matrix(gripper.rotation).as_rotvec()[2]
+        turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]
         shape = bent(gripper, 1.0)
         if most < 1.0:
             return replace(shape, converged=False, residual=np.inf), 0

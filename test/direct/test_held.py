@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, InvalidTask, InverseSimulator, Pose, Rod
-from dlo_planner.direct import statics
+from dlo_planner.direct import proof
 
 HERE = Pose.identity()
 
@@ -106,7 +106,7 @@ def test_an_aligned_grip_leaves_the_twist_free():
     np.testing.assert_allclose(last.direction, end.direction, atol=1e-9)
     assert abs(aligned.far_wrench[3:] @ end.direction) < 1e-9
     # of all twists at which it may be clamped it takes the one of least energy
-    turned = Rotation.from_matrix(last.rotation)
+    turned = Rotation.from_matrix(np.array(last.rotation))
     clamped = [direct.solve(HERE, aligned, far_end=Pose(
         last.position, (turned * Rotation.from_rotvec([a, 0, 0])).as_quat())).energy
         for a in (-0.1, 0.0, 0.1)]
@@ -128,13 +128,13 @@ def test_track_goes_on_from_a_shape_that_is_nearly_converged(monkeypatch):
     ends = [(0.8 - 0.02 * k, 0, 0) for k in range(3)]
     before = direct.track([HERE] * 3, far_ends=ends)
     assert all(shape.status == 'converged' for shape in before)
-    promised, calls = statics._promised, []
+    promised, calls = proof._promised, []
 
     def second_fails(*given):
         calls.append(None)
         return len(calls) != 2 and promised(*given)
 
-    monkeypatch.setattr(statics, '_promised', second_fails)
+    monkeypatch.setattr(proof, '_promised', second_fails)
     shapes = direct.track([HERE] * 3, far_ends=ends)
     assert [shape.converged for shape in shapes] == [True, False, True]
     assert shapes[1].nearly and 'nearly converged' in shapes[1].status

@@ -66,6 +66,21 @@ def test_rosdoc2_finds_the_site():
     assert (ROOT / sphinx['sphinx_sourcedir'] / 'conf.py').exists()
 
 
+def test_the_site_is_configured_from_the_wrapper_of_rosdoc2(tmp_path):
+    pytest.importorskip('sphinx')
+    # rosdoc2 copies the folder, and puts in place of conf.py one that executes it
+    (tmp_path / 'made_pages.py').write_text('raise ImportError("the copy, far from its sources")')
+    (tmp_path / 'conf.py').write_text(f'import sys\nexec(open("{DOCS / "conf.py"}").read())\n'
+                                      'import made_pages\nextensions.append("one.more")\n')
+    done = subprocess.run(
+        [sys.executable, '-c', 'from pathlib import Path\n'
+         'from sphinx.config import eval_config_file\n'
+         'read = eval_config_file(Path("conf.py").absolute(), None)\n'
+         'print(read["extensions"][-1], read["release"], read["ROOT"])'],
+        capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.stdout.split() == ['one.more', dlo_planner.__version__, str(ROOT)], done.stderr
+
+
 def test_the_site_builds_without_a_warning(tmp_path):
     pytest.importorskip('sphinx')
     # pickled and written to a folder of the test: two runs at once do not meet

@@ -20,7 +20,7 @@ from dlo_planner import (
     correct,
 )
 from dlo_planner.identify import correction as correction_module
-from dlo_planner.plan.plan import concatenate
+from dlo_planner.plan.assembly import concatenate
 
 OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
 PLAN = plan_of()

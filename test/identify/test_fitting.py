@@ -14,7 +14,7 @@ from dlo_planner import (
     Observation,
     Pose,
     Rod,
-    Spread,
+    Uncertainty,
     fit_rod,
 )
 from dlo_planner.identify.observed import Observed
@@ -114,7 +114,7 @@ def test_an_error_of_the_gripper_is_found_and_not_taken_for_stiffness(rng):
     assert fit.converged and errors[1] < 2.5 < errors[0]
     np.testing.assert_allclose(fit.grippers[0].matrix, off.matrix, atol=5e-3)
     assert fit.noise == pytest.approx(1e-4, rel=0.25)
-    assert fit_rod(guess, seen, prior=Spread(gripper_position=3e-3, gripper_rotation=0.02)
+    assert fit_rod(guess, seen, prior=Uncertainty(gripper_position=3e-3, gripper_rotation=0.02)
                    ).values == fit.values
 
 
@@ -123,7 +123,7 @@ def test_a_prior_alone_is_the_answer_where_nothing_is_seen():
     down = Pose.looking_along((0, 0, 1), (0, 0, -1))
     seen = [Observation(down, [[0, 0, 0.5], [0, 0, 0.2]], [0.5, 0.8])]
     rod = Rod(1.0, 0.07, 0.02, 0.015)
-    fit = fit_rod(rod, seen, noise=1e-3, prior=Spread(bending_stiffness=0.1))
+    fit = fit_rod(rod, seen, noise=1e-3, prior=Uncertainty(bending_stiffness=0.1))
     assert fit.values['bending_stiffness'][0] == pytest.approx(0.02, rel=1e-6)
     log_normal = np.sqrt(np.exp(0.01) * np.expm1(0.01))
     assert fit.deviations['bending_stiffness'][0] == pytest.approx(0.02 * log_normal, rel=1e-3)
@@ -152,7 +152,8 @@ def test_progress_and_deadline(rng):
 
 @pytest.mark.parametrize(('more', 'named'), [
     ({'color': 1}, 'color'), ({'strains': 'paper', 'method': 'dfp'}, 'strains'),
-    ({'prior': Spread(mass=0.1)}, r'prior.mass'), ({'prior': 3}, 'prior'), ({'noise': 0}, 'noise'),
+    ({'prior': Uncertainty(mass=0.1)}, r'prior.mass'), ({'prior': 3}, 'prior'),
+    ({'noise': 0}, 'noise'),
     ({'loss': 'l2'}, 'loss'), ({'loss_scale': -1}, 'loss_scale'),
     ({'gripper_rotation': -1}, 'gripper_rotation'), ({'parameters': ()}, 'parameters'),
     ({'parameters': ('bending_stiffness',) * 2}, 'parameters'), ({'progress': 3}, 'progress'),

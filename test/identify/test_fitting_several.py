@@ -15,7 +15,7 @@ from dlo_planner import (
     ObservedMotion,
     Pose,
     Rod,
-    Spread,
+    Uncertainty,
     fit_rod,
 )
 from dlo_planner.direct.guide import Guide
@@ -131,7 +131,7 @@ def test_what_only_ratios_tell_has_no_finite_deviation(rng):
     assert ratio == pytest.approx(0.02 / 0.07, rel=0.02)
     assert 'not told' in repr(fit)
     # a prior of one of them makes all of them known
-    known = fit_rod(Rod(1.0, 0.07, (0.02, 0.03), 0.02), seen, names, prior=Spread(mass=0.05),
+    known = fit_rod(Rod(1.0, 0.07, (0.02, 0.03), 0.02), seen, names, prior=Uncertainty(mass=0.05),
                     **MESH)
     deviations = [np.ravel(known.deviations[name])[0] / np.ravel(known.values[name])[0]
                   for name in names]

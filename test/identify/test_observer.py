@@ -19,7 +19,7 @@ from dlo_planner import (
     Observer,
     Pose,
     Rod,
-    Spread,
+    Uncertainty,
     gripper_at,
 )
 from dlo_planner.identify.predicted_miss import _bound
@@ -143,9 +143,9 @@ def test_a_sway_is_another_one_in_each_look(rng):
 
 def test_a_cutout_seen_by_the_same_camera(rng):
     # 3 mm of bias move all that is seen: where the cut-out is seen too, the miss does not notice
-    observer = Observer(DirectSimulator(WIRE), Spread(natural_curvature=0.05), noise=NOISE,
+    observer = Observer(DirectSimulator(WIRE), Uncertainty(natural_curvature=0.05), noise=NOISE,
                         bias=3e-3, cutout=3e-3)
-    truth = Truth.drawn(rng, spread=Spread(natural_curvature=0.05), bias=3e-3, cutout=3e-3)
+    truth = Truth.drawn(rng, spread=Uncertainty(natural_curvature=0.05), bias=3e-3, cutout=3e-3)
     gripper = PLAN.grippers[0]
     before = looked(truth, observer, rng, gripper, 4)
     after = observer.see_cutout(before, HOLE.center, HOLE.center + truth.hole + truth.bias, 1e-4)
@@ -202,7 +202,7 @@ def test_what_is_no_longer_remembered_still_counts(monkeypatch, name, turns):
     looks = [truth.seen(rng, pose, outliers=0.0) for pose in poses]
     found = []
     for kept in (100, 2):
-        monkeypatch.setattr(f'dlo_planner.identify.smoothing.{name}', kept)
+        monkeypatch.setattr(f'dlo_planner.identify.memory.{name}', kept)
         estimate = OBSERVER.begin()
         for look in looks:
             estimate = OBSERVER.update(estimate, look)
@@ -280,9 +280,9 @@ def test_poses_between_stamps(rng):
 
 
 @pytest.mark.parametrize(('call', 'named'), [
-    (lambda: Observer(WIRE, Spread()), 'spread'),
+    (lambda: Observer(WIRE, Uncertainty()), 'uncertainty'),
     (lambda: Observer(WIRE, SPREAD, outliers=1.0), 'outliers'),
-    (lambda: OBSERVER.update(Observer(WIRE, Spread(mass=0.1)).begin(),
+    (lambda: OBSERVER.update(Observer(WIRE, Uncertainty(mass=0.1)).begin(),
                              Observation(START, [[0, 0, 1]])), 'estimate'),
     (lambda: OBSERVER.update(OBSERVER.begin(), Observation(START, [[0, 0, 1]], [1.5])),
      'observation'),

@@ -27,7 +27,7 @@ from dlo_planner import (
     minimize_penalty,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.inverse.solvers.search import _Search
+from dlo_planner.inverse.solvers.penalty_function import PenaltyFunction
 from dlo_planner.plan.clearance import clearance
 
 STIFF = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), radius=0.003)
@@ -48,7 +48,7 @@ LIBRARY = {
 @pytest.mark.parametrize('name', LIBRARY)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 def test_slopes_against_differences(name, basis, rng):
-    search = _Search(DirectSimulator(STIFF, basis=basis), LIBRARY[name], START, None)
+    search = PenaltyFunction(DirectSimulator(STIFF, basis=basis), LIBRARY[name], START, None)
     x = 0.3 * rng.normal(size=6)
     assert np.abs(search.residuals(x)).max() > 0.01
     slopes, step = search.jacobian(x), 1e-6
@@ -272,7 +272,7 @@ def test_only_what_comes_after_counts(after, basis, rng):
     assert task.passage(shape) == pytest.approx(s[np.argmin(away)], abs=5e-4)
     found = np.linalg.norm(task.residuals(shape))
     assert away.min() - 1e-6 < found < away.min() + 1e-12
-    search = _Search(DirectSimulator(STIFF, basis=basis), [task], START, None)
+    search = PenaltyFunction(DirectSimulator(STIFF, basis=basis), [task], START, None)
     x, step = 0.01 * rng.normal(size=6), 1e-6
     slopes = search.jacobian(x)
     for k, change in enumerate(step * np.eye(6)):

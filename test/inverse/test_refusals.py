@@ -15,7 +15,7 @@ from dlo_planner import (
     InverseSimulator,
     Pose,
     Rod,
-    Spread,
+    Uncertainty,
     robustness,
 )
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
@@ -77,7 +77,7 @@ def test_a_set_of_the_initial_shape_counts():
 
 def test_a_tolerance_is_of_the_rod_that_was_planned_for():
     plan = InverseSimulator(DirectSimulator(ROD)).thread(HOLE, depths=[0.0, 0.3])
-    spread = Spread(mass=0.01)
+    spread = Uncertainty(mass=0.01)
     assert robustness(DirectSimulator(ROD), plan, spread).by_cause.max() > 0
     for other in (DirectSimulator(Rod(1.0, 0.05, 0.5, 0.25, radius=0.002)),
                   DirectSimulator(ROD, gravity=(0, 0, -1)), DirectSimulator(ROD, load=(0, 1, 0))):
@@ -90,7 +90,7 @@ def test_rounding_does_not_make_rolls_differ():
                        (Rod(1e-4, 5e-8, 3e-12, 2e-12, natural_curvature=(1e-7, 0)), True),
                        (Rod(1.0, 0.05, (0.3, 0.301), 0.25), False),
                        (Rod(1e3, 0.05, 3e9, 2e9, natural_curvature=(1e-5, 0)), False)):
-        assert is_axisymmetric(DirectSimulator(rod)) == alike
+        assert is_axisymmetric(rod) == alike
 
 
 def test_contact_tasks_meet_an_accuracy():

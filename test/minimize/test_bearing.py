@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Pose, Rod, Sheet
-from dlo_planner.direct.accuracy import past_of
 from dlo_planner.direct.bearing import corrected_by
+from dlo_planner.direct.one_step import past_of
 from dlo_planner.minimize.bearing import carried
 
 LEVEL = (0, 0, 0, 1)

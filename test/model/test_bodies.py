@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Capsule, CutOut, InvalidTask, Limits, Plane, Pose, Sheet, Spread
+from dlo_planner import Capsule, CutOut, InvalidTask, Limits, Plane, Pose, Sheet, Uncertainty
 
 PLATE = Pose.looking_along((0.1, 0.2, 0.3), (1.0, 2.0, 0.5))
 
@@ -56,8 +56,8 @@ def test_what_is_checked_is_what_is_used():
     assert isinstance(CutOut(PLATE, radius=third).radius, float)
     assert isinstance(Limits(linear_speed=third).linear_speed, float)
     assert isinstance(Limits(linear_jerk=third).linear_jerk, float)
-    assert isinstance(Spread(mass=third).mass, float)
+    assert isinstance(Uncertainty(mass=third).mass, float)
     for make in (lambda: CutOut(PLATE, radius='1.0'), lambda: Limits(linear_speed='1.0'),
-                 lambda: Spread(mass='1.0'), lambda: Limits(angular_jerk=True)):
+                 lambda: Uncertainty(mass='1.0'), lambda: Limits(angular_jerk=True)):
         with pytest.raises(InvalidTask, match='expected a number'):
             make()

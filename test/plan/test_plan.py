@@ -17,8 +17,8 @@ from dlo_planner import (
     Pose,
     Rod,
 )
+from dlo_planner.plan.assembly import concatenate, truncate
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import concatenate, truncate
 from dlo_planner.plan.waypoint import waypoint_at
 
 DIRECT = DirectSimulator(Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2),

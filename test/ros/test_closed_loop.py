@@ -11,7 +11,7 @@ from node_inside import Alive, served_node, state
 from planner_process import connected_client, drain
 from sensor_msgs.msg import PointCloud2
 
-from dlo_planner import CutOut, Pose, Rod, Spread
+from dlo_planner import CutOut, Pose, Rod, Uncertainty
 from dlo_planner.identify.predicted_miss import crossing
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.follower import Follower
@@ -22,7 +22,7 @@ from msg_helpers.clouds import cloud_msg
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
 START = Pose.looking_along((-0.36, -0.1, 1.02), (1, 0, 0))
-SPREAD = Spread(0.05, 0.05, 0.02, natural_curvature=0.3, gripper_position=5e-4,
+SPREAD = Uncertainty(0.05, 0.05, 0.02, natural_curvature=0.3, gripper_position=5e-4,
                 gripper_rotation=3.5e-3)
 OVERRIDES = {'rod.length': 0.3, 'rod.diameter': 1e-3, 'diagnostics_period': 0.1,
              'threading.waypoints': 12, 'threading.deepest': 0.35, 'threading.standoff': 0.02,

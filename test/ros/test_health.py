@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, Pose, Report
+from dlo_planner import DirectSimulator, Pose, ValidationReport
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.proof import Proof
 from msg_helpers.diagnostics import ERROR, OK, WARN
@@ -47,9 +47,9 @@ def test_a_residual_that_is_not_small_is_an_error(shape, residual):
 def test_a_proof_is_told_with_its_state_its_reason_and_its_figures(shape):
     plan = object()
     health, said = Health(), []
-    figures = {name: 1.0 for name in Report.__annotations__} | {
+    figures = {name: 1.0 for name in ValidationReport.__annotations__} | {
         'converged': True, 'trajectory': None, 'reason': '', 'not_looked_at': ('swing',)}
-    report = Report(**figures | {'swing': np.nan, 'departure': 2e-4})
+    report = ValidationReport(**figures | {'swing': np.nan, 'departure': 2e-4})
     for proof in (Proof(plan), Proof(plan, report, 'it is asked too early'),
                   Proof(plan, report, 'it misses', True), Proof(plan, report, '', True)):
         health.plan_proved(proof)

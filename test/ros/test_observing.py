@@ -144,6 +144,6 @@ def test_terms_that_are_no_pairs_are_refused():
 
 
 def test_nothing_uncertain_is_refused():
-    with pytest.raises(InvalidTask, match='spread'):
+    with pytest.raises(InvalidTask, match='uncertainty'):
         Observing(DirectSimulator(replace(WIRE)), Seeing())
     assert isinstance(WIRE, Rod)

@@ -20,7 +20,7 @@ from dlo_planner import (
     Pose,
     Rod,
     Sheet,
-    Spread,
+    Uncertainty,
     robustness,
 )
 
@@ -59,7 +59,7 @@ def rods(cause):
 @pytest.mark.parametrize('cause', ['bending_stiffness', 'torsional_stiffness', 'mass', 'length',
                                    'natural_curvature'])
 def test_causes_in_the_dlo_against_solving_again(cause):
-    got = robustness(DIRECT, PLAN, Spread(**{cause: SMALL}))
+    got = robustness(DIRECT, PLAN, Uncertainty(**{cause: SMALL}))
     assert got.worst == cause
     for k, shape in enumerate(PLAN.shapes):
         squares = 0.0
@@ -78,7 +78,7 @@ def wavy(j, change):
 
 
 def test_a_curvature_that_varies_against_solving_again():
-    got = robustness(DIRECT, PLAN, Spread(curvature_variation=SMALL))
+    got = robustness(DIRECT, PLAN, Uncertainty(curvature_variation=SMALL))
     shares = 1 / np.arange(1, 6) ** 2
     shares = shares / shares.sum()  # of the mean square; that of P_j is 1 / (2 j + 1)
     shape, squares = PLAN.shapes[1], 0.0
@@ -93,7 +93,7 @@ def test_a_curvature_that_varies_against_solving_again():
 
 @pytest.mark.parametrize('cause', ['gripper_position', 'gripper_rotation'])
 def test_causes_in_the_robot_against_solving_again(cause):
-    got = robustness(DIRECT, PLAN, Spread(**{cause: SMALL}))
+    got = robustness(DIRECT, PLAN, Uncertainty(**{cause: SMALL}))
     for k, shape in enumerate(PLAN.shapes):
         squares = 0.0
         for axis in np.eye(3):
@@ -110,7 +110,7 @@ def test_causes_in_the_robot_against_solving_again(cause):
         assert got.first_order[k] == pytest.approx(np.sqrt(squares), rel=1e-4)
 
 
-SPREAD = Spread(0.02, 0.05, 0.02, 0.001, 0.01, 0.5e-3, 0.002)
+SPREAD = Uncertainty(0.02, 0.05, 0.02, 0.001, 0.01, 0.5e-3, 0.002)
 
 
 def test_samples_scatter_as_the_first_order_says():
@@ -146,7 +146,7 @@ def test_a_held_contact():
     # inside an element: at a node the nearest point of a row of arcs has a kink
     plan = InverseSimulator(direct).hold_contact(Pose((0.5, 0, 0.72), (0, 0, 0, 1)), 0.51,
                                                  forces=[0.2])
-    got = robustness(direct, plan, Spread(mass=SMALL))
+    got = robustness(direct, plan, Uncertainty(mass=SMALL))
     shape, (place, s, _) = plan.shapes[0], plan.via_points[0][0]
     ahead, back = (across(DirectSimulator(both, basis='local', n_elements=32, obstacles=[bar])
                           .solve(shape.gripper, shape), place, s) for both in rods('mass')[0])
@@ -154,12 +154,12 @@ def test_a_held_contact():
 
 
 @pytest.mark.parametrize(('change', 'named'), [
-    ({'plan': 3}, 'plan'), ({'spread': 0.1}, 'spread'), ({'samples': -1}, 'samples')])
+    ({'plan': 3}, 'plan'), ({'uncertainty': 0.1}, 'uncertainty'), ({'samples': -1}, 'samples')])
 def test_nonsense_is_named(change, named):
     with pytest.raises(InvalidTask, match=named):
-        robustness(DIRECT, **{'plan': PLAN, 'spread': SPREAD, **change})
-    with pytest.raises(InvalidTask, match=r'Spread\.mass'):
-        Spread(mass=-1)
+        robustness(DIRECT, **{'plan': PLAN, 'uncertainty': SPREAD, **change})
+    with pytest.raises(InvalidTask, match=r'Uncertainty\.mass'):
+        Uncertainty(mass=-1)
     inserted = InverseSimulator(DIRECT).insert(HOLE, depths=[0.2])
     with pytest.raises(InvalidTask, match='whole DLO'):
         robustness(DIRECT, inserted, SPREAD)
@@ -183,7 +183,7 @@ def test_a_mass_at_the_end_stays_on_a_shorter_dlo():
     rod = replace(ROD, point_masses=((1.0, 0.01),), tip_mass=0.0)
     direct = DirectSimulator(rod, n_elements=32)
     plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
-    got = robustness(direct, plan, Spread(length=0.01), samples=8)
+    got = robustness(direct, plan, Uncertainty(length=0.01), samples=8)
     assert np.isfinite(got.sampled).all() and (got.sampled[:, 0] > 0).any()
 
 
@@ -201,7 +201,7 @@ def test_success_asks_for_every_waypoint():
 
 
 def test_progress_and_deadline():
-    seen, spread = [], Spread(length=1e-4)
+    seen, spread = [], Uncertainty(length=1e-4)
     robustness(DIRECT, PLAN, spread, samples=30, progress=lambda *step: seen.append(step))
     assert seen == [(1, 2), (2, 2)]
     for samples in (0, 30):

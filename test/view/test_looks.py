@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from specimens import values
 
-from dlo_planner import InvalidTask, Limits, Motion, Plan, Report, Shape, replay
+from dlo_planner import InvalidTask, Limits, Motion, Plan, Shape, ValidationReport, replay
 from dlo_planner.model.plain import plain
 
-NAMES = ['Shape', 'Plan', 'Motion', 'Report']
+NAMES = ['Shape', 'Plan', 'Motion', 'ValidationReport']
 
 
 def rows(text):
@@ -45,7 +45,7 @@ def test_the_table_of_a_plan_says_the_worst():
 
 
 def test_the_tables_of_motions_and_reports():
-    motion, report = values()['Motion'], values()['Report']
+    motion, report = values()['Motion'], values()['ValidationReport']
     said = rows(motion.summary())[1]
     assert said['instants'] == ['3'] and said['duration'] == ['0.02', 's']
     said = rows(report.summary())[1]
@@ -58,7 +58,7 @@ def test_columns_of_a_table_are_aligned(name):
     _, *lines = values()[name].summary().splitlines()
     assert len(lines) > 5
     ends = {len(line) for line in lines if not line[-1].isalpha() and '/' not in line}
-    assert len(ends) <= 1 or name == 'Report'
+    assert len(ends) <= 1 or name == 'ValidationReport'
     assert all(line == line.rstrip() for line in lines)
 
 
@@ -109,10 +109,10 @@ def test_a_motion_is_a_row_of_instants():
 @pytest.mark.parametrize('ending', ['npz', 'json'])
 def test_a_report_is_saved_with_its_trajectory(tmp_path, ending):
     simulator, plan = values()['DirectSimulator'], values()['Plan']
-    for report in (values()['Report'],
+    for report in (values()['ValidationReport'],
                    replay(simulator, plan, limits=Limits(linear_speed=0.05), tolerance=0.05)):
         report.save(tmp_path / f'report.{ending}')
-        again = Report.load(tmp_path / f'report.{ending}')
+        again = ValidationReport.load(tmp_path / f'report.{ending}')
         assert again == report
         assert again.safe == report.safe
     times = np.linspace(0, report.trajectory.duration, 7)
@@ -136,9 +136,16 @@ def test_files_of_the_first_format_are_readable(tmp_path, name):
     assert type(value).load(tmp_path / 'old.npz') == value
 
 
+def test_reports_that_were_saved_under_the_old_name_are_readable(tmp_path):
+    report = values()['ValidationReport']
+    report.save(tmp_path / 'new.npz')
+    rewritten(tmp_path / 'new.npz', tmp_path / 'old.npz', kind='Report')
+    assert ValidationReport.load(tmp_path / 'old.npz') == report
+
+
 def test_a_file_says_what_it_holds(tmp_path):
     values()['Plan'].save(tmp_path / 'plan.npz')
-    for kind in (Shape, Motion, Report):
+    for kind in (Shape, Motion, ValidationReport):
         with pytest.raises(InvalidTask, match=f'holds a {kind.__name__}, it holds a Plan'):
             kind.load(tmp_path / 'plan.npz')
     rewritten(tmp_path / 'plan.npz', tmp_path / 'later.npz', format=3)

@@ -190,7 +190,7 @@ def test_a_limited_rod_has_its_limit_on_the_bar():
 
 
 def test_a_report_says_what_it_found_and_whether_it_is_safe():
-    report = values()['Report']
+    report = values()['ValidationReport']
     axes, = report.plot().axes
     assert 'not safe: it was not looked at in motion' in axes.get_title()
     said = [text.get_text() for text in axes.texts]

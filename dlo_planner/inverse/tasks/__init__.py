@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the DLO can be asked to do: one frozen value for each task."""
+"""The inverse tasks: one frozen value for each."""
 
 from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.inverse.tasks.hold_contact import HoldContact

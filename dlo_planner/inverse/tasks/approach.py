@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Come from where the gripper is to where a threading begins."""
+"""Bring the gripper from its present pose to the beginning of a threading."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -31,7 +31,8 @@ class Approach(Task):
     first : Shape
         Shape in which the threading begins: the first one of its Plan.
     standoff : float
-        Distance in m between the free end and the cut-out where the last straight way begins.
+        Distance in m between the free end and the cut-out where the last straight motion
+        begins.
     """
 
     takes_initial: ClassVar[bool] = True

@@ -3,14 +3,15 @@
 """Hold the DLO in contact with an obstacle."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.contact.hold_and_slide import CONDITIONS, hold_contact
 from dlo_planner.inverse.task import MOST, Task
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
@@ -30,7 +31,7 @@ class HoldContact(Task):
     condition : str or None
         'least_energy', 'least_force', 'least_motion', 'largest_clearance'. If None, all.
     forces : ndarray, shape (n,) or None
-        Forces in N: only these are looked at. If None, all.
+        Forces in N: only these are examined. If None, all.
     """
 
     touches: ClassVar[bool] = True
@@ -38,7 +39,11 @@ class HoldContact(Task):
     contact: Pose
     s: float
     condition: str | None = 'least_energy'
-    forces: np.ndarray | None = None
+    forces: Floats | None = None
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, contact: Pose, s: float, condition: str | None = 'least_energy',
+                     forces: ArrayLike | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         put(self, s=number('s', self.s, above=0), forces=checked_forces(self.forces))
@@ -57,12 +62,12 @@ class HoldContact(Task):
         return hold_contact(context.simulator, self, context.start, context.demands)
 
 
-def checked_forces(forces: object) -> np.ndarray | None:
-    """Return forces (n,) in N to be looked at, or None (all)."""
+def checked_forces(forces: object) -> Floats | None:
+    """Return the forces (n,) to be examined, N, or None (all)."""
     return None if forces is None else row('forces', forces, most=MOST, above=0)
 
 
 def check_obstacles(context: PlanContext) -> None:
-    """Raise InvalidTask where there is nothing to touch."""
+    """Raise InvalidTask if the simulator has no obstacle to touch."""
     if not context.simulator.obstacles:
         raise InvalidTask('simulator has no obstacles: expected the one to touch among them')

@@ -3,13 +3,15 @@
 """Insert the DLO into a bore."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.threading.insertion import insert
 from dlo_planner.inverse.task import Task, depths_on, depths_or_none
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.value import put
@@ -31,7 +33,10 @@ class Insert(Task):
     """
 
     bore: CutOut
-    depths: np.ndarray | None = None
+    depths: Floats | None = None
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, bore: CutOut, depths: ArrayLike | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         instance('bore', self.bore, CutOut)

@@ -2,12 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bring the DLO into a shape that penalties describe."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from dlo_planner.errors import NotConverged
 from dlo_planner.inverse.context import PlanContext
-from dlo_planner.inverse.solvers.search import PenaltyResult, judged_penalties, least_penalty
+from dlo_planner.inverse.solvers.penalty_function import Penalty
+from dlo_planner.inverse.solvers.search import (
+    PenaltyResult,
+    judged_penalties,
+    least_penalty,
+)
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.pose import Pose
@@ -18,7 +24,7 @@ from dlo_planner.plan.waypoint import Waypoint
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Minimize(Task):
-    """Make penalties of the shape least, beginning at `start`; see `minimize_penalty`.
+    """Minimize penalties of the shape, beginning at `start`; see `minimize_penalty`.
 
     Attributes
     ----------
@@ -31,8 +37,12 @@ class Minimize(Task):
     touches: ClassVar[bool] = True
     takes_initial: ClassVar[bool] = True
 
-    penalties: tuple
+    penalties: tuple[Penalty, ...]
     max_iterations: int = 200
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, penalties: Penalty | Sequence[Penalty],
+                     max_iterations: int = 200) -> None: ...
 
     def __post_init__(self) -> None:
         put(self, penalties=tuple(judged_penalties(self.penalties)),
@@ -41,12 +51,12 @@ class Minimize(Task):
         super().__post_init__()
 
     def solve(self, context: PlanContext) -> Plan:
-        """Return the Plan of one waypoint, where the penalty is least.
+        """Return the Plan of one waypoint, at the minimum of the penalty.
 
         Raises
         ------
         NotConverged
-            The search ended before.
+            The search did not converge.
         """
         instance('context', context, PlanContext)
         result = self.result(context)
@@ -58,7 +68,7 @@ class Minimize(Task):
         return builder.finished()
 
     def result(self, context: PlanContext) -> PenaltyResult:
-        """Return what the search finds, converged or not."""
+        """Return the PenaltyResult, converged or not."""
         instance('context', context, PlanContext)
         return least_penalty(context.simulator, self, instance('start', context.start, Pose),
                              context.initial, context.progress)

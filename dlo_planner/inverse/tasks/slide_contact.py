@@ -3,15 +3,16 @@
 """Draw the DLO over an obstacle."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.contact.hold_and_slide import CONDITIONS, slide_contact
 from dlo_planner.inverse.solvers.contact.straight import slide_straight
 from dlo_planner.inverse.task import MOST, Task
 from dlo_planner.inverse.tasks.hold_contact import check_obstacles, checked_forces
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
@@ -33,7 +34,7 @@ class SlideContact(Task):
     condition : str
         'least_energy', 'least_force', 'least_motion', 'largest_clearance'.
     forces : ndarray, shape (n,) or None
-        Forces in N: only these are looked at. If None, all.
+        Forces in N: only these are examined. If None, all.
     way : str
         'aligned' or 'straight'.
     """
@@ -41,10 +42,14 @@ class SlideContact(Task):
     touches: ClassVar[bool] = True
 
     contact: Pose
-    lengths: np.ndarray
+    lengths: Floats
     condition: str = 'least_motion'
-    forces: np.ndarray | None = None
+    forces: Floats | None = None
     way: str = 'aligned'
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, contact: Pose, lengths: ArrayLike, condition: str = 'least_motion',
+                     forces: ArrayLike | None = None, way: str = 'aligned') -> None: ...
 
     def __post_init__(self) -> None:
         put(self, lengths=row('lengths', self.lengths, most=MOST, above=0),

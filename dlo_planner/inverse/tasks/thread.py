@@ -3,14 +3,16 @@
 """Thread the free end through one cut-out."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.threading.deepest import deepest
 from dlo_planner.inverse.solvers.threading.one_cutout import thread, trim_to_clearance
+from dlo_planner.inverse.solvers.threading.through_depths import Threading
 from dlo_planner.inverse.task import Task, depths_on, depths_or_none
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, flag, instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.value import put
@@ -38,10 +40,15 @@ class Thread(Task):
     takes_initial: ClassVar[bool] = True
 
     cutout: CutOut
-    depths: np.ndarray | None = None
+    depths: Floats | None = None
     method: str = 'coupled'
     gripper_clearance: float | None = None
     as_deep_as_possible: bool = False
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, cutout: CutOut, depths: ArrayLike | None = None,
+                     method: str = 'coupled', gripper_clearance: float | None = None,
+                     as_deep_as_possible: bool = False) -> None: ...
 
     def __post_init__(self) -> None:
         instance('cutout', self.cutout, CutOut)
@@ -58,9 +65,9 @@ class Thread(Task):
         instance('context', context, PlanContext)
         depths, demands = depths_on(context.rod.length, self.depths), context.demands
 
-        def planned(wanted: np.ndarray) -> Plan:
-            return thread(context.without_obstacles, self.cutout, wanted, context.start,
-                          context.initial, self.method, demands)
+        def planned(depths: Floats) -> Plan:
+            return thread(context.without_obstacles, Threading(
+                self.cutout, depths, context.start, context.initial, demands, self.method))
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:

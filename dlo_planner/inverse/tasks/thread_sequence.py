@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Thread the free end through any number of cut-outs."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ from dlo_planner.inverse.solvers.threading.sequence import thread_sequence
 from dlo_planner.inverse.task import Task, depths_on, depths_or_none
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.value import put
@@ -22,7 +24,7 @@ from dlo_planner.plan.plan import Plan
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ThreadSequence(Task):
-    """Thread through cut-outs as well as can be; see `InverseSimulator.thread_sequence`.
+    """Thread near the centers of cut-outs; see `InverseSimulator.thread_sequence`.
 
     Attributes
     ----------
@@ -35,8 +37,12 @@ class ThreadSequence(Task):
     """
 
     cutouts: tuple[CutOut, ...]
-    weights: np.ndarray | None = None
-    depths: np.ndarray | None = None
+    weights: Floats | None = None
+    depths: Floats | None = None
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, cutouts: Iterable[CutOut], weights: ArrayLike | None = None,
+                     depths: ArrayLike | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         cutouts = items('cutouts', self.cutouts, CutOut, least=1)

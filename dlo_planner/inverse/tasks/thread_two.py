@@ -3,12 +3,14 @@
 """Thread the free end through two cut-outs."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.threading.two_cutouts import thread_two
 from dlo_planner.inverse.task import Task, depths_on, depths_or_none
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.value import put
@@ -31,7 +33,11 @@ class ThreadTwo(Task):
 
     first: CutOut
     second: CutOut
-    depths: np.ndarray | None = None
+    depths: Floats | None = None
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, first: CutOut, second: CutOut,
+                     depths: ArrayLike | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         instance('first', self.first, CutOut)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest laws in time with which a DLO arrives calm, as far as its `Response` tells.
+"""The fastest laws in time with which a DLO arrives calm, according to its `Response`.
 
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
 deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
@@ -20,6 +20,7 @@ import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.cases import Case, Passage
 from dlo_planner.plan.motion.compensation import compensated
 from dlo_planner.plan.motion.fastest import fastest_rates
@@ -28,7 +29,6 @@ from dlo_planner.plan.motion.leg_response import Response
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import smoothed
-from dlo_planner.plan.path import Leg
 
 _Supply: TypeAlias = tuple[list[list[TimeLaw]], dict[bytes, list[list[float]]],
                            Iterator[tuple[Floats, Floats]]]
@@ -119,15 +119,16 @@ class LegTask:
 
 def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = None,
              check: Callable[[], None] = lambda: None) -> TimeLaw:
-    """Return the quickest TimeLaw found that keeps `tolerance` (m) as far as the response tells.
+    """Return the quickest TimeLaw found that keeps `tolerance` (m) according to the response.
 
     The one that comes nearest to that, if none does. `begins` are the states of the cases at the
     beginning, None: at rest. `check` is called before each trial; it may raise.
     """
     begins = task.rest if begins is None else begins
-    found = sorted(_candidates(task, tolerance, begins, check), key=lambda one: one[0].duration)
+    candidates = sorted(_candidates(task, tolerance, begins, check),
+                        key=lambda one: one[0].duration)
     best, least = None, np.inf
-    for law, shifted in _trials(found, tolerance):
+    for law, shifted in _trials(candidates, tolerance):
         check()
         kept = _within_limits(task, law, begins, shifted)
         used = predicted(task, kept, begins)
@@ -141,7 +142,7 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
 
 def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
                 check: Callable[[], None]) -> list[tuple[TimeLaw, float]]:
-    """Return laws and what is predicted of them, m; ever slower ones, until one is calm by far."""
+    """Return laws and their predicted deviations, m; ever slower ones, until one is calm by far."""
     sets, predictions, more = task.supply
     known = predictions.setdefault(np.array(begins).tobytes(), [])
     while not known or min(known[-1]) >= _MUCH * tolerance:
@@ -156,14 +157,14 @@ def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
     return [one for pair in zip(sets, known, strict=False) for one in zip(*pair, strict=True)]
 
 
-def _trials(found: Iterable[tuple[TimeLaw, float]],
+def _trials(candidates: Iterable[tuple[TimeLaw, float]],
             tolerance: float) -> Iterator[tuple[TimeLaw, bool]]:
-    """Yield laws, by their durations, that may do, and whether with a shift.
+    """Yield laws that may be calm, by their durations, and whether with a shift.
 
     At first the quickest, then ever calmer ones.
     """
     tried, calmer, least = 0, [], np.inf
-    for law, off in found:
+    for law, off in candidates:
         if off <= tolerance:
             yield law, False
         elif off <= _FAR * tolerance and tried < _TRIALS:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest way through a leg within limits, by time-optimal path parametrization.
+"""The fastest motion through a leg within limits, by time-optimal path parametrization.
 
 toppra (Pham and Pham, IEEE Transactions on Robotics 34, 2018) finds the largest rate at each place.
 Its constraints here are limits of the lengths of vectors, not of single coordinates, and bounds of
@@ -12,15 +12,15 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.path import Leg
 
 _CORNERS = 16     # of the polygon that stands for a disc
 _PLACES = 120     # of the grid of rates, at least
@@ -46,6 +46,31 @@ class Bearing:
     slopes: Floats
     bends: Floats
     most: Floats
+
+
+class _Parameters(NamedTuple):
+    """A constraint of toppra at n parameters: F (a u'' + b u'^2 + c) <= g, with bounds of both.
+
+    Attributes
+    ----------
+    a, b, c : ndarray, shape (n, k)
+    sides : ndarray, shape (n, m, k)
+        The matrices F.
+    most : ndarray, shape (n, m)
+        The right-hand sides g.
+    accelerations : ndarray, shape (n, 2) or None
+        Least and largest u''.
+    squares : ndarray, shape (n, 2) or None
+        Least and largest u'^2.
+    """
+
+    a: Floats
+    b: Floats
+    c: Floats
+    sides: Floats
+    most: Floats
+    accelerations: Floats | None = None
+    squares: Floats | None = None
 
 
 def fastest_rates(leg: Leg, limits: Limits,
@@ -110,7 +135,7 @@ def _constraints(toppra: ModuleType, limits: Limits, bearing: Bearing | None) ->
             return 6
 
         def compute_constraint_params(self, path: Any, u: Floats, *_: Any,
-                                      **__: Any) -> tuple[Any, ...]:
+                                      **__: Any) -> _Parameters:
             first, second = path(u, 1)[:, self.part], path(u, 2)[:, self.part]
             speed = np.linalg.norm(first, axis=1)
             along = (first * second).sum(axis=1) / np.maximum(speed, _STILL)
@@ -119,11 +144,12 @@ def _constraints(toppra: ModuleType, limits: Limits, bearing: Bearing | None) ->
             sides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
             most = np.full((u.size, _CORNERS), self.acceleration * np.cos(np.pi / _CORNERS))
             fastest = np.minimum(self.speed / np.maximum(speed, _STILL), _FASTEST) ** 2
-            return (np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1),
-                    np.zeros((u.size, 2)), np.repeat(sides[None], u.size, axis=0), most, None,
-                    np.stack([0 * fastest, fastest], axis=1))
+            return _Parameters(
+                np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1),
+                np.zeros((u.size, 2)), np.repeat(sides[None], u.size, axis=0), most, None,
+                np.stack([0 * fastest, fastest], axis=1))
 
-    class Borne(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
+    class Bounded(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
         """The bounds of a Bearing."""
 
         def __init__(self, bearing: Bearing) -> None:
@@ -134,15 +160,15 @@ def _constraints(toppra: ModuleType, limits: Limits, bearing: Bearing | None) ->
             return 6
 
         def compute_constraint_params(self, _: Any, u: Floats, *__: Any,
-                                      **___: Any) -> tuple[Any, ...]:
+                                      **___: Any) -> _Parameters:
             slopes, bends, most = (
                 np.stack([np.interp(u, self.bearing.parameters, column) for column in what.T],
                          axis=1)
                 for what in (self.bearing.slopes, self.bearing.bends, self.bearing.most))
             m = slopes.shape[1]
             sides = np.repeat(np.vstack([np.eye(m), -np.eye(m)])[None], u.size, axis=0)
-            return slopes, bends, 0 * slopes, sides, np.hstack([most, most]), None, None
+            return _Parameters(slopes, bends, 0 * slopes, sides, np.hstack([most, most]))
 
     finite = np.minimum(limits.sizes, _ENDLESS)
     kept = [Size(slice(0, 3), *finite[:2, 0]), Size(slice(3, 6), *finite[:2, 1])]
-    return kept if bearing is None else [*kept, Borne(bearing)]
+    return kept if bearing is None else [*kept, Bounded(bearing)]

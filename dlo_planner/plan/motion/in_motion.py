@@ -18,12 +18,12 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag
 from dlo_planner.model.computed import figure
 from dlo_planner.model.obstacles import Obstacle
-from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.motion.inserted import Feed, pushed
+from dlo_planner.plan.motion.feed import Feed
+from dlo_planner.plan.motion.inserted import Instants, pushed
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.plan.passing import held_after, worst_miss
@@ -39,7 +39,7 @@ _AT_ONCE = 1e-9       # of a plan's time
 @renamed_fields(miss='position_error')
 @dataclass(frozen=True, eq=False, repr=False)
 class InMotion(Value):
-    """What the dynamic simulation says of a motion from rest to rest; worst values, SI units.
+    """Results of the dynamic simulation of a motion from rest to rest; worst values, SI units.
 
     Distances of a DLO that could not be simulated to the end are infinitely bad.
 
@@ -49,9 +49,9 @@ class InMotion(Value):
         Whether every step was solved.
     position_error : float
         Distance from the centers to be passed, between all waypoints: of the nearest arc length
-        between those of both waypoints; a center that the free end only comes to on that way counts
-        from then on; nan if there is none. A DLO in a bore cannot miss it: there the `swing` of
-        what is outside counts.
+        between those of both waypoints; a center that the free end reaches in between counts from
+        then on; nan if there is none. A DLO in a bore cannot miss it: there the `swing` of the part
+        outside counts.
     swing : float
         Largest distance of the DLO from its equilibrium in the same gripper.
     arrival : float
@@ -61,13 +61,13 @@ class InMotion(Value):
     clearance : float
         Clearance from the sheets around sized cut-outs and from the obstacles given, nan if none.
     calm_clearance : float
-        The same of the DLO that follows slowly on the same way.
+        The same of the DLO that follows the same path slowly.
     contact_force : float
         Largest force of one contact with the simulator's obstacles, or of the mouth of a bore, N.
     duration : float
         Duration of the motion, s.
     step : float
-        Step between two instants looked at, s.
+        Step between two instants, s.
     """
 
     converged: bool
@@ -93,7 +93,7 @@ class InMotion(Value):
                 ('duration', 's')) if np.isfinite(getattr(self, name))))
 
     def worse(self, other: InMotion) -> InMotion:
-        """Return the worse of both figures, each by itself; nan in one of them does not count."""
+        """Return the worse of both, figure by figure; nan in one of them does not count."""
         both = {item.name: (getattr(self, item.name), getattr(other, item.name))
                 for item in fields(self)}
         worse = {name: float((np.fmin if name in _LEAST else np.fmax)(*pair))
@@ -101,7 +101,7 @@ class InMotion(Value):
         return InMotion(converged=all(both['converged']), **worse)
 
 
-def in_motion(simulator: DirectSimulator, plan: Plan, way: TimedPath, first: Shape,
+def in_motion(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
               obstacles: tuple[Obstacle, ...], progress: Progress) -> InMotion:
     """Return InMotion of a Plan's DLO.
 
@@ -109,7 +109,7 @@ def in_motion(simulator: DirectSimulator, plan: Plan, way: TimedPath, first: Sha
     ----------
     simulator : DirectSimulator
     plan : Plan
-    way : TimedPath
+    timed : TimedPath
         TimedPath of the plan.
     first : Shape
         Shape at its beginning, at rest.
@@ -123,27 +123,27 @@ def in_motion(simulator: DirectSimulator, plan: Plan, way: TimedPath, first: Sha
         The motion has more than 20000 instants.
     """
     period = slowest_period(simulator.rod)
-    times = np.linspace(0, way.duration + period, _instants(way.duration + period, period))
-    grippers, done = way.at(times)[0], way.progress(times)
-    seen = _seen(simulator, plan, grippers, done, times[1], first, progress)
+    times = np.linspace(0, timed.duration + period, _instants(timed.duration + period, period))
+    grippers, reached = timed.at(times)[0], timed.progress(times)
+    simulated = _simulated(simulator, plan, Instants(grippers, reached, times[1]), first, progress)
     obstacles = watched(simulator, plan, obstacles)
     passed, anything = any(plan.via_points), bool(plan.sheets or obstacles)
-    if seen is None:
+    if simulated is None:
         lost, near = np.inf if passed else np.nan, -np.inf if anything else np.nan
-        return InMotion(False, lost, np.inf, lost, np.inf, near, near, np.inf, way.duration,
+        return InMotion(False, lost, np.inf, lost, np.inf, near, near, np.inf, timed.duration,
                         times[1])
-    miss, swing, surface = seen.position_error, seen.swing, Surface.of(simulator.rod)
+    miss, swing, surface = simulated.position_error, simulated.swing, Surface.of(simulator.rod)
     return InMotion(
         True, miss.max() if passed else np.nan, swing.max(),
-        swing[np.argmax(miss > 0)] if passed else np.nan, swing[times >= way.duration].max(),
-        least_clearance(plan, obstacles, surface, seen.shapes),
-        least_clearance(plan, obstacles, surface, seen.calm),
-        seen.contact_force, way.duration, times[1])
+        swing[np.argmax(miss > 0)] if passed else np.nan, swing[times >= timed.duration].max(),
+        least_clearance(plan, obstacles, surface, simulated.shapes),
+        least_clearance(plan, obstacles, surface, simulated.calm),
+        simulated.contact_force, timed.duration, times[1])
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """What a simulated motion shows at n instants.
+class _Simulated:
+    """A simulated motion at n instants.
 
     Attributes
     ----------
@@ -164,58 +164,59 @@ class _Seen:
     swing: Floats
     contact_force: float
 
-    def then(self, other: _Seen) -> _Seen:
+    def then(self, other: _Simulated) -> _Simulated:
         """Return this motion and another, which begins at the instant at which this one ends."""
-        return _Seen([*self.shapes, *other.shapes[1:]], [*self.calm, *other.calm[1:]],
-                     np.append(self.position_error, other.position_error[1:]),
-                     np.append(self.swing, other.swing[1:]),
-                     max(self.contact_force, other.contact_force))
+        return _Simulated([*self.shapes, *other.shapes[1:]], [*self.calm, *other.calm[1:]],
+                          np.append(self.position_error, other.position_error[1:]),
+                          np.append(self.swing, other.swing[1:]),
+                          max(self.contact_force, other.contact_force))
 
 
-def _seen(simulator: DirectSimulator, plan: Plan, grippers: Sequence[Pose], done: Floats, dt: float,
-          first: Shape, progress: Progress) -> _Seen | None:
-    """Return what is _Seen of a motion to its end, None if it could not be simulated."""
+def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
+               progress: Progress) -> _Simulated | None:
+    """Return a motion simulated to its end, None if that failed."""
     bore = held_after(plan)
     if bore is None:
-        return _freely(simulator, plan, grippers, done, dt, first, progress)[0]
+        return _without_bore(simulator, plan, instants, first, progress)[0]
     # the bore takes the DLO at the last instant at which it is still before the mouth
-    at = int(np.searchsorted(done, plan.times[bore] + _AT_ONCE * np.ptp(plan.times), 'right')) - 1
+    at = int(np.searchsorted(instants.u, plan.times[bore] + _AT_ONCE * np.ptp(plan.times),
+                             'right')) - 1
     feed, before, velocity = Feed.of(simulator, plan), None, None
     if at > 0:
-        before, motion = _freely(simulator, plan, grippers[:at + 1], done[:at + 1], dt, first,
-                                 progress)
+        before, motion = _without_bore(simulator, plan, instants.part(0, at + 1), first, progress)
         if before is None:
             return None
         first, velocity = motion.shapes[-1], motion.velocities[-1]
-    outside = pushed(feed, grippers[at:], done[at:], dt, first, velocity, progress)
+    outside = pushed(feed, instants.part(at), first, velocity, progress)
     if not outside.converged:
         return None
     swing = np.array([apart(*pair) for pair in zip(outside.shapes, outside.calm, strict=True)])
-    within = _Seen(outside.shapes, outside.calm, swing, swing, outside.forces.max())
+    within = _Simulated(outside.shapes, outside.calm, swing, swing, outside.forces.max())
     return within if before is None else before.then(within)
 
 
-def _freely(simulator: DirectSimulator, plan: Plan, grippers: Sequence[Pose], done: Floats,
-            dt: float, first: Shape, progress: Progress) -> tuple[_Seen | None, Motion]:
-    """Return what is _Seen of a motion in which no bore holds the DLO, or None, and the Motion."""
-    motion = simulator.simulate(grippers, dt, first, progress=progress.done)
+def _without_bore(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
+                  progress: Progress) -> tuple[_Simulated | None, Motion]:
+    """Return the simulated motion of a DLO that no bore holds, or None, and the Motion."""
+    grippers = instants.grippers
+    motion = simulator.simulate(grippers, instants.dt, first, progress=progress.done)
     if not (motion.converged and first.converged):
         return None, motion
     calm = simulator.track(grippers, progress.done, first)
     swing = np.array([apart(*pair) for pair in zip(motion.shapes, calm, strict=True)])
-    last = np.clip(np.searchsorted(plan.times, done, side='right') - 1, 0, len(plan) - 2)
-    miss = np.array([worst_miss(shape, plan.via_points[k], plan.via_points[k + 1])
-                     for k, shape in zip(last, motion.shapes, strict=True)])
+    last = np.clip(np.searchsorted(plan.times, instants.u, side='right') - 1, 0, len(plan) - 2)
+    errors = np.array([worst_miss(shape, plan.via_points[k], plan.via_points[k + 1])
+                       for k, shape in zip(last, motion.shapes, strict=True)])
     force = max((contact.force for shape in motion.shapes for contact in shape.contacts),
                 default=0.0)
-    return _Seen(motion.shapes, calm, miss, swing, force), motion
+    return _Simulated(motion.shapes, calm, errors, swing, force), motion
 
 
 def watched(simulator: DirectSimulator, plan: Plan,
             obstacles: tuple[Obstacle, ...]) -> tuple[Obstacle, ...]:
     """Return the obstacles (tuple) whose clearance is wanted: those given, and of an insertion all.
 
-    What is outside of a bore is simulated without contacts.
+    The part outside of a bore is simulated without contacts.
     """
     return obstacles if held_after(plan) is None else (*obstacles, *simulator.obstacles)
 

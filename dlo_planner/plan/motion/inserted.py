@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a DLO that is pushed into a bore: what is outside of it gets shorter.
+"""The motion of a DLO that is pushed into a bore: the part outside gets shorter.
 
 The bore is tight and smooth. At the mouth the DLO keeps the mouth's direction and roll and slides
-along it freely. The walls carry the weight of what is inside, as the plan assumes; its inertia
-along the bore counts, as a mass at the mouth. What is simulated is the DLO up to the material point
-that is at the mouth as a short piece of the motion begins. While this point goes in, it is held as
+along it freely. The walls carry the weight of the part inside, as the plan assumes; its inertia
+along the bore counts, as a mass at the mouth. The DLO is simulated up to the material point that is
+at the mouth as a short piece of the motion begins. While this point goes in, it is held as
 if the DLO behind the mouth was free of stress. Then the DLO is cut anew: positions, strains and
 velocities of the rest go on as they are.
 """
@@ -17,131 +17,32 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.beginning import first_shape
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.dynamics import run
 from dlo_planner.direct.guide import Grips, Guide
-from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.direct.instant import Instant
+from dlo_planner.direct.setting_off import begin
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Instant, Stepper
-from dlo_planner.energy.loads import node_masses
+from dlo_planner.direct.stepping import Stepper
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.part import before, part_of_rod
-from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.motion.feed import Feed
 from dlo_planner.progress import Progress
 
-_ELEMENTS, _FEWEST = 64, 24  # of the whole DLO, of what is left of it
 _PIECE = 0.01
 _TAKEN_OVER = 0.1  # of a weight, by which the mouth takes it over before
-_SAME = 1e-12      # of the length
 _LONGEST = 50      # instants of a piece
-_NO_ELEMENT = 0.02  # of an element: a shorter one at the mouth is none
 _TOLERANCE = 1e-3  # of the length: of the simulation, as `simulate` has it
 
 
 @dataclass(frozen=True)
-class Feed:
-    """How a plan pushes a DLO into a bore.
-
-    Attributes
-    ----------
-    simulator : DirectSimulator
-        DirectSimulator of the whole DLO.
-    mouth : Pose
-        Pose, x axis into the bore.
-    times : ndarray, shape (n,)
-        Times of the plan, s.
-    depths : ndarray, shape (n,)
-        Depths in m.
-    borne : ndarray, shape (n,)
-        Part of the weight at the mouth that the mouth carries, N, against gravity.
-    """
-
-    simulator: DirectSimulator
-    mouth: Pose
-    times: Floats
-    depths: Floats
-    borne: Floats
-
-    @classmethod
-    def of(cls, simulator: DirectSimulator, plan: Plan) -> Feed:
-        """Return that of a Plan in which a bore holds the DLO."""
-        held = [shape.far_end is not None for shape in plan.shapes]
-        mouth = next(shape.far_end.pose for shape in plan.shapes if shape.far_end is not None)
-        up = _up(simulator.gravity)
-        borne = np.array([shape.far_wrench[:3] @ up if inside else 0.0
-                          for shape, inside in zip(plan.shapes, held, strict=True)])
-        return cls(simulator.elastic().without_obstacles(), mouth, plan.times, plan.depths, borne)
-
-    @property
-    def up(self) -> Floats:
-        """(3,) unit vector against gravity."""
-        return _up(self.simulator.gravity)
-
-    def depth(self, u: float) -> float:
-        """Return the depth in m at the plan's time u."""
-        return float(np.interp(u, self.times, self.depths))
-
-    def lifted(self, u: float) -> float:
-        """Return the weight in N at the mouth that the mouth carries at the plan's time u."""
-        there = np.abs(self.depths - self.depth(u)) <= _SAME * self.simulator.rod.length
-        # else what was at the mouth is inside, and counts there
-        return float(np.interp(u, self.times[there], self.borne[there])) if there.any() else 0.0
-
-    def outside(self, depth: float, lifted: float) -> Discretization:
-        """Return the Discretization of the DLO that ends at the mouth, without obstacles.
-
-        Parameters
-        ----------
-        depth : float
-            Length in m that is inside.
-        lifted : float
-            Weight at the mouth that the mouth carries, N.
-        """
-        around, rod = self.simulator.surroundings, self.simulator.rod
-        end = rod.length - depth
-        end = next((s for s, _ in rod.point_masses if abs(s - end) <= _SAME * rod.length), end)
-        part = before(rod, end)
-        mass = _mass_beyond(rod, end)
-        loads = (PointLoad(lifted * self.up - mass * around.gravity),)
-        part = replace(part, tip_mass=part.tip_mass + mass)
-        around = replace(around, rod=part, point_loads=loads)
-        size = rod.length / _ELEMENTS
-        while end < _FEWEST * size:
-            size /= 2  # the nodes stay, so that nothing changes but that there are more
-        s = np.arange(int(np.ceil(end / size)) + 1) * size
-        s = np.append(s[s < end - _NO_ELEMENT * size], end)
-        return Discretization(around, with_breaks(s, around.breaks), 'local', 0)
-
-    def held(self, mesh: Discretization, way: float) -> Pose:
-        """Return the Pose of the material point at the end of `mesh`, `way` m behind the mouth.
-
-        As if what is between was free of stress, so that it transmits nothing to the mouth.
-        """
-        end = mesh.s[-1:]
-        turn = self.simulator.rod.natural_strains(end)[0] * way
-        half = Rotation.from_rotvec(0.5 * turn).as_matrix()
-        along = self.mouth.rotation @ half @ np.array([way, 0.0, 0.0])
-        return Pose.from_rotation(self.mouth.position + along,
-                                  self.mouth.rotation @ half @ half)
-
-
-def _up(gravity: Floats) -> Floats:
-    return -gravity / (np.linalg.norm(gravity) or 1.0)
-
-
-@dataclass(frozen=True)
 class Outside:
-    """What is outside of the bore at n instants, up to where the motion could be simulated.
+    """The part outside of the bore at n instants, as far as the motion could be simulated.
 
     Attributes
     ----------
@@ -161,23 +62,45 @@ class Outside:
     converged: bool
 
 
-def pushed(feed: Feed, grippers: Sequence[Pose], u: Floats, dt: float, start: Shape,
-           velocity: Floats | None, progress: Progress) -> Outside:
-    """Return what is Outside while the gripper goes through n Poses.
+@dataclass(frozen=True)
+class Instants:
+    """What the gripper does at n instants of a motion.
 
-    Parameters
+    Attributes
     ----------
+    grippers : sequence of Pose
     u : ndarray, shape (n,)
         The plan's times that are reached there.
     dt : float
         Seconds between two instants.
+    """
+
+    grippers: Sequence[Pose]
+    u: Floats
+    dt: float
+
+    def part(self, begin: int, end: int | None = None) -> Instants:
+        """Return the instants from one index to another, which is left out."""
+        return Instants(self.grippers[begin:end], self.u[begin:end], self.dt)
+
+
+def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None,
+           progress: Progress) -> Outside:
+    """Return the part Outside during a motion of the gripper.
+
+    Parameters
+    ----------
+    feed : Feed
+    instants : Instants
+        The n instants.
     start : Shape
-        Shape of the DLO at the first one, at least as long as what is outside.
+        Shape of the DLO at the first one, at least as long as the part outside.
     velocity : ndarray, shape (N + 1, 3) or None
         Velocity in m/s of its nodes. If None, the DLO is in equilibrium, at rest.
     progress : Progress
     """
-    guide = Guide(grippers, dt, velocity is None)
+    grippers, u = instants.grippers, instants.u
+    guide = Guide(grippers, instants.dt, velocity is None)
     shapes, calm, forces, k = [start], [start], [0.0], 0
     while k < len(grippers) - 1:
         count = _instants(feed, u[k:])
@@ -222,7 +145,7 @@ def _instants(feed: Feed, u: Floats) -> int:
     depths, lifted = (np.array([of(one) for one in u[:_LONGEST + 1]])
                       for of in (feed.depth, feed.lifted))
     far = depths - depths[0] > _PIECE * feed.simulator.rod.length
-    far |= np.abs(lifted - lifted[0]) > _TAKEN_OVER * max(feed.borne.max(), 1e-300)
+    far |= np.abs(lifted - lifted[0]) > _TAKEN_OVER * max(feed.carried.max(), 1e-300)
     return max(int(np.argmax(far)) - 1, 1) if far.any() else len(depths) - 1
 
 
@@ -237,28 +160,29 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
            velocity: Floats | None) -> tuple[Stepper, Instant]:
     """Return the Stepper of a piece, and the Instant at its beginning.
 
-    What is off the mouth, when the DLO comes into it, is guided there on the way of this piece.
+    A DLO that is off the mouth as it comes in is guided there during this piece.
     """
     cut, velocity = _cut(start, velocity, mesh.s[-1])
     end = Pose.from_rotation(*cut.frame_at(float(cut.s[-1]))[::-1])
     depths = np.array([feed.depth(one) for one in u])
     shares = np.linspace(0, 1, len(u))
-    ends = [_aside(feed.held(mesh, way), feed.mouth, end, 1 - share**2 * (3 - 2 * share))
-            for way, share in zip(depths - depths[0], shares, strict=True)]
+    ends = [_aside(feed.held(mesh, behind), feed.mouth, end, 1 - share**2 * (3 - 2 * share))
+            for behind, share in zip(depths - depths[0], shares, strict=True)]
     dt = guide.guide.dt
     grips = Grips(guide, Guide(ends, dt, False), 'sleeve')  # type: ignore[arg-type]  # as a Guide
     stepper = Stepper(mesh, grips, dt)
     first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), cut, None)
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, cut.s, one) for one in velocity.T])
-    return stepper, stepper.begin(first, velocity)
+    return stepper, begin(stepper, first, velocity)
 
 
 def _aside(pose: Pose, one: Pose, other: Pose, part: float) -> Pose:
-    """Return a Pose that is displaced by a part of what leads from `one` to `other`."""
+    """Return a Pose displaced by a part of the displacement from `one` to `other`."""
     turn = other.rotation @ one.rotation.T
-    there = Pose.from_rotation(pose.position + other.position - one.position, turn @ pose.rotation)
-    result: Pose = between(pose, there, part)
+    displaced = Pose.from_rotation(pose.position + other.position - one.position,
+                                   turn @ pose.rotation)
+    result: Pose = between(pose, displaced, part)
     return result
 
 
@@ -274,13 +198,3 @@ def _cut(shape: Shape, velocity: Floats | None, end: float) -> tuple[Shape, Floa
                    frames=np.concatenate([shape.frames[kept], rotation[None]]),
                    element_strains=shape.element_strains[:len(s) - 1], contacts=(),
                    state=shape.state.forgotten()), velocity
-
-
-def _mass_beyond(rod: Rod, end: float) -> float:
-    """Return the mass in kg of what is beyond an arc length, m, with all that is fixed to it."""
-    if end >= rod.length:
-        return 0.0
-    rest = part_of_rod(rod, end, 1)
-    rest = replace(rest, point_masses=tuple((s, mass) for s, mass in rest.point_masses if s > 0))
-    s = with_breaks(np.linspace(0, rest.length, _ELEMENTS + 1), rest.breaks)
-    return float(node_masses(rest, s).sum())

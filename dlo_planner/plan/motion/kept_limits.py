@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from dlo_planner.model.arrays import Floats
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.path import Leg
 
 _TIGHT = 5e-3    # by which part a bound may exceed the largest value that was found
 _ROUNDS = 40     # halvings of an interval of time, at most
@@ -60,21 +61,39 @@ def _sizes(leg: Leg, u: Floats, rates: Sequence[Floats]) -> Floats:
     return result
 
 
-def _most(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> tuple[Floats, Floats, Floats, float]:
-    """Return bounds between times a and b: (n, 2, 3) of the leg's derivatives, (n,) of u' to u'''.
+class _Bounds(NamedTuple):
+    """Bounds between n pairs of times.
 
-    The leg's are linear and angular, first to third.
+    Attributes
+    ----------
+    leg : ndarray, shape (n, 2, 3)
+        Of the leg's derivatives by u, linear and angular, first to third.
+    rate : ndarray, shape (n,)
+        Of u'.
+    change : ndarray, shape (n,)
+        Of u''.
+    jerk : float
+        Of u'''.
     """
+
+    leg: Floats
+    rate: Floats
+    change: Floats
+    jerk: float
+
+
+def _bounds(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> _Bounds:
+    """Return the _Bounds between times a (n,) and b (n,)."""
     (before, *one), (after, *other) = law.at(a), law.at(b)
     change, jerk = law.bounds
     half = 0.5 * (b - a)
-    return (leg.bounds(before, after), np.maximum(one[0], other[0]) + half * change,
-            np.maximum(np.abs(one[1]), np.abs(other[1])) + half * jerk, jerk)
+    return _Bounds(leg.bounds(before, after), np.maximum(one[0], other[0]) + half * change,
+                   np.maximum(np.abs(one[1]), np.abs(other[1])) + half * jerk, jerk)
 
 
 def _slopes(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> Floats:
     """Return (n, 2, 2): bounds of the slopes of `_sizes` between times a and b."""
-    bounds, rate, change, _ = _most(leg, law, a, b)
+    bounds, rate, change, _ = _bounds(leg, law, a, b)
     first, second = np.moveaxis(bounds, 2, 0)[:2]
     return np.stack([change[:, None] * first + rate[:, None] ** 2 * second,
                      _jerks(leg, law, a, b)], axis=1)
@@ -82,7 +101,7 @@ def _slopes(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> Floats:
 
 def _jerks(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> Floats:
     """Return (n, 2): bounds of the linear and angular jerk between times a and b."""
-    bounds, rate, change, jerk = _most(leg, law, a, b)
+    bounds, rate, change, jerk = _bounds(leg, law, a, b)
     first, second, third = np.moveaxis(bounds, 2, 0)
     rate, change = rate[:, None], change[:, None]
     result: Floats = jerk * first + 3 * rate * change * second + rate**3 * third

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a DLO answers when its gripper goes along a leg: its vibrations, excited by the time law.
+"""The response of a DLO to a motion along a leg: its vibrations, excited by the time law.
 
 While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation
 from it is a sum of modes, displacement_i(u) y_i(t), with
@@ -9,8 +9,8 @@ from it is a sum of modes, displacement_i(u) y_i(t), with
 
 slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. Along the
 way frequencies and modes change; where two come near to each other they turn into one another, so
-the coordinates turn with them. A time law is judged with it in milliseconds; what it promises is
-verified by `DirectSimulator.simulate`.
+the coordinates turn with them. A time law is judged with it in milliseconds;
+`DirectSimulator.simulate` verifies the result.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.fastest import Bearing
-from dlo_planner.plan.motion.oscillators import vibrated
+from dlo_planner.plan.motion.oscillators import Oscillators, vibrated
 from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.path import Leg
 
 _PLACES = 17      # on a leg, at least, where modes are known
 _MODES = 5
@@ -41,7 +41,7 @@ _FEWEST, _MOST = 200, 20_000  # instants
 
 @dataclass(frozen=True)
 class Response:
-    """What is known of a DLO at n parameters of a leg; m modes, N + 1 nodes.
+    """Modes of a DLO at n parameters of a leg; m modes, N + 1 nodes.
 
     Attributes
     ----------
@@ -86,12 +86,12 @@ class Response:
         ----------
         simulator : DirectSimulator
         parameters : ndarray, shape (n,), optional
-            Where the modes are looked at. If None, closer where they change fast.
+            Parameters of the modes. If None, closer where the modes change fast.
 
         Raises
         ------
         InvalidTask
-            A shape on the way has no modes.
+            A shape on the leg has no modes.
         """
         u, shapes, modes = (_places(simulator, leg, first) if parameters is None else
                             (parameters, *_known(simulator, leg, first, parameters)))
@@ -128,10 +128,8 @@ class Response:
         """Return the Response with all frequencies times a factor."""
         return replace(self, rates=factor * self.rates)
 
-    def oscillators(self, law: TimeLaw) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Return times (t + 1,), parameters (t + 1,), rates and damping (t, m), turns (t, m, m).
-
-        The last three are those of `vibrated`.
+    def oscillators(self, law: TimeLaw) -> Oscillators:
+        """Return the Oscillators that a time law excites.
 
         Parameters
         ----------
@@ -144,8 +142,9 @@ class Response:
         place = np.clip(np.searchsorted(self.parameters, middle) - 1, 0, len(self.turning) - 1)
         half = 0.5 * np.diff(u)[:, None, None] * self.turning[place]
         one = np.eye(half.shape[1])
-        return (times, u, self.between(self.rates, middle),
-                self.between(self.damping, middle), np.linalg.solve(one + half, one - half))
+        return Oscillators(times, u, self.between(self.rates, middle),
+                           self.between(self.damping, middle),
+                           np.linalg.solve(one + half, one - half))
 
     def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
@@ -184,9 +183,9 @@ class Response:
             y and y'/w at its end.
         """
         moved = end * np.stack([np.ones(len(before.rates[-1])), before.rates[-1]])
-        here = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],
-                                 self.displacements[0])
-        result: Floats = here / np.stack([np.ones(len(self.rates[0])), self.rates[0]])
+        transferred = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],
+                                        self.displacements[0])
+        result: Floats = transferred / np.stack([np.ones(len(self.rates[0])), self.rates[0]])
         return result
 
     def waited(self, end: Floats, seconds: float) -> Floats:
@@ -268,7 +267,7 @@ def _spread(modes: Modes, s: Floats) -> Floats:
 def _turning(masses: Floats, displacements: Floats) -> Floats:
     """Return (n - 1, m, m) skew matrices: by how much modes turn from one place to the next.
 
-    Products of the modes here with what those there differ from them by, weighted by mass.
+    They follow from the products, weighted by mass, of the modes at both places.
     """
     products = np.einsum('k,umki,uvki->umv', masses, displacements[:-1], displacements[1:])
     left, _, right = np.linalg.svd(products)

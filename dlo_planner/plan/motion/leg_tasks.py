@@ -17,11 +17,12 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import scaled
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.calm import LegTask
 from dlo_planner.plan.motion.leg_response import Response
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.passing import held_after, holes_passed
-from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import Plan
 
 _ELEMENTS = 32   # of the DLO whose modes are looked at

@@ -4,9 +4,36 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+
+
+class Oscillators(NamedTuple):
+    """The m modes of a DLO at t + 1 instants of a time law; the last three are for `vibrated`.
+
+    Attributes
+    ----------
+    times : ndarray, shape (t + 1,)
+        Times in s.
+    parameters : ndarray, shape (t + 1,)
+        Parameters of the leg.
+    rates : ndarray, shape (t, m)
+        Angular frequencies between the instants, 1/s.
+    damping : ndarray, shape (t, m)
+        Damping ratios.
+    turns : ndarray, shape (t, m, m)
+        How the modes turn into one another.
+    """
+
+    times: Floats
+    parameters: Floats
+    rates: Floats
+    damping: Floats
+    turns: Floats
 
 
 @kernel

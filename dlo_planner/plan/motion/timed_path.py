@@ -11,11 +11,12 @@ from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.fastest import fastest_rates
 from dlo_planner.plan.motion.kept_limits import most_used
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.path import GripperPath
 
 _SHORTEST = 0.01  # of a leg's duration: the least width of a window that only bounds the jerk
 _ROUNDS = 30      # of slowing down
@@ -76,16 +77,16 @@ class TimedPath(Value):
         poses = np.empty(since.size, dtype=object)
         speeds, accelerations = np.zeros((2, since.size, 6))
         for k in np.unique(which):
-            here, leg = np.flatnonzero(which == k), self.path.legs[k]
-            done, rate, change, _ = self._progress(k, since[here])[:, :, None]
+            places, leg = np.flatnonzero(which == k), self.path.legs[k]
+            done, rate, change, _ = self._progress(k, since[places])[:, :, None]
             position, turns, first, second = leg.at(done[:, 0])
-            speeds[here], accelerations[here] = rate * first, change * first + rate**2 * second
+            speeds[places], accelerations[places] = rate * first, change * first + rate**2 * second
             shift = None if self.laws[k] is None else self.laws[k].shift
             if shift is not None:
-                position = position + shift.at(since[here])
-                speeds[here, :3] += shift.at(since[here], 1)
-                accelerations[here, :3] += shift.at(since[here], 2)
-            for index, *pose in zip(here, position, turns, strict=True):
+                position = position + shift.at(since[places])
+                speeds[places, :3] += shift.at(since[places], 1)
+                accelerations[places, :3] += shift.at(since[places], 2)
+            for index, *pose in zip(places, position, turns, strict=True):
                 poses[index] = Pose.from_rotation(*pose)
         return list(poses), speeds, accelerations
 

@@ -233,7 +233,7 @@ def test_the_default_tolerance_is_a_quarter_of_the_room(short):
 
 def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(short, monkeypatch):
     _, plan = short
-    monkeypatch.setattr('dlo_planner.plan.motion.trajectory._ROUNDS', 1)  # it takes long to give up
+    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)  # else it takes long
     with pytest.raises(Infeasible, match='the DLO is not calm: .* in motion') as caught:
         Trajectory(plan, tolerance=1e-5)
     error = caught.value
@@ -262,7 +262,7 @@ def test_progress_and_deadline(short):
 
 def test_an_obstacle_that_is_only_met_in_motion_refuses(short, monkeypatch):
     _, plan = short
-    monkeypatch.setattr('dlo_planner.plan.motion.trajectory._ROUNDS', 2)
+    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 2)
     way = Trajectory(plan, obstacles=[Sphere((0, 0, 5), 0.1)])
     assert 0 < way.motion.clearance < 0.01  # the rim is nearer than the ball
     inside = Sphere(plan.shapes[3].positions[-20], 0.02)

@@ -22,8 +22,9 @@ from dlo_planner import (
     concatenate,
     replay,
 )
+from dlo_planner.plan.motion.feed import Feed
 from dlo_planner.plan.motion.in_motion import in_motion
-from dlo_planner.plan.motion.inserted import Feed, pushed
+from dlo_planner.plan.motion.inserted import Instants, pushed
 from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.progress import Progress
 
@@ -57,7 +58,8 @@ def test_the_gripper_accelerates_all_of_the_mass():
     depths = 0.5 * rate * times**2
     grippers = [Pose((depth, 0, 0), (0, 0, 0, 1)) for depth in depths]
     feed = Feed(direct, mouth, times, depths, np.zeros(times.size))
-    outside = pushed(feed, grippers, times, times[1], direct.solve(grippers[0]), None, Progress())
+    outside = pushed(feed, Instants(grippers, times, times[1]), direct.solve(grippers[0]), None,
+                     Progress())
     assert outside.converged and outside.shapes[-1].s[-1] < 0.7
     mass = 0.05 + 0.03 + 0.02
     pushes = np.array([shape.gripper_wrench for shape in outside.shapes[2:]])
@@ -106,7 +108,7 @@ def test_what_is_outside_keeps_away_from_obstacles():
 
 def test_what_cannot_be_calm_or_is_not_known_is_refused(monkeypatch):
     direct, plan = planned(WIRE)
-    monkeypatch.setattr('dlo_planner.plan.motion.trajectory._ROUNDS', 1)
+    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)
     with pytest.raises(Infeasible, match='not calm: miss in motion') as caught:
         Trajectory(plan, tolerance=1e-8)
     assert caught.value.constraint == 'miss' and caught.value.amount > 0

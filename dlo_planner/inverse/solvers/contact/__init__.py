@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A DLO that touches an obstacle at a place and in a direction."""
+"""Solvers for a DLO that touches an obstacle at a given place and in a given direction."""

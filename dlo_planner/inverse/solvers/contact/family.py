@@ -1,33 +1,39 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The ways to hold one contact: a curve of shapes, by the force of contact (paper, Fig. 16).
+"""All shapes with one contact: a curve, by the force of contact (paper, Fig. 16).
 
-Arc length, place, direction and roll at the contact are given. What hangs beyond it is then a
-cantilever; force and moment are known there, and the force of contact alone is free. One march
-from the free end to the gripper gives the shape for each force: a smooth curve, without a search.
-A shape of it is admissible if it is a minimum with the contact as a constraint and lies in no
+Arc length, place, direction and roll at the contact are given. The DLO beyond it is then a
+cantilever, whose force and moment are known there; only the force of contact is free. One
+integration from the free end to the gripper gives the shape for each force: a smooth curve, without
+a search. A shape is admissible if it is a minimum with the contact as a constraint and lies in no
 obstacle. These parts of the curve are intervals of the force: `inverse.solvers.contact.intervals`.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium, shape_of
+from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.potential import placed
 from dlo_planner.energy.rolling import along_the_dlo
+from dlo_planner.energy.scene import Scene
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.solvers.hanging.marching import hanging
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import descend
 from dlo_planner.minimize.residual import residual_of
 from dlo_planner.model.along import SeenFrom
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.part import part_of_loads, part_of_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
-from dlo_planner.plan.clearance import nearest
+from dlo_planner.plan.nearest import nearest
 from dlo_planner.ritz.kinematics import point_inside
 
 STABLE = 0.02       # least stability: a mesh's error does not make it doubtful
@@ -55,20 +61,20 @@ class ContactFamily:
 
     Attributes
     ----------
-    s
+    s : float
         Arc length of the contact in m.
-    place
-        (3,) position of the DLO's axis there, m.
-    frame
-        (3, 3) frame of the DLO there.
-    obstacle
+    place : ndarray, shape (3,)
+        Position of the DLO's axis there, m.
+    frame : ndarray, shape (3, 3)
+        Frame of the DLO there.
+    obstacle : int
         Index of the obstacle that is touched.
-    scale
-        (2,) N, smallest and largest of the forces that are natural for this DLO.
-    stable
-        The stability that is demanded.
-    known
-        dict of the Shapes that were looked at, by their force.
+    scale : (float, float)
+        Smallest and largest of the forces that are natural for this DLO, N.
+    stable : float
+        Least stability of an admissible shape.
+    known : dict of float to Shape
+        The shapes that were computed, by their force.
 
     Raises
     ------
@@ -76,8 +82,10 @@ class ContactFamily:
         The contact is not on the surface of an obstacle.
     """
 
-    def __init__(self, simulator, contact, s, check, elements=64):
-        self.s, self.stable, self._check, self.known = s, STABLE, check, {}
+    def __init__(self, simulator: DirectSimulator, contact: Pose, s: float,
+                 check: Callable[[], None], elements: int = 64) -> None:
+        self.s, self.stable, self._check = s, STABLE, check
+        self.known: dict[float, Shape] = {}
         around, rod = _about_the_axis(simulator.surroundings), simulator.rod
         thick = float(around.rod.radii([s])[0])
         self._mesh, self._node = _mesh(around, s, elements)
@@ -96,14 +104,14 @@ class ContactFamily:
         self.scale = (weight + stiffness.min() / rod.length**2,
                       weight + stiffness.max() * (1 / s + bent) / s)
 
-    def shape(self, force):
+    def shape(self, force: float) -> Shape:
         """Return the Shape with this force of contact, N; it may not be admissible."""
         if force not in self.known:
             self._check()
             self.known[force] = self._marched(force)
         return self.known[force]
 
-    def _marched(self, force):
+    def _marched(self, force: float) -> Shape:
         system = self._alone.full._replace(base=np.eye(3))  # of one kind with that which touches
         pull = system.pull.copy()
         pull[self._node] -= force * self.frame[:, 2]
@@ -112,16 +120,17 @@ class ContactFamily:
         gripper = Pose.from_rotation(self.place - state.positions[self._node], base)
         touching = self._mesh.system(base, gripper.position)
         touching.contacts.node[self._body, self._node] = force
-        found = Minimum(state, residual_of(system, state),
-                        self._stability(state.strains, base, force), 0, 0, touching)
-        shape = shape_of(self._mesh, gripper, found)
-        return replace(shape, violation=max(0.0, -self.gap(shape), self._inside))
+        minimum = Minimum(state, residual_of(system, state),
+                          self._stability(state.strains, base, force), 0, 0, touching)
+        shape = shape_of(self._mesh, gripper, minimum)
+        touching_there: Shape = replace(shape, violation=max(0.0, -self.gap(shape), self._inside))
+        return touching_there
 
-    def _stability(self, strains, base, force):
+    def _stability(self, strains: Floats, base: Floats, force: float) -> float:
         """Return the smallest eigenvalue with the contact as a constraint.
 
-        A DLO that turns rolls over the obstacle, so that it touches elsewhere: that makes it more
-        stable. A contact inside an element can roll, one at a node cannot, so `s` is no node here.
+        A DLO that turns rolls over the obstacle and touches elsewhere: that makes it more stable.
+        A contact inside an element can roll, one at a node cannot; so `s` is no node of this mesh.
         """
         mesh = self._rolling
         system = mesh.system(base)
@@ -138,55 +147,55 @@ class ContactFamily:
             system = system._replace(contacts=system.contacts._replace(
                 element=np.array([e]), obstacle=np.array([self._body]),
                 multiplier=np.array([force]), fraction=np.zeros(1), anchor=none, normal=none))
-        return descend(system, state.q, np.inf, 0, True).stability
+        return float(descend(system, state.q, np.inf, 0, True).stability)
 
-    def _sag(self, strain):
-        """Return by how much, m, a DLO that curves into the obstacle at the contact is in it.
+    def _sag(self, strain: Floats) -> float:
+        """Return the depth, m, of a DLO that curves into the obstacle at the contact.
 
         Parameters
         ----------
-        strain
-            (3,) strain of the DLO there, the same for all forces, as is the moment.
+        strain : ndarray, shape (3,)
+            Strain of the DLO there, the same for all forces, as is the moment.
         """
         bend, normal = np.empty((3, 3)), np.empty(3)
         signed_distance(self._scene, self._body, np.array(self.place), normal, bend)
         _, curve = along_the_dlo(normal, bend, self.frame, strain)
-        return -curve * np.diff(self._mesh.s).max() ** 2 / 8
+        return float(-curve * np.diff(self._mesh.s).max() ** 2 / 8)
 
-    def gap(self, shape, others=False):
+    def gap(self, shape: Shape, others: bool = False) -> float:
         """Return the smallest gap between a Shape and the obstacles, m; infinite without any.
 
         Parameters
         ----------
-        others
+        others : bool, optional
             Whether only the other obstacles count.
         """
         gaps = nearest(self._scene, shape)
         return min((gap for source, (gap, _, _) in zip(self._scene.source, gaps, strict=True)
                     if not others or source != self.obstacle), default=np.inf)
 
-    def merit(self, force):
+    def merit(self, force: float) -> float:
         """Return a number that is positive where the shape with this force is admissible.
 
-        Continuous, but for -inf where the march does not end in an equilibrium.
+        Continuous, except for -inf where the integration does not end in an equilibrium.
         """
         shape = self.shape(force)
-        length = shape.s[-1]
+        length = float(shape.s[-1])
         if shape.violation > _OUTSIDE * length:
             return -shape.violation / length
         return shape.stability - self.stable if shape.residual < _BALANCED else -np.inf
 
-    def most_stable(self):
+    def most_stable(self) -> Shape | None:
         """Return the most stable of the known Shapes that are in no obstacle, or None."""
         good = [shape for shape in self.known.values() if shape.residual < _BALANCED
                 and shape.violation <= _OUTSIDE * shape.s[-1]]
         return max(good, key=lambda shape: shape.stability, default=None)
 
 
-def _about_the_axis(surroundings):
-    """Return Surroundings whose DLO is round, as thick as a rectangular one is along its b axis.
+def _about_the_axis(surroundings: Surroundings) -> Surroundings:
+    """Return Surroundings whose DLO is round, as thick as a rectangular one along its b axis.
 
-    That is the axis which points away from an obstacle that is touched.
+    The b axis points away from the obstacle that is touched.
     """
     half = Surface.of(surroundings.rod).half
     if half is None:
@@ -194,8 +203,8 @@ def _about_the_axis(surroundings):
     return replace(surroundings, rod=replace(surroundings.rod, radius=half[1], section=None))
 
 
-def _mesh(surroundings, s, elements):
-    """Return a Discretization in which `s` is a node, and that node."""
+def _mesh(surroundings: Surroundings, s: float, elements: int) -> tuple[Discretization, int]:
+    """Return a Discretization in which `s` is a node, and the index of that node."""
     length = surroundings.rod.length
     if s >= length * (1 - 1e-9):
         return Discretization(surroundings, np.linspace(0, length, elements + 1), 'local',
@@ -206,8 +215,9 @@ def _mesh(surroundings, s, elements):
     return Discretization(surroundings, nodes, 'local', 0), node
 
 
-def _placed(scene, contact, radius, length):
-    """Return the body that a contact is on, place (3,) and frame (3, 3) of the DLO there."""
+def _placed(scene: Scene, contact: Pose, radius: float,
+            length: float) -> tuple[int, Floats, Floats]:
+    """Return the body with the contact, and the place (3,) and frame (3, 3) of the DLO there."""
     axis = contact.position + radius * contact.rotation[:, 2]
     normals, bend = np.empty((scene.kind.size, 3)), np.empty((3, 3))
     gaps = np.array([signed_distance(scene, o, axis, normals[o], bend) - radius
@@ -226,14 +236,14 @@ def _placed(scene, contact, radius, length):
     return body, axis - gaps[body] * normal, frame
 
 
-def _cantilever(mesh, node, frame):
-    """Return what hangs beyond the contact: the rotation (3, 3) of its end, the strain (3,) there.
+def _cantilever(mesh: Discretization, node: int, frame: Floats) -> tuple[Floats, Floats]:
+    """Return the rotation (3, 3) of the free end, and the strain (3,) at the contact.
 
-    It is the shape that it falls into from its natural one.
+    The DLO beyond the contact is released from its natural shape.
 
     Parameters
     ----------
-    mesh
+    mesh : Discretization
         Discretization of the whole DLO, without obstacles.
     """
     if node == mesh.s.size - 1:

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rolls spread evenly over the waypoints of a plan.
 
-Where a DLO hardly stands, the gripper is rolled as little as each waypoint takes, by itself: in
-jerks, each a corner of its way. The sum of these rolls tells how far it has to be rolled by when. A
-smooth curve along it (Whittaker 1923) leads about the same way without corners.
+Where a DLO is hardly stable, the gripper is rolled at each waypoint by itself, as little as
+necessary: in jerks, each a corner of its path. The sum of these rolls is how far it has to be
+rolled at each depth. A smooth curve along it (Whittaker 1923) is about the same path without
+corners.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.inverse.solvers.continuation.following import Passing, Task
+from dlo_planner.inverse.solvers.continuation.following import Condition, Passing
+from dlo_planner.model.arrays import Floats
 
 _FIRM = (1e3, 1e2, 1e1, 1.0)  # how much smoothness counts: features of 35 to 6 waypoints go
 _NO_ROLL = 1e-3               # rad between two waypoints
@@ -31,19 +33,20 @@ class EvenRolls:
         Rotation about the free axis at each depth, rad.
     """
 
-    depths: np.ndarray
-    turned: np.ndarray
+    depths: Floats
+    turned: Floats
 
-    def roll(self, task: Task, here: Passing, depth: float, target: float) -> float:
-        """Return the roll (rad) to make on the way from one depth to another, m."""
-        del task, here
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
+        """Return the roll (rad) to make between two depths, m."""
+        del condition, passing
         return float(np.diff(np.interp((depth, target), self.depths, self.turned))[0])
 
 
-def even_rolls(task: Task, depths: np.ndarray, passings: Sequence[Passing]) -> Iterator[EvenRolls]:
-    """Yield ever less even rolls along those that are made between n Passings at n depths."""
+def even_rolls(condition: Condition, depths: Floats,
+               passings: Sequence[Passing]) -> Iterator[EvenRolls]:
+    """Yield EvenRolls, ever less smooth, along the rolls between n Passings at n depths."""
     rolls = [Rotation.from_matrix(after.shape.gripper.rotation @ before.shape.gripper.rotation.T)
-             .as_rotvec() @ task.axis(before.shape)
+             .as_rotvec() @ condition.axis(before.shape)
              for before, after in zip(passings, passings[1:], strict=False)]
     if len(rolls) < 2 or np.abs(rolls).max() < _NO_ROLL:
         return

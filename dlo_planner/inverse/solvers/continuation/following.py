@@ -1,18 +1,24 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Following the shapes that do a task from one depth to another, without a leap.
+"""Following the shapes that satisfy a condition from one depth to another, without a leap.
 
-A task leaves the gripper one free rotation, a roll. At each depth the shapes that do it are a curve
-on the sphere of all hanging shapes (`inverse.solvers.hanging.sphere`); a step goes to the next
-curve, by Newton's method, with no roll or with one that is given.
+The condition leaves the gripper one free rotation, a roll. At each depth the shapes that satisfy it
+are a curve on the sphere of all hanging shapes (`inverse.solvers.hanging.sphere`); a step goes to
+the next curve, by Newton's method, with no roll or with a given one.
 """
+
+from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes
+from dlo_planner.model.arrays import Floats
+from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.continuity import excess, refusal_for_leap
 
 _LONGEST_STEP = 1 / 16   # of the length
@@ -21,7 +27,7 @@ _SHARES = 1.0, 0.5, 0.0  # of a roll
 
 
 class Passing(NamedTuple):
-    """A Shape that does a task at some depth.
+    """A Shape that satisfies a condition at some depth.
 
     Attributes
     ----------
@@ -33,20 +39,20 @@ class Passing(NamedTuple):
     """
 
     shape: Shape
-    place: np.ndarray
+    place: Floats
     second: float | None = None
 
     @property
-    def gripper(self) -> tuple[np.ndarray, np.ndarray]:
+    def gripper(self) -> tuple[Floats, Floats]:
         """The gripper's rotation (3, 3) and its position (3,) from the first center."""
         return self.shape.gripper.rotation, self.place
 
 
-class Task(Protocol):
-    """What the shapes at a depth have to do."""
+class Condition(Protocol):
+    """What the shapes at each depth have to satisfy."""
 
-    def axis(self, shape: Shape) -> np.ndarray:
-        """Return the axis (3,) of the roll that the task leaves free."""
+    def axis(self, shape: Shape) -> Floats:
+        """Return the axis (3,) of the roll that the condition leaves free."""
 
     def at(self, before: Passing, depth: float, roll: float, final: bool) -> Passing | None:
         """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None.
@@ -61,62 +67,110 @@ class Task(Protocol):
         """Return where the curve of this depth crosses the grid."""
 
 
-def follow(task, here, depth, wanted, route=None):
+class Rolls(Protocol):
+    """How the gripper rolls from one depth to another."""
+
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
+        """Return the roll (rad) from `depth` to `target`, m."""
+
+
+class Step(NamedTuple):
+    """How far a Passing could be followed.
+
+    Attributes
+    ----------
+    passing : Passing or None
+        The Passing at the depth that was wanted. If None, it was not reached.
+    depth : float
+        Depth that was reached, m.
+    leap : float
+        How far the gripper would have to leap there, m; 0: no shape was found beyond it.
+    """
+
+    passing: Passing | None
+    depth: float
+    leap: float
+
+
+def follow(condition: Condition, passing: Passing, depth: float, goal: float,
+           route: Rolls | None = None) -> Step:
     """Continue a Passing from one depth to another, in steps that do not leap.
 
     Parameters
     ----------
-    task
-        Task.
-    here
-        Passing at `depth` (m).
-    wanted
+    condition : Condition
+    passing : Passing
+        Passing at `depth`.
+    depth : float
+        Depth where it begins, m.
+    goal : float
         Depth to be reached, m.
-    route
-        Route that gives the rolls. If None, no roll.
-
-    Returns
-    -------
-    (Passing or None, float, float)
-        The Passing at `wanted`, or None; the depth that was reached; how far the gripper would have
-        had to leap there, m (0: no shape was found).
+    route : Rolls, optional
+        If None, no roll.
     """
-    length = here.shape.s[-1]
+    length = passing.shape.s[-1]
     step = longest = _LONGEST_STEP * length
     while True:
-        target = depth + float(np.clip(wanted - depth, -step, step))
-        roll = 0.0 if route is None else route.roll(task, here, depth, target)
+        target = depth + float(np.clip(goal - depth, -step, step))
+        roll = 0.0 if route is None else route.roll(condition, passing, depth, target)
         for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once, is rolled later
-            found = task.at(here, target, share * roll, target == wanted)
-            too_far = 0.0 if found is None else excess(
-                here.gripper, found.gripper, (target - depth) / length, length)
-            if found is not None and not too_far:
+            candidate = condition.at(passing, target, share * roll, target == goal)
+            too_far = 0.0 if candidate is None else excess(
+                passing.gripper, candidate.gripper, (target - depth) / length, length)
+            if candidate is not None and not too_far:
                 break
-        if found is not None and not too_far:
-            here, depth = found, target
-            if depth == wanted:
-                return here, depth, 0.0
+        if candidate is not None and not too_far:
+            passing, depth = candidate, target
+            if depth == goal:
+                return Step(passing, depth, 0.0)
             step = min(2 * step, longest)
             continue
         if step <= _SHORTEST_STEP * length or target == depth:
-            return None, depth, too_far
+            return Step(None, depth, too_far)
         step /= 2
 
 
-def refusal_for_step(simulator, draft, before, found):
+def refusal_for_step(simulator: DirectSimulator, builder: PlanBuilder, before: Passing | None,
+                     passing: Passing) -> Infeasible | None:
     """Return Infeasible if gripper or DLO have to leap to the next waypoint, or None.
 
     Parameters
     ----------
-    before
+    before : Passing or None
         Passing of the waypoint before, None at the first.
-    found
+    passing : Passing
         Passing of the next one.
     """
-    length = found.shape.s[-1]
-    too_far = 0.0 if before is None else excess(before.gripper, found.gripper,
-                                                draft.step / length, length)
+    length = passing.shape.s[-1]
+    too_far = 0.0 if before is None else excess(before.gripper, passing.gripper,
+                                                builder.step / length, length)
     if too_far:
-        return draft.refusal('continuity', too_far, 'the gripper would have to turn or move too '
-                             'far since the waypoint before; closer waypoints may help')
-    return refusal_for_leap(simulator, draft, found.shape)
+        return builder.refusal('continuity', too_far, 'the gripper would have to turn or move too '
+                               'far since the waypoint before; closer waypoints may help')
+    return refusal_for_leap(simulator, builder, passing.shape)
+
+
+def as_replayed(simulator: DirectSimulator, condition: Condition, last: Shape | None,
+                passing: Passing, depth: float) -> Passing:
+    """Return a Passing as a motion from the waypoint before finds it, on the mesh of that motion.
+
+    Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps than
+    the gripper, some backwards. On another mesh the DLO would miss by as much as the accuracy.
+
+    Parameters
+    ----------
+    condition : Condition
+    last : Shape or None
+        Shape before. None: it begins in its natural shape.
+    passing : Passing
+        Passing at `depth`.
+    depth : float
+        In m.
+    """
+    if simulator.mesh_after(last) is passing.shape.mesh:
+        return passing
+    replayed = simulator.track([passing.shape.gripper], initial=last)[0]
+    if not replayed.converged or replayed.jumped:
+        return passing
+    corrected = condition.at(passing._replace(shape=replayed), depth, 0.0, True)
+    return passing if corrected is None else corrected

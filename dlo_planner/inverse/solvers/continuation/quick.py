@@ -1,15 +1,17 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A way is looked for with a simulator that is quick, whatever the accuracy asked for.
+"""Searches use a quick simulator, whatever the accuracy of the plan.
 
-A refusal costs the same at any accuracy then; only the plan itself is made as accurate as asked.
+A refusal then costs the same at any accuracy; only the plan itself has the accuracy of its
+simulator.
 """
 
-from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 
 _ROUGH = 2e-3       # of the length: accuracy of a search
@@ -19,7 +21,7 @@ _GETS_THERE = 0.05  # of a unit vector: the same shape, as far as the grid can t
 _ANY = Pose.looking_along((0, 0, 0), (1, 0, 0))
 
 
-def quick_simulator(simulator):
+def quick_simulator(simulator: DirectSimulator) -> DirectSimulator:
     """Return a DirectSimulator of the same DLO that is quick, for searches; itself if it is."""
     around = simulator.surroundings
     quick = simulator.mesh.s.size <= _CHEAP if simulator.accuracy is None else (
@@ -30,33 +32,31 @@ def quick_simulator(simulator):
                            load=around.load, point_loads=around.point_loads)
 
 
-def grid_nodes(simulator):
+def grid_nodes(simulator: DirectSimulator) -> Floats:
     """Return nodes (N + 1,) for the grid's shapes, about _ELEMENTS elements."""
     s = simulator.discretization(_ANY, None).s
-    return s[np.unique(np.linspace(0, s.size - 1, min(s.size, _ELEMENTS + 1)).astype(int))]
+    some: Floats = s[np.unique(np.linspace(0, s.size - 1, min(s.size, _ELEMENTS + 1)).astype(int))]
+    return some
 
 
-def gets_there(simulator, gripper, end, initial=None):
-    """Whether the DLO comes by itself into the shape whose free end has the frame `end` (3, 3).
+def gets_there(simulator: DirectSimulator, gripper: Pose, end: Floats,
+               initial: Shape | None = None) -> bool:
+    """Whether the DLO itself takes the shape whose free end has the frame `end` (3, 3).
 
     Parameters
     ----------
-    gripper
-        Pose.
-    initial
+    gripper : Pose
+    initial : Shape, optional
         Shape before. If None, the DLO is set down in its natural shape.
     """
-    there = (simulator.solve(gripper) if initial is None
+    shape = (simulator.solve(gripper) if initial is None
              else simulator.track([gripper], initial=initial)[0])
-    return there.converged and np.abs(there.frames[-1] - end).max() < _GETS_THERE
+    return bool(shape.converged and np.abs(shape.frames[-1] - end).max() < _GETS_THERE)
 
 
-def thinned(asked, most):
-    """Return a task with `depths` and a `brief` at `most` of its depths, its steps not reported.
-
-    The task itself, if it has no more.
-    """
-    if len(asked.depths) <= most:
-        return asked
-    some = np.unique(np.linspace(0, len(asked.depths) - 1, most).astype(int))
-    return replace(asked, depths=asked.depths[some], brief=asked.brief.silent())
+def thinned(depths: Floats, most: int) -> Floats:
+    """Return depths (n,), or `most` of them if there are more, spread evenly."""
+    if len(depths) <= most:
+        return depths
+    some: Floats = depths[np.unique(np.linspace(0, len(depths) - 1, most).astype(int))]
+    return some

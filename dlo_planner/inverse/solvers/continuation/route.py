@@ -1,12 +1,16 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The best way over the sphere of hanging shapes: from curve to curve, one for each depth."""
+"""The best route over the sphere of hanging shapes: from curve to curve, one for each depth."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from dlo_planner.inverse.solvers.continuation.following import Condition, Passing
+from dlo_planner.inverse.solvers.hanging.sphere import Crossings
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.plan.continuity import largest_turn
 
 _FARTHEST_TURN, _FARTHEST_SHIFT = 0.6, 0.3  # rad, of the length: what the grid cannot tell
@@ -16,7 +20,7 @@ _AHEAD = 0.05             # of the length: how far a route is looked along to sm
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A way through K curves.
+    """A route through K curves.
 
     Attributes
     ----------
@@ -29,84 +33,88 @@ class Route:
     length : float
         Length of the DLO, m.
     complete : bool
-        Whether it goes through all the curves that it was to go through.
+        Whether it goes through all curves that were given.
     ahead : float
         Part of the length over which rolls are smoothed; 0: every roll is followed as it is.
     """
 
-    depths: np.ndarray
-    grippers: np.ndarray
-    end: np.ndarray
+    depths: Floats
+    grippers: Floats
+    end: Floats
     length: float
     complete: bool
     ahead: float = _AHEAD
 
-    def roll(self, task, here, depth, target):
-        """Return the roll (rad) to make on the way from one depth to another, m.
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
+        """Return the roll (rad) to make between two depths, m.
 
-        It leads towards the route a little ahead: the grid's roughness averages out.
+        It leads towards the route a little ahead, so that the grid's roughness averages out.
         """
-        shape, ahead = here.shape, self.ahead * self.length
-        wanted = self._gripper(target + (ahead if target >= depth else -ahead))
-        away = Rotation.from_matrix(wanted @ shape.gripper.rotation.T).as_rotvec()
+        shape, ahead = passing.shape, self.ahead * self.length
+        goal = self._gripper(target + (ahead if target >= depth else -ahead))
+        away = Rotation.from_matrix(goal @ shape.gripper.rotation.T).as_rotvec()
         step = abs(target - depth)
         part = 1.0 if ahead + step == 0 else min(1.0, 2 * step / (ahead + step))
         most = 0.5 * largest_turn(step / self.length)
-        return float(np.clip(part * (away @ task.axis(shape)), -most, most))
+        return float(np.clip(part * (away @ condition.axis(shape)), -most, most))
 
-    def _gripper(self, depth):
+    def _gripper(self, depth: float) -> Floats:
         if len(self.depths) == 1:
-            return self.grippers[0]
+            only: Floats = self.grippers[0]
+            return only
         order = slice(None, None, 1 if self.depths[0] <= self.depths[-1] else -1)
         depths, turns = self.depths[order], Rotation.from_matrix(self.grippers[order])
-        return Slerp(depths, turns)(np.clip(depth, depths[0], depths[-1])).as_matrix()
+        between: Floats = Slerp(depths, turns)(np.clip(depth, depths[0], depths[-1])).as_matrix()
+        return between
 
 
-def find_route(layers, depths, first, length):
-    """Return the Route of least motion of the gripper, as deep as it goes; None if none begins.
+def find_route(layers: Sequence[Crossings], depths: Floats, first: Floats,
+               length: float) -> Route | None:
+    """Return the Route of least motion of the gripper, as deep as possible; None if none begins.
 
     Parameters
     ----------
-    layers
-        K Crossings, of the curves at `depths` (K,), m, in the order in which they are gone through.
-    first
-        (m,) cost of beginning at each crossing of the first curve; infinite: not there.
-    length
+    layers : sequence of Crossings
+        K Crossings, of the curves at `depths` (K,), m, in their order on the route.
+    first : ndarray, shape (m,)
+        Cost of beginning at each crossing of the first curve; infinite: not there.
+    length : float
         Length of the DLO, m.
     """
-    costs, ways = sweep(layers, first, length)
+    costs, origins = sweep(layers, first, length)
     if not np.isfinite(first).any():
         return None
-    picks = picked(ways, int(np.argmin(costs[-1])))
+    picks = picked(origins, int(np.argmin(costs[-1])))
     grippers = np.array([layer.grippers[k] for layer, k in zip(layers, picks, strict=False)])
     return Route(np.asarray(depths[:len(picks)]), grippers, layers[0].ends[picks[0]], length,
                  len(picks) == len(layers))
 
 
-def sweep(layers, first, length):
-    """Return costs [(m,)] of the best ways to each crossing, and where they come from [(m,)].
+def sweep(layers: Sequence[Crossings], first: Floats,
+          length: float) -> tuple[list[Floats], list[Ints]]:
+    """Return costs [(m,)] of the best routes to each crossing, and their origins [(m,)].
 
     The lists end with the last curve that can be reached: dynamic programming (Bellman 1957).
     """
-    costs, ways = [first], []
+    costs, origins = [first], []
     for one, other in zip(layers, layers[1:], strict=False):
         total = costs[-1][:, None] + motion(one, other, length) + _weakness(other)
         if not len(other) or not np.isfinite(total).any():
             break
-        ways.append(np.argmin(total, axis=0))
+        origins.append(np.argmin(total, axis=0))
         costs.append(total.min(axis=0))
-    return costs, ways
+    return costs, origins
 
 
-def picked(ways, last):
-    """Return the indices, one per curve, of the best way that ends at crossing `last`."""
+def picked(origins: list[Ints], last: int) -> list[int]:
+    """Return the indices, one per curve, of the best route that ends at crossing `last`."""
     picks = [last]
-    for way in reversed(ways):
-        picks.append(int(way[picks[-1]]))
+    for origin in reversed(origins):
+        picks.append(int(origin[picks[-1]]))
     return picks[::-1]
 
 
-def motion(one, other, length):
+def motion(one: Crossings, other: Crossings, length: float) -> Floats:
     """Return the cost (m1, m2) of going from each crossing to each other one."""
     trace = one.grippers.reshape(len(one), 9) @ other.grippers.reshape(len(other), 9).T
     turn = np.arccos(np.clip(0.5 * (trace - 1), -1, 1))
@@ -115,5 +123,5 @@ def motion(one, other, length):
     return np.where(far, np.inf, turn**2 + shift**2)
 
 
-def _weakness(crossings):
+def _weakness(crossings: Crossings) -> Floats:
     return _DEAR * np.clip(1 - crossings.stability / _WEAK, 0, 1) ** 2

@@ -1,16 +1,18 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The hanging shape seen from its free end: one march, no iteration over the whole rod.
+"""The hanging shape from its free end: one integration, no iteration over the whole rod.
 
-Nothing pulls at the free end, so force and moment are known there, and if the end's direction is
-given, every element follows from the one before (an initial value problem). This is the exact
-solution for a DLO whose free end alone is prescribed: where a threading begins.
+Force and moment are zero at the free end. If the end's direction is given, every element follows
+from the one before (an initial value problem). This is the exact solution for a DLO whose free end
+alone is prescribed, as where a threading begins.
 """
 
 import numpy as np
 
 from dlo_planner.energy.potential import placed
+from dlo_planner.energy.system import State, System
 from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import rotation_and_chord, slope
 from dlo_planner.ritz.matrix3 import (
     applied,
@@ -26,22 +28,22 @@ from dlo_planner.ritz.matrix3 import (
 _ROUNDS = 30
 
 
-def hanging(system, end):
+def hanging(system: System, end: Floats) -> tuple[State, Floats]:
     """Return the State and the gripper's rotation (3, 3) that `integrate_from_tip` finds.
 
     Parameters
     ----------
-    system
+    system : System
         System of a DLO without obstacles.
-    end
-        (3, 3) rotation of the free end.
+    end : ndarray, shape (3, 3)
+        Rotation of the free end.
     """
     strains, base = integrate_from_tip(system, end)
     return placed(system._replace(base=base), strains), base
 
 
 @kernel
-def integrate_from_tip(system, end):
+def integrate_from_tip(system: System, end: Floats) -> tuple[Floats, Floats]:
     """Return strains (N, 3) and gripper rotation (3, 3) in equilibrium, from the end's rotation.
 
     Args:

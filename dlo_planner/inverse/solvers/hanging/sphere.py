@@ -1,13 +1,15 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Every way in which a DLO can hang: all its equilibria, as points on a sphere.
+"""All hanging shapes of a DLO: its equilibria, as points on a sphere.
 
-Nothing holds the free end, so the direction of gravity in the end's frame names an equilibrium: all
-else follows from it element by element (`inverse.solvers.hanging.marching`), up to a turn about the
-vertical, which changes nothing. The equilibria of a DLO are therefore a sphere (compare Bretl and
+Nothing holds the free end, so the direction of gravity in the end's frame defines an equilibrium:
+it follows element by element (`inverse.solvers.hanging.marching`), up to a turn about the vertical,
+which changes nothing. The equilibria of a DLO are therefore a sphere (compare Bretl and
 McCarthy 2014 for a DLO that is held at both ends), and each task is a set of curves on it. A search
-on the sphere cannot overlook a way, as one that follows a single shape can.
+on the sphere cannot overlook a route, as one that follows a single shape can.
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,12 +18,14 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.system import new_state, turned_system
+from dlo_planner.energy.system import System, new_state, turned_system
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, new_hessian
 from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.model.arrays import Bools, Floats, Ints
 
 _POINTS = 2500
 _PARALLEL = 1e-9  # relative: loads along one axis
@@ -51,14 +55,14 @@ class HangingShapes:
         Indices of neighbors on the sphere.
     """
 
-    up: np.ndarray
-    s: np.ndarray
-    frames: np.ndarray
-    positions: np.ndarray
-    stability: np.ndarray
-    edges: np.ndarray
+    up: Floats
+    s: Floats
+    frames: Floats
+    positions: Floats
+    stability: Floats
+    edges: Ints
 
-    def at(self, s):
+    def at(self, s: float | Floats) -> tuple[Floats, Floats]:
         """Return positions (n, 3) and tangents (n, 3) at the arc length `s`, m, one or (n,)."""
         k = np.clip(np.searchsorted(self.s, s, side='right') - 1, 0, self.s.size - 2)
         share = np.reshape((s - self.s[k]) / (self.s[k + 1] - self.s[k]), (-1, 1))
@@ -70,15 +74,15 @@ class HangingShapes:
                 tangent / np.linalg.norm(tangent, axis=1)[:, None])
 
 
-def hanging_shapes(surroundings, s):
+def hanging_shapes(surroundings: Surroundings, s: Floats) -> HangingShapes | None:
     """Return the HangingShapes of a DLO; None if its loads are not along one axis, or are zero.
 
     Parameters
     ----------
-    surroundings
+    surroundings : Surroundings
         Surroundings without obstacles.
-    s
-        (N + 1,) arc lengths of the nodes, m.
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes, m.
     """
     mesh = Discretization(surroundings, s, 'local', 0)
     load = mesh.static.pull
@@ -95,26 +99,27 @@ def hanging_shapes(surroundings, s):
 
 
 @lru_cache(maxsize=2)
-def _sphere(n):
+def _sphere(n: int) -> tuple[Floats, Ints]:
     """Return n points (n, 3) spread evenly over the unit sphere, and their neighbors (m, 2)."""
     k = np.arange(n) + 0.5
     z, turn = 1 - 2 * k / n, np.pi * (1 + np.sqrt(5)) * k  # a Fibonacci lattice
     points = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn),
                               z])
-    hull = ConvexHull(points).simplices
+    hull: Ints = ConvexHull(points).simplices
     edges = np.vstack([hull[:, [0, 1]], hull[:, [1, 2]], hull[:, [2, 0]]])
     return points, np.unique(np.sort(edges, axis=1), axis=0)
 
 
-def _ends(directions, up):
+def _ends(directions: Floats, up: Floats) -> Floats:
     """Return (n, 3, 3) frames in which the world's `up` has these components (n, 3)."""
     across = np.cross(np.eye(3)[np.argmin(np.abs(directions), axis=1)], directions)
     across /= np.linalg.norm(across, axis=1)[:, None]
     local = np.stack([across, np.cross(directions, across), directions], axis=1)  # rows
-    return _upright(up) @ local
+    frames: Floats = _upright(up) @ local
+    return frames
 
 
-def _upright(up):
+def _upright(up: Floats) -> Floats:
     """Return a rotation (3, 3) whose last column is `up`."""
     side = np.cross(np.eye(3)[np.argmin(np.abs(up))], up)
     side /= np.linalg.norm(side)
@@ -122,7 +127,7 @@ def _upright(up):
 
 
 @kernel
-def _hang(system, ends):
+def _hang(system: System, ends: Floats) -> tuple[Floats, Floats, Floats]:
     """Return frames (n, N + 1, 3, 3), positions (n, N + 1, 3) and stability (n,)."""
     n, nodes = ends.shape[0], system.lengths.size + 1
     frames, positions = np.empty((n, nodes, 3, 3)), np.empty((n, nodes, 3))
@@ -163,33 +168,32 @@ class Crossings:
         Shares of the way between them.
     """
 
-    grippers: np.ndarray
-    ends: np.ndarray
-    places: np.ndarray
-    stability: np.ndarray
-    pairs: np.ndarray
-    shares: np.ndarray
+    grippers: Floats
+    ends: Floats
+    places: Floats
+    stability: Floats
+    pairs: Ints
+    shares: Floats
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.grippers)
 
-    def chosen(self, which):
+    def chosen(self, which: Bools | Ints | list[int]) -> Crossings:
         """Return the same crossings, `which` of them (a mask or indices)."""
         return Crossings(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
 
-def crossings(shapes, vectors, goal, s):
+def crossings(shapes: HangingShapes, vectors: Floats, goal: Floats, s: float | Floats) -> Crossings:
     """Return the stable Crossings of the curve where vectors (n, 3), turned upright, are `goal`.
 
     Parameters
     ----------
-    shapes
-        HangingShapes.
-    vectors
-        (n, 3) of each shape, as long as `goal`; nan where it has none.
-    goal
-        (3,) vector, world.
-    s
+    shapes : HangingShapes
+    vectors : ndarray, shape (n, 3)
+        Of each shape, as long as `goal`; nan where it has none.
+    goal : ndarray, shape (3,)
+        Vector, world.
+    s : float | Floats
         Arc length of the point that is to be at the goal, m, or one per shape (n,).
     """
     up = shapes.up
@@ -201,7 +205,7 @@ def crossings(shapes, vectors, goal, s):
     a, b = a[crossed], b[crossed]
     share = misfit[a] / (misfit[a] - misfit[b])
     # a curve may be too small for the grid: about a vertical goal it is
-    near = _touching(shapes, misfit, np.linalg.norm(goal))
+    near = _touching(shapes, misfit, float(np.linalg.norm(goal)))
     a, b, share = np.append(a, near), np.append(b, near), np.append(share, np.zeros(near.size))
     places = -shapes.at(s)[0]
     turns = [_headings(vectors[k], goal, up) for k in (a, b)]
@@ -209,19 +213,19 @@ def crossings(shapes, vectors, goal, s):
     a, b, share = a[which], b[which], share[which]
     blend = share[:, None, None]
 
-    def both(frames):
+    def both(frames: Floats) -> Floats:
         mixed = (1 - blend) * (turns[0] @ frames[a]) + blend * (turns[1] @ frames[b])
         return _orthonormal(mixed)
 
     place = ((1 - share)[:, None] * np.einsum('kij,kj->ki', turns[0], places[a])
              + share[:, None] * np.einsum('kij,kj->ki', turns[1], places[b]))
-    found = Crossings(both(shapes.frames[:, 0]), both(shapes.frames[:, -1]), place,
-                      (1 - share) * shapes.stability[a] + share * shapes.stability[b],
-                      np.column_stack([a, b]), share)
-    return found.chosen(_are_rotations(found.grippers) & _are_rotations(found.ends))
+    result = Crossings(both(shapes.frames[:, 0]), both(shapes.frames[:, -1]), place,
+                       (1 - share) * shapes.stability[a] + share * shapes.stability[b],
+                       np.column_stack([a, b]), share)
+    return result.chosen(_are_rotations(result.grippers) & _are_rotations(result.ends))
 
 
-def _touching(shapes, misfit, scale):
+def _touching(shapes: HangingShapes, misfit: Floats, scale: float) -> Ints:
     """Return the stable points of the grid where |misfit| is least among neighbors, and small."""
     size = np.where(np.isfinite(misfit), np.abs(misfit), np.inf)
     least = size < 2 * scale / np.sqrt(size.size)
@@ -231,7 +235,7 @@ def _touching(shapes, misfit, scale):
     return np.flatnonzero(least & (shapes.stability > 0))
 
 
-def _headings(vectors, goal, up):
+def _headings(vectors: Floats, goal: Floats, up: Floats) -> Floats:
     """Return (m, 3, 3) turns about `up` that bring vectors (m, 3) to `goal`.
 
     Where the goal is vertical every heading does: then each vector has _HEADINGS turns, in a row.
@@ -250,14 +254,15 @@ def _headings(vectors, goal, up):
     return upright @ turns @ upright.T
 
 
-def _orthonormal(frames):
+def _orthonormal(frames: Floats) -> Floats:
     """Return the rotations (m, 3, 3) nearest to mixed ones, by Newton's method."""
     for _ in range(_ROUNDS):
         frames = frames @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(frames, 1, 2) @ frames)
     return frames
 
 
-def _are_rotations(frames):
+def _are_rotations(frames: Floats) -> Bools:
     """Return (m,) which are: two opposite frames have no mean."""
     off = np.abs(np.swapaxes(frames, 1, 2) @ frames - np.eye(3))
-    return off.max(axis=(1, 2), initial=0.0) < _ROTATION
+    good: Bools = off.max(axis=(1, 2), initial=0.0) < _ROTATION
+    return good

@@ -5,20 +5,30 @@
 Unknowns: the strains q and a rotation w of the gripper. Equations: the gradient of the potential
 vanishes; the tangent at one arc length is the goal's normal (two rows); and the gripper has not
 turned about a given axis since a reference (one row, for one rotation is left free: a straight
-round DLO may roll about the gripper's axis, a bent weightless one about the normal). As gravity
-does not notice where the gripper is, its position follows afterwards (paper, section 5.2). The
+round DLO may roll about the gripper's axis, a bent weightless one about the normal). Gravity
+does not depend on the gripper's position, which follows afterwards (paper, section 5.2). The
 Hessian is the direct simulator's, so an inverse solve costs about as much as a direct one.
 """
+
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.energy.potential import at_element, evaluate, project
-from dlo_planner.energy.system import new_state, turned_system
+from dlo_planner.energy.system import State, System, new_state, turned_system
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
+from dlo_planner.minimize.linear import (
+    Hessian,
+    assemble,
+    factorize,
+    largest_turn,
+    new_hessian,
+    solve,
+)
 from dlo_planner.minimize.newton import safe_shift
 from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
 from dlo_planner.ritz.matrix3 import (
     applied,
@@ -32,7 +42,7 @@ from dlo_planner.ritz.matrix3 import (
 _LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
 
 
-def free_axis(reference, normal):
+def free_axis(reference: Floats, normal: Floats) -> Floats:
     """Return the axis (3,) about which the gripper shall not turn: its own and the normal's mean.
 
     Both bodies' free rotations have a part about it, so the condition is regular unless the
@@ -45,8 +55,9 @@ def free_axis(reference, normal):
 
 
 @kernel
-def aligned_newton(system, q, element, fraction, normal, reference, axis, tolerance,
-                   max_iterations):
+def aligned_newton(system: System, q: Floats, element: int, fraction: float, normal: Floats,
+                   reference: Floats, axis: Floats, tolerance: float,
+                   max_iterations: int) -> tuple[State, Floats, float, float, float, int, bool]:
     """Find the equilibrium whose tangent inside `element` is `normal`.
 
     Args:
@@ -104,7 +115,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
         right[2] = -miss[2]
         if abs(np.linalg.det(rows)) < 1e-14:
             break
-        turn = np.linalg.solve(rows, right)
+        turn: Any = np.linalg.solve(rows, right)
         step = answers[3]
         for column in range(3):
             step += turn[column] * answers[column]
@@ -135,7 +146,7 @@ def aligned_newton(system, q, element, fraction, normal, reference, axis, tolera
 
 
 @kernel
-def _perpendicular(normal):
+def _perpendicular(normal: Floats) -> Floats:
     across = np.empty((2, 3))
     helper = np.zeros(3)
     helper[np.argmin(np.abs(normal))] = 1.0
@@ -146,7 +157,8 @@ def _perpendicular(normal):
 
 
 @kernel
-def _miss(system, state, element, fraction, across, reference, axis, part, tangent):
+def _miss(system: System, state: State, element: int, fraction: float, across: Floats,
+          reference: Floats, axis: Floats, part: Floats, tangent: Floats) -> Floats:
     """Return the three conditions' misfits; fill tangent and the turning of the part element."""
     h = fraction * system.lengths[element]
     u, scale = state.strains[element], system.scale[element]
@@ -161,12 +173,12 @@ def _miss(system, state, element, fraction, across, reference, axis, part, tange
 
 
 @kernel
-def _merit(system, state, miss):
+def _merit(system: System, state: State, miss: Floats) -> Any:
     return residual_of(system, state) + np.sqrt(dot(miss, miss))
 
 
 @kernel
-def _right_side(system, state, hessian, column, load):
+def _right_side(system: System, state: State, hessian: Hessian, column: int, load: Floats) -> None:
     """Fill -(change of the gradient per gripper rotation about axis `column`); 3: -gradient."""
     if column == 3:
         load[:] = -state.gradient
@@ -175,7 +187,7 @@ def _right_side(system, state, hessian, column, load):
 
 
 @kernel
-def _turn_at(system, hessian, part, element, step):
+def _turn_at(system: System, hessian: Hessian, part: Floats, element: int, step: Floats) -> Floats:
     """Return the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
     theta = np.zeros(3)
     turnings, basis = hessian.twist_jacobian, system.basis
@@ -189,14 +201,14 @@ def _turn_at(system, hessian, part, element, step):
 
 
 @kernel
-def _axial(rotation):
+def _axial(rotation: Floats) -> Floats:
     """Return 2 sin(angle) times the axis of a rotation."""
     return np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
                      rotation[1, 0] - rotation[0, 1]])
 
 
 @kernel
-def _turn_rate(base, reference, axis, about):
+def _turn_rate(base: Floats, reference: Floats, axis: Floats, about: int) -> Any:
     """Return the change of axis . _axial(base reference^T) per rotation about a world axis."""
     spin = np.zeros((3, 3))
     first, second = (about + 1) % 3, (about + 2) % 3
@@ -206,7 +218,7 @@ def _turn_rate(base, reference, axis, about):
 
 
 @kernel
-def turn_by(base, turn, out):
+def turn_by(base: Floats, turn: Floats, out: Floats) -> None:
     """Fill out (3, 3) = exp(turn^) base."""
     rotation, _ = rotation_and_chord(turn[0], turn[1], turn[2], 1.0)
     put_matrix(times(rotation, matrix(base)), out)

@@ -2,16 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Equilibrium and task in one Newton system, of a DLO that hangs freely: one kernel a shape.
 
-`aligned_hanging` is `aligned.aligned_newton` with what is told of a Shape. `two_points_hanging`
+`aligned_hanging` is `aligned.aligned_newton`, with the results of a Shape. `two_points_hanging`
 finds the shape that passes two centers at once: unknowns are the strains q, a rotation w of the
 gripper and one of the arc lengths s1, s2; equations that the gradient of the potential vanishes,
 x(s2) - x(s1) = P2 - P1, and that the gripper rolls by a given angle about the axis that is free.
 """
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.energy.potential import at_element, evaluate, project, unknowns_of
-from dlo_planner.energy.system import new_state, turned_system, unknown_count
+from dlo_planner.energy.system import State, System, new_state, turned_system, unknown_count
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, turn_by
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
@@ -19,6 +21,7 @@ from dlo_planner.minimize.newton import safe_shift
 from dlo_planner.minimize.outcome import outcome
 from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot
 from dlo_planner.ritz.kinematics import part_of_element, point_inside
 
@@ -29,8 +32,9 @@ _SINGULAR = 1e-14
 
 
 @kernel
-def aligned_hanging(system, base, strains, element, fraction, normal, reference, axis, tolerance,
-                    max_iterations):
+def aligned_hanging(system: System, base: Floats, strains: Floats, element: int, fraction: float,
+                    normal: Floats, reference: Floats, axis: Floats, tolerance: float,
+                    max_iterations: int) -> tuple[tuple[Any, ...], Floats, bool]:
     """Find the equilibrium whose tangent inside `element` is `normal`.
 
     Args:
@@ -54,8 +58,10 @@ def aligned_hanging(system, base, strains, element, fraction, normal, reference,
 
 
 @kernel
-def two_points_hanging(system, base, strains, s, way, first, second, first_free, axis, roll,
-                       tolerance, exact, max_iterations):
+def two_points_hanging(system: System, base: Floats, strains: Floats, s: Floats, way: Floats,
+                       first: float, second: float, first_free: bool, axis: Floats, roll: float,
+                       tolerance: float, exact: float,
+                       max_iterations: int) -> tuple[tuple[Any, ...], Floats, float, float, bool]:
     """Find the equilibrium with x(second) - x(first) = `way`.
 
     Args:
@@ -148,18 +154,19 @@ def two_points_hanging(system, base, strains, s, way, first, second, first_free,
 
 
 @kernel
-def _merit(system, state, miss, missing, length):
+def _merit(system: System, state: State, miss: Floats, missing: float, length: float) -> Any:
     return residual_of(system, state) + np.sqrt(dot(miss, miss)) / length + abs(missing)
 
 
 @kernel
-def _element(s, where):
+def _element(s: Floats, where: float) -> Any:
     """Return the element in which an arc length (m) is."""
     return min(np.searchsorted(s, where, side='right') - 1, s.size - 2)
 
 
 @kernel
-def _miss(system, state, s, first, second, way, ends):
+def _miss(system: System, state: State, s: Floats, first: float, second: float, way: Floats,
+          ends: Floats) -> Any:
     """Return x(second) - x(first) - way; fill ends (2, 2, 3) with place and tangent at both."""
     frame, place, where = np.empty((3, 3)), np.empty(3), first
     for end in range(2):
@@ -173,7 +180,8 @@ def _miss(system, state, s, first, second, way, ends):
 
 
 @kernel
-def _displacements(system, state, answers, s, first, second, moved):
+def _displacements(system: System, state: State, answers: Floats, s: Floats, first: float,
+                   second: float, moved: Floats) -> None:
     """Fill moved (2, 4, 3) with the displacements of the DLO at two arc lengths.
 
     By turns of the gripper about each world axis, with what the strains answer, and by the last of
@@ -204,7 +212,8 @@ def _displacements(system, state, answers, s, first, second, moved):
 
 
 @kernel
-def _fill_moved(system, state, answers, e, fraction, turn, shift, moved):
+def _fill_moved(system: System, state: State, answers: Floats, e: int, fraction: float,
+                turn: Floats, shift: Floats, moved: Floats) -> None:
     """Fill moved (4, 3) at a fraction of the element e, whose beginning has turn and shift."""
     part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
     part_of_element(system.lengths[e], fraction, state.strains[e], system.scale[e],
@@ -219,7 +228,7 @@ def _fill_moved(system, state, answers, e, fraction, turn, shift, moved):
 
 
 @kernel
-def _carry(turn, arm, shift):
+def _carry(turn: Floats, arm: Floats, shift: Floats) -> None:
     """Add to `shift` (3,) what a turn (3,) does at the end of an arm (3,)."""
     shift[0] += turn[1] * arm[2] - turn[2] * arm[1]
     shift[1] += turn[2] * arm[0] - turn[0] * arm[2]

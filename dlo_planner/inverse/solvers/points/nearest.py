@@ -3,13 +3,19 @@
 """The shape of least penalty within reach of the gripper: a step that cannot leap.
 
 Gauss and Newton's method on the penalties' residuals, the gripper kept in a ball about where it was
-(a trust region that stays where it is: Nocedal and Wright, Numerical Optimization, ch. 4). Where
-the least penalty is farther away, the step goes as far towards it as it may.
+(a fixed trust region: Nocedal and Wright, Numerical Optimization, ch. 4). If the minimum is farther
+away, the step goes towards it as far as the ball allows.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.penalty import Residuals
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
 
 _ITERATIONS = 25
@@ -18,20 +24,20 @@ _ENOUGH = 1e-6    # relative decrease of the penalty that ends it as well
 _HALVINGS = 6
 
 
-def nearest_within(simulator, penalties, before, turn, shift):
+def nearest_within(simulator: DirectSimulator, penalties: Sequence[Residuals], before: Shape,
+                   turn: float, shift: float) -> Shape | None:
     """Return the Shape of least penalty whose gripper is within reach, or None.
 
     Parameters
     ----------
-    simulator
-        DirectSimulator.
-    penalties
+    simulator : DirectSimulator
+    penalties : sequence of Residuals
         Values with `residuals` and `slopes`, see `inverse.penalties`.
-    before
+    before : Shape
         Shape where the step begins.
-    turn
-        Angle by which the gripper may turn, about, rad.
-    shift
+    turn : float
+        Angle by which the gripper may turn, rad, about.
+    shift : float
         Distance by which it may be displaced, about, m.
     """
     scale = np.array([turn] * 3 + [shift] * 3)
@@ -58,11 +64,11 @@ def nearest_within(simulator, penalties, before, turn, shift):
     return shape
 
 
-def _residuals(penalties, shape):
+def _residuals(penalties: Sequence[Residuals], shape: Shape) -> Floats:
     return np.concatenate([penalty.residuals(shape) for penalty in penalties])
 
 
-def _step_within_ball(rows, right, x):
+def _step_within_ball(rows: Floats, right: Floats, x: Floats) -> Floats:
     """Return the step (6,) that minimizes |rows step + right| with |x + step| <= 1.
 
     The multiplier of the constraint is found by bisection.
@@ -70,7 +76,7 @@ def _step_within_ball(rows, right, x):
     left, square = rows.T @ right, rows.T @ rows
     weak = 1e-12 * max(np.trace(square), 1e-300) * np.eye(6)
 
-    def step(multiplier):
+    def step(multiplier: float) -> Floats:
         return np.linalg.solve(square + weak + multiplier * np.eye(6), -left - multiplier * x)
 
     if np.linalg.norm(x + step(0.0)) <= 1:

@@ -10,11 +10,15 @@ from scipy.linalg import null_space
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.solvers.points.aligned import free_axis
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 
 
-def nested_alignment(simulator, initial, s, normal, reference, penalty=1.0):
+def nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, normal: Floats,
+                     reference: Floats, penalty: float = 1.0) -> Shape:
     """Return the Shape whose tangent at `s` is `normal`, minimizing c arccos(t . n)^2.
 
     The outer variables are two rotations of the gripper since `reference`, across `free_axis`.
@@ -22,28 +26,27 @@ def nested_alignment(simulator, initial, s, normal, reference, penalty=1.0):
 
     Parameters
     ----------
-    simulator
-        DirectSimulator.
-    initial
+    simulator : DirectSimulator
+    initial : Shape
         Shape to start from.
-    s
+    s : float
         Arc length of the prescribed tangent, m.
-    normal
-        (3,) unit vector.
-    reference
-        (3, 3) gripper rotation.
-    penalty
+    normal : ndarray, shape (3,)
+        Unit vector.
+    reference : ndarray, shape (3, 3)
+        Gripper rotation.
+    penalty : float, optional
         The constant c.
     """
     latest = initial
 
     across = null_space(free_axis(reference, normal)[None, :])
 
-    def gripper(tilts):
+    def gripper(tilts: Floats) -> Pose:
         turn = Rotation.from_rotvec(across @ tilts).as_matrix()
         return Pose.from_rotation((0.0, 0.0, 0.0), turn @ reference)
 
-    def root_penalty(tilts):
+    def root_penalty(tilts: Floats) -> Floats:
         nonlocal latest
         shape = simulator.solve(gripper(tilts), latest)
         if shape.converged:
@@ -53,9 +56,10 @@ def nested_alignment(simulator, initial, s, normal, reference, penalty=1.0):
         sine = np.linalg.norm(axis)
         angle = np.arctan2(sine, tangent @ normal)
         vector = axis * (angle / sine) if sine > 0 else axis
-        return np.sqrt(penalty) * vector
+        root: Floats = np.sqrt(penalty) * vector
+        return root
 
     start = across.T @ Rotation.from_matrix(initial.gripper.rotation @ reference.T).as_rotvec()
-    found = least_squares(root_penalty, start, jac='3-point', method='lm', xtol=1e-14, ftol=1e-14,
-                          gtol=1e-14, diff_step=1e-5, max_nfev=500)
-    return simulator.solve(gripper(found.x), latest)
+    solution = least_squares(root_penalty, start, jac='3-point', method='lm', xtol=1e-14,
+                             ftol=1e-14, gtol=1e-14, diff_step=1e-5, max_nfev=500)
+    return simulator.solve(gripper(solution.x), latest)

@@ -6,11 +6,14 @@ import numpy as np
 
 from dlo_planner.direct.continuation import fell
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import TOLERANCE, found_hanging
 from dlo_planner.inverse.solvers.continuation.following import Passing
-from dlo_planner.inverse.solvers.hanging.sphere import crossings
+from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes, crossings
 from dlo_planner.inverse.solvers.points.aligned import free_axis
 from dlo_planner.inverse.solvers.points.coupled import two_points_hanging
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze
 
@@ -33,44 +36,47 @@ class TwoPoints:
         (3,) from the first center to the second, m.
     """
 
-    def __init__(self, simulator, way):
-        self.simulator, self.way = simulator, way
-        self._apart = float(np.linalg.norm(way))
+    def __init__(self, simulator: DirectSimulator, chord: Floats) -> None:
+        self.simulator, self.chord = simulator, chord
+        self._apart = float(np.linalg.norm(chord))
 
-    def axis(self, shape):
+    def axis(self, shape: Shape) -> Floats:
         """Return the axis (3,) of the free roll: the mean of the gripper's and the way."""
-        return free_axis(shape.gripper.rotation, self.way / self._apart)
+        return free_axis(shape.gripper.rotation, self.chord / self._apart)
 
-    def at(self, before, depth, roll=0.0, final=False):
-        """Return the Passing at `depth`; see `following.Task`."""
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing at `depth`; see `following.Condition`."""
         del final
-        found = self._solved(before.shape, self.simulator.rod.length - depth, before.second,
-                             'second', roll)
-        return None if found is None else found[0]
+        assert before.second is not None  # every Passing of this task has it
+        solved = self._solved(before.shape, self.simulator.rod.length - depth, before.second,
+                              'second', roll)
+        return None if solved is None else solved[0]
 
-    def from_end(self, guess, depth):
+    def from_end(self, guess: Shape, depth: float) -> tuple[Passing, float] | None:
         """Return the Passing whose free end is at the second center, and its depth, m, or None.
 
         Parameters
         ----------
-        guess
+        guess : Shape
             Shape near it, in equilibrium.
-        depth
+        depth : float
             Approximate depth, m.
         """
         length = self.simulator.rod.length
-        found = self._solved(guess, length - depth, length, 'first')
-        return None if found is None else (found[0], length - found[1])
+        solved = self._solved(guess, length - depth, length, 'first')
+        return None if solved is None else (solved[0], length - solved[1])
 
-    def _solved(self, shape, s1, s2, free, roll=0.0):
+    def _solved(self, shape: Shape, s1: float, s2: float, free: str,
+                roll: float = 0.0) -> tuple[Passing, float] | None:
         """Return the Passing and its s1, or None."""
-        found = two_points(self.simulator, shape, self.way, (s1, s2), free, roll)
-        if found is None:
+        solved = two_points(self.simulator, shape, self.chord, (s1, s2), free, roll)
+        if solved is None:
             return None
-        shape, s1, s2 = found
+        shape, s1, s2 = solved
         return Passing(shape, shape.gripper.position - shape.frame_at(s1)[1], s2), s1
 
-    def crossings(self, shapes, depth):
+    def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
         s1 = self.simulator.rod.length - depth
         begin, _ = shapes.at(s1)
@@ -79,18 +85,18 @@ class TwoPoints:
         s2 = _first_above(shapes.s, away, self._apart)
         return self._between(shapes, s1, s2)
 
-    def last_crossings(self, shapes):
+    def last_crossings(self, shapes: HangingShapes) -> tuple[Crossings, Floats]:
         """Return where the shapes whose free end is at the second center cross the grid.
 
         And the depth (m,) of each in the first.
         """
         away = np.linalg.norm(shapes.positions - shapes.positions[:, -1:], axis=2)
         s1 = shapes.s[-1] - _first_above(shapes.s[-1] - shapes.s[::-1], away[:, ::-1], self._apart)
-        found = self._between(shapes, s1, np.full(len(away), shapes.s[-1]))
-        a, b = found.pairs.T
-        return found, shapes.s[-1] - ((1 - found.shares) * s1[a] + found.shares * s1[b])
+        crossed = self._between(shapes, s1, np.full(len(away), shapes.s[-1]))
+        a, b = crossed.pairs.T
+        return crossed, shapes.s[-1] - ((1 - crossed.shares) * s1[a] + crossed.shares * s1[b])
 
-    def least_miss(self, shapes):
+    def least_miss(self, shapes: HangingShapes) -> float:
         """Return the least distance (m) of a stable shape's free end from the second center.
 
         The shape passes the first center somewhere; its turn about the vertical is free.
@@ -99,81 +105,84 @@ class TwoPoints:
         chords = shapes.positions[stable, -1:] - shapes.positions[stable]
         height = chords @ shapes.up
         aside = np.sqrt(np.maximum((chords**2).sum(axis=2) - height**2, 0.0))
-        up = self.way @ shapes.up
+        up = float(self.chord @ shapes.up)
         off = np.hypot(aside - np.sqrt(max(self._apart**2 - up**2, 0.0)), height - up)
         return float(off.min(initial=self._apart))
 
-    def _between(self, shapes, s1, s2):
+    def _between(self, shapes: HangingShapes, s1: float | Floats, s2: Floats) -> Crossings:
         missing = ~np.isfinite(s1 + s2)
         s1, s2 = (np.where(missing, shapes.s[-1], s) for s in (s1, s2))
         chords = shapes.at(s2)[0] - shapes.at(s1)[0]
         chords[missing] = np.nan
-        return crossings(shapes, chords, self.way, s1)
+        return crossings(shapes, chords, self.chord, s1)
 
 
-def _first_above(s, away, apart):
+def _first_above(s: Floats, away: Floats, apart: float) -> Floats:
     """Return (n,) where rows of `away` (n, N + 1), given at `s`, first exceed `apart`; else nan."""
     k = np.argmax(away >= apart, axis=1)
     rows = np.arange(len(away))
     low, high = away[rows, k - 1], away[rows, k]
-    found = (k > 0) & (high >= apart)
+    crossed = (k > 0) & (high >= apart)
     share = (apart - low) / np.where(high > low, high - low, 1.0)
-    return np.where(found, s[k - 1] + share * (s[k] - s[k - 1]), np.nan)
+    return np.where(crossed, s[k - 1] + share * (s[k] - s[k - 1]), np.nan)
 
 
-def two_points(simulator, shape, way, s, free, roll=0.0):
-    """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `way`.
+def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple[float, float],
+               free: str, roll: float = 0.0) -> tuple[Shape, float, float] | None:
+    """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `chord`.
 
-    A step after which the DLO falls into another shape ends it.
+    The search ends where the DLO falls into another shape after a step.
 
     Parameters
     ----------
-    s
+    s : tuple[float, float]
         Arc lengths s1 and s2, m.
-    free
+    free : str
         'first' or 'second': which of them is sought.
-    roll
-        Rotation in rad about the axis that the task leaves free, solved together with the rest.
+    roll : float, optional
+        Rotation in rad about the axis that the task leaves free, solved together with the
+        rest.
 
     Returns
     -------
     (Shape, float, float) or None
         The shape, s1 and s2. None if there is none.
     """
-    mesh, way = shape.state.mesh, np.array(way)
-    freeze(way)
+    mesh, chord = shape.state.mesh, np.array(chord)
+    freeze(chord)
     if simulator.method != 'newton' or mesh is None or not mesh.hangs:
-        return _step_by_step(simulator, shape, way, s, free, roll)
-    before, reached = shape, s
-    axis = free_axis(shape.gripper.rotation, way / np.linalg.norm(way))
+        return _step_by_step(simulator, shape, chord, s, free, roll)
+    before, (s1, s2) = shape, s
+    axis = free_axis(shape.gripper.rotation, chord / np.linalg.norm(chord))
     for _ in range(_MESHES):
-        found, base, *reached, converged = two_points_hanging(
-            mesh.static, shape.gripper.rotation, mesh.start_from(shape), mesh.s, way, *reached,
+        solution, base, s1, s2, converged = two_points_hanging(
+            mesh.static, shape.gripper.rotation, mesh.start_from(shape), mesh.s, chord, s1, s2,
             free == 'first', axis, roll, TOLERANCE, _EXACT * mesh.s[-1], _ITERATIONS)
         if not converged:
             return None
-        shape = found_hanging(mesh, Pose.from_rotation(_ORIGIN, base), found)
+        shape = found_hanging(mesh, Pose.from_rotation(_ORIGIN, base), solution)
         if not shape.converged or fell(before, shape):
             return None
         better = simulator.discretization(shape.gripper, shape)
         if better is mesh:
             break
         mesh, roll = better, 0.0
-    return shape, *reached
+    return shape, s1, s2
 
 
-def _step_by_step(simulator, shape, way, s, free, roll):
-    """Return what `two_points` does, of any DLO, an equilibrium at a time.
+def _step_by_step(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple[float, float],
+                  free: str, roll: float) -> tuple[Shape, float, float] | None:
+    """Return the same as `two_points`, for any DLO, with one equilibrium per step.
 
-    Newton's method with the sensitivities of the equilibrium, which also predict the shape after
-    each step, so that the shapes in between pass both centers, about.
+    Newton's method with the sensitivities of the equilibrium. They also predict the shape after
+    each step, so that the shapes in between nearly pass both centers.
     """
     length, (s1, s2) = shape.s[-1], s
-    axis = free_axis(shape.gripper.rotation, way / np.linalg.norm(way))
+    axis = free_axis(shape.gripper.rotation, chord / np.linalg.norm(chord))
     missing = roll
     for _ in range(_ITERATIONS):
         (one, begin), (other, end) = shape.frame_at(s1), shape.frame_at(s2)
-        miss = end - begin - way
+        miss = end - begin - chord
         if np.linalg.norm(miss) < _EXACT * length and abs(missing) < _TURNED:
             return shape, s1, s2
         answer = Sensitivity(shape)
@@ -185,9 +194,9 @@ def _step_by_step(simulator, shape, way, s, free, roll):
             step = np.linalg.solve(rows, np.append(-miss, missing))
         except np.linalg.LinAlgError:
             return None
-        step *= min(1.0, _LARGEST_TURN / max(np.linalg.norm(step[:3]), 1e-300),
+        step *= min(1.0, _LARGEST_TURN / max(float(np.linalg.norm(step[:3])), 1e-300),
                     0.1 * length / max(abs(step[3]), 1e-300))
-        missing -= axis @ step[:3]
+        missing -= float(axis @ step[:3])
         if free == 'first':
             s1 = s1 + step[3]
         else:
@@ -196,8 +205,8 @@ def _step_by_step(simulator, shape, way, s, free, roll):
             return None
         s2 = min(s2, length)
         guess = answer.moved(np.append(step[:3], np.zeros(3)))
-        there = simulator.solve(guess.gripper, guess)
-        if not there.converged or fell(shape, there):
+        following = simulator.solve(guess.gripper, guess)
+        if not following.converged or fell(shape, following):
             return None
-        shape = there
+        shape = following
     return None

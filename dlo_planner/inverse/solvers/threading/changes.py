@@ -1,17 +1,23 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a threading through two cut-outs may reach the second one, among all hanging shapes."""
+"""All shapes in which a threading through two cut-outs may reach the second one."""
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.solvers.continuation.following import Passing
-from dlo_planner.inverse.solvers.continuation.quick import gets_there
+from dlo_planner.inverse.solvers.continuation.quick import gets_there, thinned
 from dlo_planner.inverse.solvers.continuation.route import Route, motion, picked, sweep
+from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes
 from dlo_planner.inverse.solvers.hanging.start_candidates import with_free_end
 from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.inverse.solvers.points.two_points import TwoPoints
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.builder import PlanRequirements
@@ -19,12 +25,12 @@ from dlo_planner.plan.builder import PlanRequirements
 _CURVES = 16        # depths at which a route is looked for, before the change and after it
 _CHANGES = 8        # changes that are tried
 _UNLIKE = 0.3       # rad: between the grippers of two that are tried
-_BEGINNINGS = 12    # of a way back that are looked at
+_BEGINNINGS = 12    # of a route back that are examined
 
 
 @dataclass(frozen=True)
 class Change:
-    """Where the motion changes: the free end is at the second center.
+    """The change of the motion: the free end is at the second center.
 
     Attributes
     ----------
@@ -45,7 +51,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Pair:
-    """What is asked of a threading through two cut-outs.
+    """A threading through two cut-outs.
 
     Attributes
     ----------
@@ -55,50 +61,58 @@ class Pair:
         Depths in the first one, m.
     start : Pose or None
         Pose whose roll is kept as far as possible.
-    brief : PlanRequirements
+    demands : PlanRequirements
     """
 
     first: CutOut
     second: CutOut
-    depths: np.ndarray
+    depths: Floats
     start: Pose | None
-    brief: PlanRequirements
+    demands: PlanRequirements
+
+    def at_most(self, most: int) -> Pair:
+        """Return the same at `most` of its depths, its steps unreported; itself if that is all."""
+        if len(self.depths) <= most:
+            return self
+        return replace(self, depths=thinned(self.depths, most), demands=self.demands.silent())
 
     @property
-    def way(self):
+    def chord(self) -> Floats:
         """(3,) from the first center to the second, m."""
         return self.second.center - self.first.center
 
 
-def other_changes(simulator, asked, shapes):
+def other_changes(simulator: DirectSimulator, task: Pair,
+                  shapes: HangingShapes) -> Iterator[Change]:
     """Yield Changes with their Routes, found among all HangingShapes, the best first."""
-    task = TwoPoints(simulator, asked.way)
-    changes, depths, along = at_the_second(simulator, asked, shapes)
-    ways_on = _ways_on(task, shapes, changes, depths, asked)
-    for k in _unlike(changes, np.array([cost for cost, _ in ways_on])):
-        asked.brief.progress.check()
-        back = _way_back(simulator, shapes, changes.chosen([k]), depths[k], along[k], asked)
+    condition = TwoPoints(simulator, task.chord)
+    changes, depths, along = at_the_second(simulator, task, shapes)
+    routes_on = _routes_on(condition, shapes, changes, depths, task)
+    for k in _unlike(changes, np.array([cost for cost, _ in routes_on])):
+        task.demands.progress.check()
+        back = _route_back(simulator, shapes, changes.chosen([k]), depths[k], along[k], task)
         if back is None:
             continue
         guess = with_free_end(simulator, changes.ends[k])
         shape = simulator.solve(guess.gripper, guess)
-        found = task.from_end(shape, depths[k]) if shape.converged else None
-        if found is not None:
-            yield Change(*found, back, ways_on[k][1])
+        solved = condition.from_end(shape, depths[k]) if shape.converged else None
+        if solved is not None:
+            yield Change(*solved, back, routes_on[k][1])
 
 
-def at_the_second(simulator, asked, shapes):
+def at_the_second(simulator: DirectSimulator, task: Pair,
+                  shapes: HangingShapes) -> tuple[Crossings, Floats, Floats]:
     """Return all Crossings whose free end is at the second center, in the right directions.
 
     And their depths (m,) and directions (m, 3) in the first one.
     """
-    changes, depths = TwoPoints(simulator, asked.way).last_crossings(shapes)
+    changes, depths = TwoPoints(simulator, task.chord).last_crossings(shapes)
     along = _directions(shapes, changes, simulator.rod.length - depths)
-    right = (along @ asked.first.normal > 0) & (changes.ends[:, :, 0] @ asked.second.normal > 0)
+    right = (along @ task.first.normal > 0) & (changes.ends[:, :, 0] @ task.second.normal > 0)
     return changes.chosen(right), depths[right], along[right]
 
 
-def _directions(shapes, changes, s):
+def _directions(shapes: HangingShapes, changes: Crossings, s: Floats) -> Floats:
     """Return the tangents (m, 3) of Crossings at arc lengths s (m,), about."""
     a = changes.pairs[:, 0]
     turns = changes.grippers @ np.swapaxes(shapes.frames[a, 0], 1, 2)
@@ -106,60 +120,62 @@ def _directions(shapes, changes, s):
                      for turn, k, at in zip(turns, a, s, strict=True)]).reshape(-1, 3)
 
 
-def _unlike(changes, costs):
+def _unlike(changes: Crossings, costs: Floats) -> Iterator[int]:
     """Yield indices of changes, the cheapest first, without those like one before."""
-    taken = []
+    taken: list[int] = []
     for k in np.argsort(costs):
         if not np.isfinite(costs[k]) or len(taken) == _CHANGES:
             return
         if all(angle_between(changes.grippers[k], changes.grippers[j]) > _UNLIKE for j in taken):
-            taken.append(k)
-            yield k
+            taken.append(int(k))
+            yield int(k)
 
 
-def _ways_on(task, shapes, changes, depths, asked):
+def _routes_on(condition: TwoPoints, shapes: HangingShapes, changes: Crossings, depths: Floats,
+               task: Pair) -> list[tuple[float, Route | None]]:
     """Return [(cost, Route or None)] of going on from each change to the deepest waypoint."""
-    length, deepest = shapes.s[-1], asked.depths[-1]
+    length, deepest = shapes.s[-1], task.depths[-1]
     if not len(changes):
         return []
     grid = np.linspace(depths.min(), deepest, _CURVES)[1:]
     if deepest <= depths.min():
         return [(0.0, None)] * len(changes)
-    layers = [task.crossings(shapes, depth) for depth in grid[::-1]]
-    costs, ways = sweep(layers, np.zeros(len(layers[0])), length)
-    found = []
+    layers = [condition.crossings(shapes, depth) for depth in grid[::-1]]
+    costs, origins = sweep(layers, np.zeros(len(layers[0])), length)
+    routes: list[tuple[float, Route | None]] = []
     for k, depth in enumerate(depths):
         later = grid[::-1] > depth
         if not later.any():
-            found.append((0.0, None))
+            routes.append((0.0, None))
             continue
         last = int(later.sum()) - 1  # the curve right after the change, in the order of the sweep
         if last >= len(costs):
-            found.append((np.inf, None))
+            routes.append((np.inf, None))
             continue
         total = motion(changes.chosen([k]), layers[last], length)[0] + costs[last]
         best = int(np.argmin(total)) if total.size else 0
         if not total.size or not np.isfinite(total[best]):
-            found.append((np.inf, None))
+            routes.append((np.inf, None))
             continue
-        picks = picked(ways[:last], best)[::-1]
+        picks = picked(origins[:last], best)[::-1]
         grippers = [changes.grippers[k], *(layers[last - i].grippers[pick]
                                            for i, pick in enumerate(picks))]
         route = Route(np.append(depth, grid[::-1][:last + 1][::-1]), np.array(grippers),
                       changes.ends[k], length, True)
-        found.append((float(total[best]), route))
-    return found
+        routes.append((float(total[best]), route))
+    return routes
 
 
-def _way_back(simulator, shapes, change, depth, direction, asked):
+def _route_back(simulator: DirectSimulator, shapes: HangingShapes, change: Crossings, depth: float,
+                direction: Floats, task: Pair) -> Route | None:
     """Return the Route from a change (Crossings of one) to where the DLO begins, or None."""
-    length, first = simulator.rod.length, asked.depths[0]
+    length, first = simulator.rod.length, task.depths[0]
     if first >= depth:
         return Route(np.array([depth]), change.grippers, change.ends[0], length, True)
-    task = Aligned(simulator, direction)
+    condition = Aligned(simulator, direction)
     grid = np.linspace(depth, first, _CURVES)
-    layers = [change, *(task.crossings(shapes, one) for one in grid[1:])]
-    costs, ways = sweep(layers, np.zeros(1), length)
+    layers = [change, *(condition.crossings(shapes, one) for one in grid[1:])]
+    costs, origins = sweep(layers, np.zeros(1), length)
     if len(costs) < len(layers):
         return None
     for best in np.argsort(costs[-1])[:_BEGINNINGS]:
@@ -167,7 +183,7 @@ def _way_back(simulator, shapes, change, depth, direction, asked):
             return None
         gripper = Pose.from_rotation(layers[-1].places[best], layers[-1].grippers[best])
         if gets_there(simulator, gripper, layers[-1].ends[best]):
-            picks = picked(ways, int(best))
+            picks = picked(origins, int(best))
             return Route(grid, np.array([layer.grippers[pick] for layer, pick in
                                          zip(layers, picks, strict=True)]),
                          layers[-1].ends[best], length, True)

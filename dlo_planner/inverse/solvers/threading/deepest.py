@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The deepest that a threading comes, where not all the depths asked for can be reached."""
+"""The deepest plan of a threading that cannot reach all requested depths."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,15 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from dlo_planner.errors import Infeasible
+from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.plan import Plan
 
 _HALVINGS = 6  # of the depth between the last waypoint that is reached and the next one
 
 
-def deepest(planned: Callable[[np.ndarray], Plan], depths: np.ndarray) -> Plan:
-    """Return the Plan of as many of the depths as can be reached, and of the deepest found.
+def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
+    """Return the Plan of the depths that can be reached, and of the deepest one found.
 
-    Its `fraction` is that depth as a part of the last one asked for.
+    Its `fraction` is the deepest depth as a part of the last requested one.
 
     Parameters
     ----------

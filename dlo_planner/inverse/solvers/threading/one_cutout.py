@@ -2,40 +2,38 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading through one cut-out: at every depth the DLO passes the center along the normal."""
 
-from dataclasses import dataclass, replace
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.solvers.continuation.even_rolls import EvenRolls, even_rolls
-from dlo_planner.inverse.solvers.continuation.following import follow, refusal_for_step
+from dlo_planner.inverse.solvers.continuation.following import Rolls
 from dlo_planner.inverse.solvers.continuation.quick import (
     gets_there,
     grid_nodes,
     quick_simulator,
-    thinned,
 )
-from dlo_planner.inverse.solvers.continuation.route import find_route
-from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
+from dlo_planner.inverse.solvers.continuation.route import Route, find_route
+from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes, hanging_shapes
 from dlo_planner.inverse.solvers.hanging.start_candidates import (
+    Candidate,
     is_axisymmetric,
     start_candidates,
     with_free_end,
 )
 from dlo_planner.inverse.solvers.points.one_point import Aligned
-from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.inverse.solvers.threading.through_depths import Threading, thread_from
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
-from dlo_planner.plan.clearance import sheet_of
-from dlo_planner.plan.continuity import largest_turn
-from dlo_planner.plan.plan import PlanStatus, truncate
-from dlo_planner.plan.waypoint import waypoint_of
+from dlo_planner.plan.assembly import truncate
+from dlo_planner.plan.plan import Plan, PlanStatus
 
-_ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
-_DOUBTFUL = 0.05    # stability below which another roll is looked for
-_AS_STABLE = 0.8    # of that, or of what there is: rolled evenly it may be less
-_FEW = 60           # waypoints at most where a way is only looked for
+_FEW = 60           # waypoints at most of a plan that is only a trial
 _CURVES = 32        # depths at which a route is looked for
 _STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought from an initial one
 _AHEAD = 0.0, 0.15  # of the length: other smoothings of a route
@@ -43,262 +41,134 @@ _PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of mo
 NO_WAY = ('equilibrium', 'stability', 'start', 'continuity', 'direction', 'reach')
 
 
-@dataclass(frozen=True)
-class Threading:
-    """What is asked of a threading.
-
-    Attributes
-    ----------
-    cutout : CutOut
-    depths : ndarray, shape (n,)
-        Depths in m.
-    start : Pose or None
-        Pose whose roll is kept as far as possible.
-    initial : object
-        Shape before, or None.
-    brief : PlanRequirements
-    """
-
-    cutout: CutOut
-    depths: np.ndarray
-    start: Pose | None
-    initial: object
-    brief: PlanRequirements
-
-
-def thread(simulator, cutout, depths, start, initial, method, brief):
-    """Return the Plan; see `InverseSimulator.thread` for what the arguments mean.
+def thread(simulator: DirectSimulator, task: Threading) -> Plan:
+    """Return the Plan of a Threading; see `InverseSimulator.thread`.
 
     Which roll of the DLO the threading begins with is free, and how it rolls on the way. The plan
-    that begins with the first choice and rolls only where it has to is tried first. If it is
-    refused, the sphere of all hanging shapes shows a better way, or that there is none. A way is
-    looked for with a simulator that is quick, whatever the accuracy asked for.
+    that begins with the first candidate and rolls only where it has to is tried first. If it is
+    refused, the sphere of all hanging shapes shows a better route, or that there is none. The
+    search uses a quick simulator, whatever the accuracy of the plan.
     """
-    asked = Threading(cutout, depths, start, initial, brief.made_with(simulator))
+    task = replace(task, demands=task.demands.made_with(simulator))
     quick = quick_simulator(simulator)
     if quick is simulator:
-        return _search(simulator, asked, method)[0]
-    silent = replace(asked, brief=brief.silent(quick))
-    _, begin, route = _search(quick, silent, 'coupled')
-    if begin is None:  # the first choice will do
-        begin = next(start_candidates(simulator, cutout, start))
-    return _thread_from(simulator, asked, begin, route, method)
+        return _search(simulator, task)[0]
+    trial = replace(task, demands=task.demands.silent(quick), method='coupled')
+    _, begin, route = _search(quick, trial)
+    if begin is None:
+        begin = next(start_candidates(simulator, task.cutout, task.start))
+    return thread_from(simulator, task, begin, route)
 
 
-def first_choice(simulator, asked):
-    """Return the Plan of a Threading that begins with the first choice and is followed as it is."""
-    return _thread_from(simulator, asked, next(start_candidates(simulator, asked.cutout,
-                                                                asked.start)),
-                        None, 'coupled')
+def first_choice(simulator: DirectSimulator, task: Threading) -> Plan:
+    """Return the Plan of a Threading that begins with its first Candidate, without a route."""
+    return thread_from(simulator, task, next(start_candidates(simulator, task.cutout, task.start)),
+                       None)
 
 
-def _search(simulator, asked, method):
-    """Return a Plan, what it begins with (None: the first choice), and its Route or None."""
-    begins = start_candidates(simulator, asked.cutout, asked.start)
+def _search(simulator: DirectSimulator,
+            task: Threading) -> tuple[Plan, Candidate | None, Rolls | None]:
+    """Return a Plan, its Candidate (None: the first one), and its route or None."""
+    candidates = start_candidates(simulator, task.cutout, task.start)
     try:
-        return _thread_from(simulator, asked, next(begins), None, method), None, None
+        return thread_from(simulator, task, next(candidates), None), None, None
     except Infeasible as error:
         refused = error
-    few = thinned(asked, _FEW)
-    best = _depth(asked, refused), None, None
-    for begin, route in _other_ways(simulator, asked, begins, refused):
-        asked.brief.progress.check()
+    few = task.at_most(_FEW)
+    deepest = _depth(task, refused)
+    best: tuple[Candidate, Route | None] | None = None
+    for begin, route in _other_ways(simulator, task, candidates, refused):
+        task.demands.progress.check()
         try:
-            if few is not asked:
-                _thread_from(simulator, few, begin, route, 'coupled')
-            return _thread_from(simulator, asked, begin, route, method), begin, route
+            if few is not task:
+                thread_from(simulator, few, begin, route)
+            return thread_from(simulator, task, begin, route), begin, route
         except Infeasible as error:
-            depth = _depth(few if few is not asked else asked, error)
-            if depth > best[0]:
-                best, refused = (depth, begin, route), error
-    if few is not asked and best[1] is not None:  # the same at all depths, as evidence
-        return _thread_from(simulator, asked, *best[1:], method), *best[1:]
+            depth = _depth(few if few is not task else task, error)
+            if depth > deepest:
+                deepest, best, refused = depth, (begin, route), error
+    if few is not task and best is not None:  # the same at all depths, as evidence
+        begin, route = best
+        return thread_from(simulator, task, begin, route), begin, route
     raise refused
 
 
-def _other_ways(simulator, asked, begins, refused):
-    """Yield what else a threading may begin with, and a Route or None, after a refusal."""
+def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterator[Candidate],
+                refused: Infeasible) -> Iterator[tuple[Candidate, Route | None]]:
+    """Yield other Candidates, each with a Route or None, after a refusal."""
     if refused.constraint not in NO_WAY:  # a demand: another roll may keep it
-        yield from ((begin, None) for begin in begins)
+        yield from ((begin, None) for begin in candidates)
         return
-    if is_axisymmetric(simulator):
+    if is_axisymmetric(simulator.rod):
         return
     shapes = hanging_shapes(simulator.surroundings, grid_nodes(simulator))
     if shapes is None:
-        yield from ((begin, None) for begin in begins)
+        yield from ((begin, None) for begin in candidates)
         return
-    route = _route(simulator, shapes, asked)
+    route = _route(simulator, shapes, task)
     if route is not None:
         guess = with_free_end(simulator, route.end)
-        begin = guess, guess.gripper.rotation, route.depths[0]
+        begin = Candidate(guess, guess.gripper.rotation, float(route.depths[0]))
         yield begin, route
-        if route.complete:  # rolls that are averaged may miss a narrow way, or leap on a rough one
+        if route.complete:  # smoothed rolls may miss a narrow route, or leap on a rough one
             yield from ((begin, replace(route, ahead=ahead)) for ahead in _AHEAD)
-    # what the grid tells may not be enough: where the DLO hardly stands, the stable shapes can be a
-    # strip narrower than its mesh
+    # the grid may be too coarse: where the DLO hardly stands, the stable shapes can be a strip
+    # narrower than its mesh
     if route is None or route.complete:
-        yield from ((begin, None) for begin in begins)
+        yield from ((begin, None) for begin in candidates)
 
 
-def _route(simulator, shapes, asked):
+def _route(simulator: DirectSimulator, shapes: HangingShapes, task: Threading) -> Route | None:
     """Return the Route through the curves of all depths, or of some where there are many."""
-    task = Aligned(simulator, asked.cutout.normal)
-    depths = np.unique(np.linspace(asked.depths[0], asked.depths[-1], _CURVES))
-    layers = [task.crossings(shapes, depth) for depth in depths]
-    return find_route(layers, depths, _starts(simulator, layers[0], asked), simulator.rod.length)
+    aligned = Aligned(simulator, task.cutout.normal)
+    depths = np.unique(np.linspace(task.depths[0], task.depths[-1], _CURVES))
+    layers = [aligned.crossings(shapes, depth) for depth in depths]
+    return find_route(layers, depths, _starts(simulator, layers[0], task), simulator.rod.length)
 
 
-def _starts(simulator, curve, asked):
+def _starts(simulator: DirectSimulator, curve: Crossings, task: Threading) -> Floats:
     """Return the cost (m,) of beginning at each of the Crossings; infinite where it cannot.
 
-    The DLO has to come into the shape by itself; of those it does, the gripper prefers the one in
-    which it is turned least against `start`.
+    The DLO has to take the shape by itself. Among these shapes the cost is least where the gripper
+    is turned least from `start`.
     """
     cost = np.full(len(curve), np.inf)
-    most = _STARTS[asked.initial is not None]
+    most = _STARTS[task.initial is not None]
     for k in np.unique(np.linspace(0, len(curve) - 1, min(len(curve), most)).astype(int)):
-        gripper = Pose.from_rotation(asked.cutout.center + curve.places[k], curve.grippers[k])
-        if gets_there(simulator, gripper, curve.ends[k], asked.initial):
-            turn = 0.0 if asked.start is None else angle_between(
-                gripper.rotation, asked.start.rotation)
+        gripper = Pose.from_rotation(task.cutout.center + curve.places[k], curve.grippers[k])
+        if gets_there(simulator, gripper, curve.ends[k], task.initial):
+            turn = 0.0 if task.start is None else angle_between(
+                gripper.rotation, task.start.rotation)
             cost[k] = _PREFERENCE * turn**2
     return cost
 
 
-def _depth(asked, refused):
-    """Return a number by which refusals compare: how far they come."""
-    return asked.depths[refused.waypoint], refused.constraint == 'start'
+def _depth(task: Threading, refused: Infeasible) -> tuple[float, bool]:
+    """Return what orders refusals: the depth reached, and whether only the start failed."""
+    return task.depths[refused.waypoint], refused.constraint == 'start'
 
 
-def trim_to_clearance(plan, cutout, wanted, may_end):
-    """Return the part of a Plan in which the gripper is `wanted` m before the sheet.
+def trim_to_clearance(plan: Plan, cutout: CutOut, clearance: float, may_end: bool) -> Plan:
+    """Return the part of a Plan in which the gripper is `clearance` m before the sheet.
 
     Parameters
     ----------
-    may_end
+    may_end : bool
         Whether the plan may end earlier than it does.
 
     Raises
     ------
     Infeasible
-        It may not, or the first waypoint is too near already.
+        The plan may not end earlier, or its first waypoint is too near already.
     """
     rooms = np.array([(cutout.center - gripper.position) @ cutout.normal
                       for gripper in plan.grippers])
-    if (rooms >= wanted).all():
+    if (rooms >= clearance).all():
         return plan
-    index = int(np.argmax(rooms < wanted))
+    index = int(np.argmax(rooms < clearance))
     if may_end and index:
         return truncate(plan, index, PlanStatus.COMPLETE)
     raise Infeasible(f'waypoint {index} (depth {plan.depths[index]:g} m): the gripper is '
-                     f'{rooms[index]:.3g} m before the sheet, gripper_clearance = {wanted:g} m',
-                     index, 'gripper_clearance', float(wanted - rooms[index]),
+                     f'{rooms[index]:.3g} m before the sheet, gripper_clearance = {clearance:g} m',
+                     index, 'gripper_clearance', float(clearance - rooms[index]),
                      truncate(plan, index, PlanStatus.PARTIAL))
-
-
-def _thread_from(simulator, asked, begin, route, method):
-    """Return the Plan that continues a beginning through all depths.
-
-    Parameters
-    ----------
-    begin
-        Shape, reference (3, 3) for its roll, and its depth, m.
-    route
-        Route that gives the rolls, or None.
-    """
-    length, cutout, brief = simulator.rod.length, asked.cutout, asked.brief
-    draft = PlanBuilder(asked.depths, brief, initial=asked.initial)
-    sheet = sheet_of(cutout, length, brief.obstacles)
-    task = Aligned(simulator, cutout.normal, method)
-    alike = is_axisymmetric(simulator)
-    guess, reference, depth = begin
-    here, passings, jerks = task.from_guess(guess, depth, reference), [], False
-    for wanted in asked.depths:
-        brief.progress.check()
-        found, reached, too_far = (None, depth, 0.0) if here is None else follow(
-            task, here, depth, wanted, route)
-        before = here if draft.waypoints else None
-        refusal = _refusal(simulator, draft, before, found, wanted, reached, too_far)
-        doubtful = refusal is not None or found.shape.stability < _DOUBTFUL
-        if doubtful and draft.waypoints and not alike and not isinstance(route, EvenRolls):
-            jerks = True
-            found = _rolled(simulator, draft, task, here, depth, wanted,
-                            found if refusal is None else None)
-        elif refusal is not None:
-            found = None
-        if found is None:
-            raise refusal
-        here, depth = found, wanted
-        passings.append(here)
-        draft.add(waypoint_of(here.shape, cutout.center, length - wanted,
-                              cutout.normal).with_clearances(
-            [cutout], [sheet], brief.surface))
-    plan = draft.finished()
-    return _evenly(simulator, asked, begin, method, plan, passings) if jerks else plan
-
-
-def _evenly(simulator, asked, begin, method, plan, passings):
-    """Return a Plan that rolls as a whole like `plan` but evenly; that one if none will do.
-
-    Parameters
-    ----------
-    passings
-        Passings of its n waypoints.
-    """
-    silent = replace(asked, brief=asked.brief.silent())
-    for route in even_rolls(Aligned(simulator, asked.cutout.normal, method), asked.depths,
-                            passings):
-        try:
-            even = _thread_from(simulator, silent, begin, route, method)
-        except Infeasible:
-            continue
-        if even.stability.min() >= _AS_STABLE * min(_DOUBTFUL, plan.stability.min()):
-            return even
-    return plan
-
-
-def _refusal(simulator, draft, before, found, wanted, reached, too_far):
-    """Return why a Passing, or None, cannot be the next waypoint, or None.
-
-    Parameters
-    ----------
-    before
-        Passing of the waypoint before, None at the first.
-    wanted, reached
-        Depth of the waypoint, and how far the DLO could be followed, m.
-    too_far
-        Distance in m that the gripper would have to leap there.
-    """
-    if found is None and too_far:
-        return draft.refusal('continuity', too_far, 'the gripper would have to leap at depth '
-                             f'{reached:.4g} m: the shapes that do the task turn back there')
-    if found is None:
-        return draft.refusal('equilibrium', wanted - reached, 'no equilibrium with the tangent '
-                             f'along the normal was found beyond depth {reached:g} m')
-    shape = found.shape
-    if shape.stability < -NEUTRAL:
-        return draft.refusal('stability', -shape.stability, 'the DLO would not stay in the shape '
-                             f'that passes the cut-out; stability {shape.stability:.3g} < 0')
-    return refusal_for_step(simulator, draft, before, found)
-
-
-def _rolled(simulator, draft, task, here, depth, wanted, best):
-    """Return a Passing that is stable enough, the gripper rolled as little as that takes.
-
-    If there is none, the most stable one, or `best`.
-
-    Parameters
-    ----------
-    here
-        Passing of the waypoint before, at `depth`, m.
-    """
-    most = largest_turn((wanted - depth) / simulator.rod.length)
-    for part in _ROLLS:
-        found = task.at(here, wanted, part * most, True)
-        if found is None or best is not None and found.shape.stability <= best.shape.stability:
-            continue
-        if _refusal(simulator, draft, here, found, wanted, wanted, 0.0) is None:
-            best = found
-            if found.shape.stability >= _DOUBTFUL:
-                break  # no larger roll than needed: the gripper's way stays smooth
-    return best

@@ -2,27 +2,36 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading through more than two cut-outs: nearest to all of their centers that are passed.
 
-The gripper has six degrees of freedom, and how far the DLO has gone through each cut-out but the
-first is free: two centers can be hit, three in general cannot. So their weighted distances are
-minimized, by the search for any task. What is ahead counts smoothly more as the free end comes
-near, so that the gripper's way is continuous: the DLO, extended straight on, aims at it.
+The gripper has six degrees of freedom, and the arc lengths at all cut-outs but the first are free:
+two centers can be hit, three in general cannot. So the weighted distances are minimized. The weight
+of a cut-out ahead grows smoothly as the free end comes near, so that the gripper's path is
+continuous: the DLO, extended straight, aims at it.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
-from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
+from dlo_planner.inverse.penalty import Residuals
+from dlo_planner.inverse.solvers.continuation.quick import quick_simulator, thinned
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
 from dlo_planner.inverse.solvers.points.nearest import nearest_within
 from dlo_planner.inverse.solvers.threading.one_cutout import thread
+from dlo_planner.inverse.solvers.threading.through_depths import Threading
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
+from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.ritz.rotation import turn_between
 
@@ -38,53 +47,54 @@ _PART = 0.7           # of the largest turn and shift, so that both together are
 
 
 @dataclass(frozen=True)
-class Sequence:
-    """What is asked of a threading through k cut-outs.
+class CutoutSequence:
+    """A threading through k cut-outs.
 
     Attributes
     ----------
-    cutouts : list
+    cutouts : tuple of CutOut
         The k cut-outs.
-    weights : list
-        (k,) weights of their distances.
+    weights : ndarray, shape (k,)
+        Weights of their distances.
     depths : ndarray, shape (n,)
         Depths in the first one, m.
     start : Pose or None
         Pose whose roll is kept as far as possible.
-    brief : PlanRequirements
+    demands : PlanRequirements
     """
 
-    cutouts: list
-    weights: list
-    depths: np.ndarray
+    cutouts: tuple[CutOut, ...]
+    weights: Floats
+    depths: Floats
     start: Pose | None
-    brief: PlanRequirements
+    demands: PlanRequirements
 
     @cached_property
-    def centers(self):
+    def centers(self) -> Floats:
         """(k, 3) m."""
         return np.array([cutout.center for cutout in self.cutouts])
 
     @cached_property
-    def apart(self):
+    def apart(self) -> Floats:
         """(k,) how deep a straight DLO is as its free end reaches each center, m."""
         legs = np.linalg.norm(np.diff(self.centers, axis=0), axis=1)
         return np.concatenate([[0.0], legs.cumsum()])
 
 
-def thread_sequence(simulator, cutouts, weights, depths, start, brief):
+def thread_sequence(simulator: DirectSimulator, cutouts: tuple[CutOut, ...], weights: Floats,
+                    depths: Floats, start: Pose | None, demands: PlanRequirements) -> Plan:
     """Return the Plan; see `InverseSimulator.thread_sequence` for what the arguments mean.
 
-    Of several rolls to begin with, the one is taken that misses least; they are compared with a
-    quick simulator at a few depths.
+    Several rolls to begin with are compared, with a quick simulator at a few depths; the one with
+    the smallest errors is taken.
     """
-    asked = Sequence(cutouts, weights, depths, start, brief)
+    task = CutoutSequence(cutouts, weights, depths, start, demands)
     quick = quick_simulator(simulator)
-    few = replace(asked, depths=depths[np.unique(np.linspace(
-        0, len(depths) - 1, _COMPARED).astype(int))], brief=brief.silent(quick))
-    best, refused = (np.inf, None), None
-    for begin in _rolled(simulator, asked):
-        brief.progress.check()
+    few = replace(task, depths=thinned(depths, _COMPARED), demands=demands.silent(quick))
+    best: CutoutSequence | None = None
+    least, refused = np.inf, None
+    for begin in _rolled(simulator, task):
+        demands.progress.check()
         try:
             plan = _thread(quick, replace(few, start=begin))
         except Infeasible as error:
@@ -92,115 +102,118 @@ def thread_sequence(simulator, cutouts, weights, depths, start, brief):
             continue
         missed = sum((weight * miss) ** 2 for misses in plan.position_errors
                      for weight, miss in zip(weights, misses, strict=False))
-        if missed < _BETTER * best[0]:
-            best = missed, replace(asked, start=begin)
+        if missed < _BETTER * least:
+            least, best = missed, replace(task, start=begin)
         if missed <= (_HIT * simulator.rod.length) ** 2 * max(weights) ** 2:
             break
-    if best[1] is None:
+    if best is None:
         if quick is simulator and len(few.depths) < len(depths):
-            return _thread(simulator, asked)  # closer waypoints may do, or tell more
+            return _thread(simulator, task)  # closer waypoints may do, or tell more
+        assert refused is not None  # one roll is tried at least
         raise refused
-    return _thread(simulator, best[1])
+    return _thread(simulator, best)
 
 
-def _rolled(simulator, asked):
-    """Yield Poses, or None, against whose roll the DLO is turned least: first as it is wanted."""
-    yield asked.start
-    if is_axisymmetric(simulator):
+def _rolled(simulator: DirectSimulator, task: CutoutSequence) -> Iterator[Pose | None]:
+    """Yield Poses, or None, from whose roll the DLO is turned least; first the requested one."""
+    yield task.start
+    if is_axisymmetric(simulator.rod):
         return
-    first = asked.cutouts[0]
-    upright = (Pose.looking_along((0.0, 0.0, 0.0), first.normal) if asked.start is None
-               else asked.start)
+    first = task.cutouts[0]
+    upright = (Pose.looking_along((0.0, 0.0, 0.0), first.normal) if task.start is None
+               else task.start)
     for k in range(1, _ROLLS):
         turn = turned_by(2 * np.pi * k / _ROLLS * upright.direction)
         yield Pose.from_rotation(upright.position, turn @ upright.rotation)
 
 
-def _thread(simulator, asked):
-    """Return the Plan that begins with the roll of `asked.start`."""
-    length, brief, centers = simulator.rod.length, asked.brief, asked.centers
-    sheets = [sheet_of(cutout, length, brief.obstacles) for cutout in asked.cutouts]
-    draft = PlanBuilder(asked.depths, brief)
-    begin = thread(simulator, asked.cutouts[0], np.zeros(1), asked.start, None, 'coupled',
-                   PlanRequirements(brief.speeds, brief.progress.silent()))
+def _thread(simulator: DirectSimulator, task: CutoutSequence) -> Plan:
+    """Return the Plan that begins with the roll of `task.start`."""
+    length, demands, centers = simulator.rod.length, task.demands, task.centers
+    sheets = [sheet_of(cutout, length, demands.obstacles) for cutout in task.cutouts]
+    builder = PlanBuilder(task.depths, demands)
+    begin = thread(simulator, Threading(
+        task.cutouts[0], np.zeros(1), task.start, None,
+        PlanRequirements(demands.speeds, demands.progress.silent())))
     shape, depth = begin.shapes[0], 0.0
-    for wanted in asked.depths:
-        shape, depth = _follow(simulator, asked, shape, depth, wanted)
-        if depth < wanted:
-            raise draft.refusal('equilibrium', wanted - depth, 'no stable shape was found that is '
-                                f'nearest to the centers beyond depth {depth:g} m')
-        refusal = refusal_for_leap(simulator, draft, shape)
+    for target in task.depths:
+        shape, depth = _follow(simulator, task, shape, depth, target)
+        if depth < target:
+            raise builder.refusal('equilibrium', target - depth, 'no stable shape was found that '
+                                  f'is nearest to the centers beyond depth {depth:g} m')
+        refusal = refusal_for_leap(simulator, builder, shape)
         if refusal is not None:
             raise refusal
-        waypoint = waypoint_at(shape, centers[0], length - wanted, None)
+        waypoint = waypoint_at(shape, centers[0], length - target, None)
         for center in centers[1:]:
-            s = Through(center, length - wanted).passage(shape)
+            s = Through(center, length - target).passage(shape)
             if s > length:
                 break
             waypoint = waypoint.with_via_point(center, s)
-        for k, (cutout, (_, s, _)) in enumerate(zip(asked.cutouts, waypoint.via_points,
+        for k, (cutout, (_, s, _)) in enumerate(zip(task.cutouts, waypoint.via_points,
                                                     strict=False)):
             along = float(shape.frame_at(s)[0][:, 0] @ cutout.normal)
             if along <= 0:
-                raise draft.refusal('direction', -along, f'the DLO would pass cut-out {k} against '
-                                    'its direction')
-        draft.add(waypoint.with_clearances(asked.cutouts, sheets, brief.surface))
-    return draft.finished()
+                raise builder.refusal('direction', -along, f'the DLO would pass cut-out {k} '
+                                      'against its direction')
+        builder.add(waypoint.with_clearances(task.cutouts, sheets, demands.surface))
+    return builder.finished()
 
 
-def _tasks(asked, depth, length):
+def _penalties(task: CutoutSequence, depth: float, length: float) -> list[Residuals]:
     """Return the penalties at a depth, m."""
-    cutouts, weights = asked.cutouts, asked.weights
-    share = np.clip((depth - asked.apart) / (_BLEND * length) + 1, 0, 1)
+    cutouts, weights = task.cutouts, task.weights
+    share = np.clip((depth - task.apart) / (_BLEND * length) + 1, 0, 1)
     share = share**2 * (3 - 2 * share)
-    tasks = [PositionAt(length - depth, cutouts[0].center, weights[0])]
+    penalties: list[Residuals] = [PositionAt(length - depth, cutouts[0].center, weights[0])]
     if share[1] < 1:
-        tasks.append(DirectionAt(length - depth, cutouts[0].normal,
-                                 _FREE * (1 - share[1]) * length))
+        penalties.append(DirectionAt(length - depth, cutouts[0].normal,
+                                     _FREE * (1 - share[1]) * length))
     if share[1] > 0:
         # Two can be hit, whatever the weight: so the second one may decide what the normal did,
         # and has to count in full before a third one does.
         second = share[1] * max(_FREE, min(1.0, share[2] / _SOON))
-        tasks.append(Through(cutouts[1].center, length - depth,
-                             weights[1] * (1.0 if share[1] == 1 else second)))
-    return tasks + [Through(cutout.center, length - depth, weight * part)
-                    for cutout, weight, part in zip(cutouts[2:], weights[2:], share[2:],
-                                                    strict=True) if part > 0]
+        penalties.append(Through(cutouts[1].center, length - depth,
+                                 weights[1] * (1.0 if share[1] == 1 else second)))
+    return penalties + [Through(cutout.center, length - depth, weight * part)
+                        for cutout, weight, part in zip(cutouts[2:], weights[2:], share[2:],
+                                                        strict=True) if part > 0]
 
 
 @dataclass(frozen=True)
 class _NotRolled:
-    """The gripper has not turned about its own axis since a pose: what is free for a round DLO."""
+    """The gripper has not turned about its own axis since a pose; a round DLO leaves that free."""
 
     before: Pose
     weight: float
 
-    def residuals(self, shape):
+    def residuals(self, shape: Shape) -> Floats:
         turn = turn_between(self.before.rotation, shape.gripper.rotation)
         return self.weight * np.array([turn @ self.before.direction])
 
-    def slopes(self, shape, sensitivity):
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
         del shape, sensitivity  # to first order about the pose before
         return self.weight * np.append(self.before.direction, np.zeros(3))[None]
 
 
-def _follow(simulator, asked, shape, depth, wanted):
-    """Return the Shape nearest to the centers at the depth `wanted`, and how far it came, m.
+def _follow(simulator: DirectSimulator, task: CutoutSequence, shape: Shape, depth: float,
+            goal: float) -> tuple[Shape, float]:
+    """Return the Shape nearest to the centers at the depth `goal`, and how far it came, m.
 
     Parameters
     ----------
-    shape
+    shape : Shape
         Shape at `depth`, m.
     """
     length = simulator.rod.length
     step = _LONGEST_STEP * length
     while True:
-        asked.brief.progress.check()
-        target = min(wanted, depth + step)
-        found = _nearest(simulator, _tasks(asked, target, length), shape, target - depth)
-        if found is not None:
-            shape, depth = found, target
-            if depth == wanted:
+        task.demands.progress.check()
+        target = min(goal, depth + step)
+        nearest = _nearest(simulator, _penalties(task, target, length), shape, target - depth)
+        if nearest is not None:
+            shape, depth = nearest, target
+            if depth == goal:
                 break
         elif step > _SHORTEST_STEP * length and target > depth:
             step /= 2
@@ -209,12 +222,13 @@ def _follow(simulator, asked, shape, depth, wanted):
     return shape, depth
 
 
-def _nearest(simulator, tasks, shape, step):
+def _nearest(simulator: DirectSimulator, penalties: list[Residuals], shape: Shape,
+             step: float) -> Shape | None:
     """Return the Shape that follows `shape` after a step in depth (m), or None.
 
-    The nearest one may be far from where the DLO is: then it goes as far towards it as a step may.
+    The nearest shape may be far from the present one: then the DLO goes towards it by one step.
     """
     length = shape.s[-1]
     turn, shift = largest_turn(step / length), largest_shift(step / length) * length
     free = _NotRolled(shape.gripper, _FREE * length)
-    return nearest_within(simulator, [*tasks, free], shape, _PART * turn, _PART * shift)
+    return nearest_within(simulator, [*penalties, free], shape, _PART * turn, _PART * shift)

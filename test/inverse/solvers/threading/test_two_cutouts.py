@@ -109,3 +109,13 @@ def test_a_roll_is_made_along_the_way_whatever_the_step():
     pairs = [random_pair(rng) for _ in range(155)]
     for index in (132, 154):  # rolled alone, without the way, these would fall over
         assert outcome(*pairs[index], 'local')[0] == 'replayed'
+
+
+@pytest.mark.parametrize(('seed', 'index', 'basis', 'depths'), [
+    (0, 4, 'local', 20),       # a finer mesh is left again once the DLO stands well
+    (0, 4, 'chebyshev', 80),
+    (7, 57, 'chebyshev', 20)])  # between two hardly stable shapes the first way falls over
+def test_a_replay_is_on_the_meshes_of_the_plan_and_does_not_fall(seed, index, basis, depths):
+    rng = np.random.default_rng(seed)
+    pair = [random_pair(rng) for _ in range(index + 1)][-1]
+    assert outcome(*pair, basis, depths)[0] == 'replayed'

@@ -12,6 +12,7 @@ import pickle
 
 import numba
 import numpy as np
+from scipy.optimize import brentq
 
 from dlo_planner import DirectSimulator
 
@@ -104,20 +105,32 @@ def _run(x, ends, h, node_mass, stiffness, springs, drag, substeps, dt):
     return out
 
 
-def by_chain(seed, frames, length, mass, stiffness, drag, markers=12, pieces=36):
+def _hung(x, length):
+    """Return points (n, 3) on a straight way, hung as a parabola of a length in m."""
+    s = np.linspace(0, 1, len(x))
+    dip = np.column_stack([0 * s, 0 * s, -4 * s * (1 - s)])
+    sag = brentq(lambda sag: np.linalg.norm(np.diff(x + sag * dip, axis=0), axis=1).sum() - length,
+                 0, length)
+    return x + sag * dip
+
+
+def by_chain(seed, frames, length, mass, stiffness, drag, markers=12):
     """Return a recording (frames, markers, 3), m, of a straight cable; drag: 1/s."""
+    pieces = 4 * (markers - 3)
     h = length / pieces
     held = grips(seed, frames, length, h)
     settle = np.repeat(held[:1], 200, axis=0)
     s = np.linspace(0, 1, pieces + 1)[:, None]
     x = (1 - s) * held[0, 1] + s * held[0, 2]
-    x[:, 2] -= 4 * 0.3 * length * (s * (1 - s))[:, 0]
+    x = _hung(x, length)
     x = np.concatenate([held[0, :1], x, held[0, 3:]])
-    rest = _run(x, settle, h, mass * h, stiffness, _SPRINGS, 8.0, _SUBSTEPS, DT)[-1]
+    for calm in (300.0, 8.0):  # 1/s: it creeps off the parabola first
+        x = _run(x, settle, h, mass * h, stiffness, _SPRINGS, calm, _SUBSTEPS, DT)[-1]
     ramp = np.clip(np.arange(frames) * DT, 0, 1)[:, None, None]  # it begins to move smoothly
     held = held[0] + ramp**2 * (3 - 2 * ramp) * (held - held[0])
-    way = _run(rest, held, h, mass * h, stiffness, _SPRINGS, drag, _SUBSTEPS, DT)
-    inner = 1 + np.linspace(0, pieces, markers - 2).round().astype(int)
+    way = _run(x, held, h, mass * h, stiffness, _SPRINGS, drag, _SUBSTEPS, DT)
+    inner = 1 + 4 * np.arange(markers - 2)
+    assert np.abs(way).max() < 10 * length
     return way[:, [0, *inner, pieces + 2]], held
 
 

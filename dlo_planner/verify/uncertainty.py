@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is not known exactly of a DLO and its gripper, and a DLO that is drawn from it."""
+"""Uncertainty of a DLO and its gripper, and DLOs drawn from it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dlo_planner.model.value import Value, put
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Spread(Value):
+class Uncertainty(Value):
     """Standard deviations of uncertain quantities, all independent and normal.
 
     Attributes
@@ -52,12 +52,12 @@ class Spread(Value):
     curvature_variation: float = 0.0
 
     def __post_init__(self) -> None:
-        put(self, **{name: number(f'Spread.{name}', getattr(self, name), minimum=0)
+        put(self, **{name: number(f'Uncertainty.{name}', getattr(self, name), minimum=0)
                      for name in CAUSES})
         super().__post_init__()
 
 
-CAUSES = tuple(field.name for field in fields(Spread))
+CAUSES = tuple(field.name for field in fields(Uncertainty))
 # one number of a standard normal distribution for each, three or two for some
 _VARIATION = 5  # Legendre polynomials by which the natural curvature varies
 DRAWN = tuple(name for name in CAUSES for _ in range(
@@ -75,9 +75,9 @@ def variation_deviations(count: int) -> Floats:
     return np.sqrt((2 * j + 1) / j**2 / np.sum(1 / j**2)) if count else np.zeros(0)
 
 
-def varied(rod: Rod, spread: Spread, draw: Floats) -> Rod:
+def varied(rod: Rod, uncertainty: Uncertainty, draw: Floats) -> Rod:
     """Return the Rod that (k,) draws stand for; `rod` itself if they leave it alone."""
-    by = {name: [d * getattr(spread, name) for d, drawn in zip(draw, DRAWN, strict=True)
+    by = {name: [d * getattr(uncertainty, name) for d, drawn in zip(draw, DRAWN, strict=True)
                  if drawn == name] for name in CAUSES}
     if not any(np.any(by[name]) for name in CAUSES if not name.startswith('gripper')):
         return rod
@@ -88,7 +88,7 @@ def varied(rod: Rod, spread: Spread, draw: Floats) -> Rod:
     known = rod.natural_curvature
     curve = np.array(by['natural_curvature'])
     natural: Along = Shifted(known, curve) if callable(known) else tuple(curve + known)
-    if spread.curvature_variation:
+    if uncertainty.curvature_variation:
         terms = np.reshape(by['curvature_variation'], (_VARIATION, 2))
         terms = terms * variation_deviations(_VARIATION)[:, None]
         natural = Expanded(natural, np.vstack([np.zeros(2), terms]), length)
@@ -101,9 +101,9 @@ def varied(rod: Rod, spread: Spread, draw: Floats) -> Rod:
         natural_curvature=natural)
 
 
-def twist(gripper: Pose, spread: Spread, draw: Floats) -> Floats:
+def twist(gripper: Pose, uncertainty: Uncertainty, draw: Floats) -> Floats:
     """Return the gripper's deviation (6,), rotation before displacement, world axes."""
-    turn, shift = (np.array([d * getattr(spread, name) for d, drawn in zip(
+    turn, shift = (np.array([d * getattr(uncertainty, name) for d, drawn in zip(
         draw, DRAWN, strict=True) if drawn == name])
         for name in ('gripper_rotation', 'gripper_position'))
     return np.concatenate([gripper.rotation @ turn, gripper.rotation @ shift])

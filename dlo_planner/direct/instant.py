@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A motion at one instant."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from dlo_planner.direct.integrator import KinematicState
+from dlo_planner.direct.shape import Shape
+from dlo_planner.model.arrays import Floats
+
+
+@dataclass(frozen=True)
+class Instant:
+    """All that the rest of a motion depends on, and what has become of the energy.
+
+    Attributes
+    ----------
+    place : float
+        Time / dt.
+    shape : Shape
+    nodes : KinematicState
+        Their (N + 1, 3) positions.
+    bends : KinematicState
+        The (N, 3) strains of the elements.
+    kinetic : float
+        Kinetic energy, J.
+    potential : float
+        Potential energy, J.
+    work : float
+        Work done by the grips so far, J.
+    power : float
+        Power of the grips now, W.
+    losses : ndarray, shape (3,)
+        Energy lost to damping, plasticity and friction so far, J.
+    damping : float
+        Power taken by damping now, W.
+    touched : bool
+        Whether the DLO has touched an obstacle.
+    """
+
+    place: float
+    shape: Shape
+    nodes: KinematicState
+    bends: KinematicState
+    kinetic: float
+    potential: float
+    work: float
+    power: float
+    losses: Floats
+    damping: float
+    touched: bool = False
+
+    @property
+    def balance(self) -> float:
+        """Energy that is there, less what was put in, plus what was taken out, J."""
+        return self.kinetic + self.potential - self.work + float(self.losses.sum())
+
+
+class There(NamedTuple):
+    """What was found a very short time later.
+
+    Attributes
+    ----------
+    positions, strains : ndarray, shape (N + 1, 3), (N, 3)
+        Of the nodes, world, m; of the elements, 1/m.
+    wrench, far_wrench : ndarray, shape (6,)
+        Of the gripper and of the far end on the DLO.
+    """
+
+    positions: Floats
+    strains: Floats
+    wrench: Floats
+    far_wrench: Floats

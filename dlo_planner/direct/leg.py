@@ -1,0 +1,205 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Several steps of a motion at once, all of one length, and how far each of them is to be trusted.
+
+Of a DLO that hangs freely they are made by one kernel (`swinging`), of others one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from dlo_planner.direct.instant import Instant, There
+from dlo_planner.direct.integrator import KinematicState, Scheme
+from dlo_planner.direct.proof import CONVERGED
+from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hanging_shape
+from dlo_planner.direct.swinging import entered, swing, swing_along
+from dlo_planner.direct.trail import PAST, Trail
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.value import freeze
+
+if TYPE_CHECKING:  # it imports this module
+    from dlo_planner.direct.stepping import Stepper
+
+MOST = 64  # steps of a leg: after them a deadline is looked at
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Until when the steps of a Leg are good.
+
+    Attributes
+    ----------
+    patience : int
+        Newton steps after which a step counts as not solved.
+    error : float
+        Local error of a step, m.
+    part : float
+        Part of the energy that has moved which a motion may gain.
+    noise : float
+        J that it may gain in addition.
+    books : ndarray, shape (4,)
+        See `swinging.entered`, which writes there.
+    touched : bool
+        Whether a step may have any error once the DLO has touched an obstacle.
+    """
+
+    patience: int = MAX_ITERATIONS
+    error: float = np.inf
+    part: float = 0.0
+    noise: float = np.inf
+    books: Floats = field(default_factory=lambda: np.zeros(4))
+    touched: bool = False
+
+
+class Leg(NamedTuple):
+    """What came of steps of one length.
+
+    Attributes
+    ----------
+    errors : ndarray, shape (k,)
+        Local errors of the k good ones, m.
+    kept : list of Instant
+        Those at 1, 2, 3 ... times the dt of a Stepper.
+    last : Instant
+        At the end of the last good step.
+    past : list
+        Pairs of time and node positions: the last but one and the last before that.
+    samples : ndarray, shape (k, m, 3)
+        Places of some nodes after each good step, see `sampled`.
+    refused : Instant or None
+        At the end of the step after that, which is not good.
+    """
+
+    errors: Floats
+    kept: list[Instant]
+    last: Instant
+    past: list[tuple[float, Floats]]
+    samples: Floats
+    refused: Instant | None
+
+
+def leg_of(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], places: Floats,
+           scheme: Scheme, limits: Limits) -> Leg:
+    """Return the Leg of steps that end at `places` (n,), or of the first of them alone."""
+    if stepper.swings:
+        return stepper.along(now, past, places, scheme, limits)
+    return stepped(stepper, now, past, float(places[0]), scheme, limits)
+
+
+def sampled(s: Floats) -> Ints:
+    """Return the nodes, of those at `s` (n,), that are looked at between two instants."""
+    return np.unique(np.linspace(0, s.size - 1, min(s.size, 9)).round().astype(np.int64))
+
+
+def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], places: Floats,
+          scheme: Scheme, limits: Limits) -> Leg:
+    """Return the Leg of a DLO that hangs freely, see `Stepper.along`."""
+    rounding = stepper.rounding(scheme)
+    trail = _trail(stepper, now.nodes, now.bends, np.append(now.place, places))
+    for one, known in zip((trail.bases, trail.origins, trail.twists),
+                          stepper.grips.gripper.along(np.append(now.place, places)), strict=True):
+        one[PAST:] = known
+    nodes = trail.nodes[0]
+    for row, (time, positions) in enumerate(past or [
+            (trail.times[PAST] - k * scheme.dt, now.nodes.position) for k in (2, 1)]):
+        trail.times[row], nodes[row] = time, positions
+    trail.energies[PAST] = (now.shape.elastic_energy, now.potential, now.kinetic, now.work,
+                            now.power, now.losses[0], now.damping)
+    books = np.array([CONVERGED + 100 * rounding, limits.error, limits.part, limits.noise])
+    last = swing_along(stepper.discretization.static, stepper.coefficients(scheme), trail,
+                       limits.books, books, TOLERANCE + rounding, limits.patience)
+    places = np.concatenate([np.full(PAST, np.nan), [now.place], places])
+    whole = np.flatnonzero(places[:last + 1] == np.rint(places[:last + 1]))
+    whole = whole[whole > PAST].tolist()
+    rows = [*whole, *([last] if last > PAST and last not in whole else []),
+            *([last + 1] if last + 1 < places.size else [])]
+    made = dict(zip(rows, _instants(stepper, now, trail, rows, places[rows], rounding),
+                    strict=True))
+    return Leg(trail.proofs[PAST + 1:last + 1, 2], [made[row] for row in whole],
+               made.get(last, now),
+               [(float(trail.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
+               nodes[PAST + 1:last + 1, stepper.watched], made.get(last + 1))
+
+
+def swung_shortly(stepper: Stepper, courses: tuple[KinematicState, KinematicState], place: float,
+                  brief: Scheme,
+                  damping: tuple[float, float]) -> There:
+    """Return what is There at the end of a very short step of a DLO that hangs freely.
+
+    Parameters
+    ----------
+    courses : tuple
+        Of the nodes and of the strains.
+    place : float
+        Time / dt, one step of the Scheme `brief` from now.
+    damping : tuple
+        (a, b) as of a Rod.
+    """
+    trail = _trail(stepper, *courses, np.array([place - brief.dt / stepper.dt, place]))
+    gripper = stepper.grips.gripper.at(place)
+    trail.bases[PAST + 1], trail.origins[PAST + 1] = gripper.rotation, gripper.position
+    swing(stepper.discretization.static, stepper.coefficients(brief, damping), trail, PAST + 1,
+          TOLERANCE + stepper.rounding(brief), MAX_ITERATIONS)
+    return There(trail.nodes[0, PAST + 1].copy(), trail.bends[0, PAST + 1].copy(),
+                 trail.wrenches[PAST + 1].copy(), np.zeros(6))
+
+
+def _trail(stepper: Stepper, nodes: KinematicState, bends: KinematicState, places: Floats) -> Trail:
+    """Return a Trail at `places` (n,), of which the first is now, with how it moves now.
+
+    The grips are not filled in.
+    """
+    rows, elements = PAST + places.size, len(bends.position)
+    times, grips = np.empty(rows), [np.empty((rows, *size)) for size in ((3, 3), (3,), (6,))]
+    times[PAST:] = stepper.dt * places
+    courses = [np.empty((4, rows, *one.position.shape)) for one in (nodes, bends)]
+    for course, known in zip(courses, (nodes, bends), strict=True):
+        course[:, PAST] = known.arrays
+    return Trail(times, *grips, *courses, np.empty((rows, elements + 1, 3, 3)),
+                 np.empty((rows, 6)), np.empty((rows, 3)), np.empty(rows, dtype=np.int64),
+                 np.empty((rows, 7)))
+
+
+def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], places: Floats,
+              rounding: float) -> list[Instant]:
+    """Return the Instants in some rows of a Trail; they share no memory with the others."""
+    nodes, bends, frames, wrenches = (trail.nodes[:, rows], trail.bends[:, rows],
+                                      trail.frames[rows], trail.wrenches[rows])
+    freeze([nodes, bends, frames, wrenches])
+    found = []
+    for k, row in enumerate(rows):
+        elastic, energy, kinetic, work, power, lost, damping = trail.energies[row].tolist()
+        residual, stability, _ = trail.proofs[row].tolist()
+        place = float(places[k])
+        shape = hanging_shape(stepper.discretization, stepper.grips.gripper.at(place), (
+            bends[0, k], frames[k], nodes[0, k], wrenches[k], elastic, energy, residual, stability,
+            int(trail.iterations[row]), 0), rounding)
+        losses = now.losses.copy()
+        losses[0] = lost
+        found.append(Instant(place, shape, KinematicState(*nodes[:, k]),
+                             KinematicState(*bends[:, k]), kinetic,
+                             energy, work, power, losses, damping))
+    return found
+
+
+def stepped(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], place: float,
+            scheme: Scheme, limits: Limits) -> Leg:
+    """Return the Leg of one step, of any DLO, as `swung`."""
+    after = stepper.step(now, place, scheme, limits.patience)
+    here, there = ((each.place * stepper.dt, each.nodes.position) for each in (now, after))
+    error = scheme.error(*zip(*past, here, there, strict=True)) if past else 0.0
+    energies = np.array([after.shape.elastic_energy, after.potential, after.kinetic, after.work,
+                         after.power, after.losses.sum(), after.damping])
+    good = (after.shape.converged
+            and (error <= limits.error or after.touched and limits.touched)
+            and entered(limits.books, energies, limits.part, limits.noise))
+    nodes = stepper.watched
+    if not good:
+        return Leg(np.zeros(0), [], now, list(past), np.zeros((0, nodes.size, 3)), after)
+    return Leg(np.array([error]), [after] if place == round(place) else [], after,
+               [*past, here][-2:], after.nodes.position[None, nodes], None)

@@ -1,0 +1,196 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A threading through one cut-out, continued from where it begins through all depths.
+
+The gripper rolls as its route says, or only where the DLO would hardly be stable. Such rolls come
+in jerks: afterwards the same plan is tried with even ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.solvers.continuation.even_rolls import EvenRolls, even_rolls
+from dlo_planner.inverse.solvers.continuation.following import (
+    Passing,
+    Rolls,
+    Step,
+    as_replayed,
+    follow,
+    refusal_for_step,
+)
+from dlo_planner.inverse.solvers.continuation.quick import thinned
+from dlo_planner.inverse.solvers.hanging.start_candidates import Candidate, is_axisymmetric
+from dlo_planner.inverse.solvers.points.one_point import Aligned
+from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
+from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.continuity import largest_turn
+from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.waypoint import waypoint_of
+
+_ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
+_DOUBTFUL = 0.05    # stability below which another roll is looked for
+_AS_STABLE = 0.8    # of that, or of what there is: rolled evenly it may be less
+
+
+@dataclass(frozen=True)
+class Threading:
+    """A threading through one cut-out.
+
+    Attributes
+    ----------
+    cutout : CutOut
+    depths : ndarray, shape (n,)
+        Depths in m.
+    start : Pose or None
+        Pose whose roll is kept as far as possible.
+    initial : Shape or None
+        Shape before. If None, the DLO is set down in its natural shape.
+    demands : PlanRequirements
+        What the plan has to keep.
+    method : str
+        'coupled' or 'nested', for waypoints.
+    """
+
+    cutout: CutOut
+    depths: Floats
+    start: Pose | None
+    initial: Shape | None
+    demands: PlanRequirements
+    method: str = 'coupled'
+
+    def at_most(self, most: int) -> Threading:
+        """Return a quick one: `most` of the depths, coupled, its steps unreported.
+
+        Itself, if it has no more depths.
+        """
+        if len(self.depths) <= most:
+            return self
+        return replace(self, depths=thinned(self.depths, most), demands=self.demands.silent(),
+                       method='coupled')
+
+
+def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
+                route: Rolls | None) -> Plan:
+    """Return the Plan that continues a Candidate through all depths.
+
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    task : Threading
+    begin : Candidate
+    route : Rolls or None
+        How the gripper rolls. If None, only where the DLO would hardly be stable.
+
+    Raises
+    ------
+    Infeasible
+        A depth cannot be reached; carries the plan up to it.
+    """
+    length, cutout, demands = simulator.rod.length, task.cutout, task.demands
+    builder = PlanBuilder(task.depths, demands, initial=task.initial)
+    sheet = sheet_of(cutout, length, demands.obstacles)
+    aligned = Aligned(simulator, cutout.normal, task.method)
+    may_roll = not is_axisymmetric(simulator.rod) and not isinstance(route, EvenRolls)
+    guess, reference, depth = begin
+    last, jerks = aligned.from_guess(guess, depth, reference), False
+    passings: list[Passing] = []
+    for target in task.depths:
+        demands.progress.check()
+        step = Step(None, depth, 0.0) if last is None else follow(
+            aligned, last, depth, target, route)
+        before = last if builder.waypoints else None
+        refusal = _refusal(simulator, builder, before, target, step)
+        passing = step.passing if refusal is None else None
+        if before is not None and may_roll and (
+                passing is None or passing.shape.stability < _DOUBTFUL):
+            jerks = True
+            passing = _rolled(simulator, builder, aligned, before, target, passing)
+        if passing is None:
+            assert refusal is not None  # else there is one
+            raise refusal
+        last, depth = as_replayed(simulator, aligned, builder.last, passing, target), target
+        passings.append(last)
+        waypoint = waypoint_of(last.shape, cutout.center, length - target, cutout.normal)
+        builder.add(waypoint.with_clearances([cutout], [sheet], demands.surface))
+    plan = builder.finished()
+    return _evenly(simulator, task, begin, plan, passings) if jerks else plan
+
+
+def _evenly(simulator: DirectSimulator, task: Threading, begin: Candidate, plan: Plan,
+            passings: Sequence[Passing]) -> Plan:
+    """Return a Plan with the rolls of `plan`, but even ones; `plan` itself if there is none.
+
+    Parameters
+    ----------
+    passings : sequence of Passing
+        Passings of its n waypoints.
+    """
+    silent = replace(task, demands=task.demands.silent())
+    aligned = Aligned(simulator, task.cutout.normal, task.method)
+    for route in even_rolls(aligned, task.depths, passings):
+        try:
+            even = thread_from(simulator, silent, begin, route)
+        except Infeasible:
+            continue
+        if even.stability.min() >= _AS_STABLE * min(_DOUBTFUL, plan.stability.min()):
+            return even
+    return plan
+
+
+def _refusal(simulator: DirectSimulator, builder: PlanBuilder, before: Passing | None,
+             target: float, step: Step) -> Infeasible | None:
+    """Return why a Step does not lead to the next waypoint, or None.
+
+    Parameters
+    ----------
+    before : Passing or None
+        Passing of the waypoint before. If None, it is the first one.
+    target : float
+        Depth of the waypoint, m.
+    """
+    if step.passing is None and step.leap:
+        return builder.refusal('continuity', step.leap, 'the gripper would have to leap at depth '
+                               f'{step.depth:.4g} m: the shapes that do the task turn back there')
+    if step.passing is None:
+        return builder.refusal('equilibrium', target - step.depth, 'no equilibrium with the '
+                               'tangent along the normal was found beyond depth '
+                               f'{step.depth:g} m')
+    shape = step.passing.shape
+    if shape.stability < -NEUTRAL:
+        return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the shape '
+                               f'that passes the cut-out; stability {shape.stability:.3g} < 0')
+    return refusal_for_step(simulator, builder, before, step.passing)
+
+
+def _rolled(simulator: DirectSimulator, builder: PlanBuilder, aligned: Aligned, before: Passing,
+            target: float, best: Passing | None) -> Passing | None:
+    """Return a Passing that is stable enough, the gripper rolled as little as that takes.
+
+    If there is none, the most stable one, or `best`.
+
+    Parameters
+    ----------
+    before : Passing
+        Passing of the waypoint before.
+    target : float
+        Depth of the next one, m.
+    """
+    most = largest_turn(builder.step / simulator.rod.length)
+    for part in _ROLLS:
+        rolled = aligned.at(before, target, part * most, True)
+        if rolled is None or best is not None and rolled.shape.stability <= best.shape.stability:
+            continue
+        if _refusal(simulator, builder, before, target, Step(rolled, target, 0.0)) is None:
+            best = rolled
+            if rolled.shape.stability >= _DOUBTFUL:
+                break  # no larger roll than needed: the gripper's path stays smooth
+    return best

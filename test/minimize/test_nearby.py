@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The quick search for a minimum that is near finds what Newton's method finds, or nothing."""
+
+import numpy as np
+import pytest
+
+from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner.energy.inertia import Anchor
+from dlo_planner.minimize.nearby import nearby
+from dlo_planner.minimize.newton import newton
+
+LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
+DOWN = Pose.looking_along((0, 0, 0), (0, 0, 1))  # a wire that stands
+
+
+def drawn(rng, gripper=LEVEL, strength=1e3, stiffness=0.05, basis='local', **options):
+    """Return a DLO at rest whose nodes are drawn to where they are, and its unknowns there."""
+    options = {'n_elements': 24, 'basis': basis} | options
+    simulator = DirectSimulator(Rod(1.0, 0.1, stiffness, 0.04), **options)
+    shape = simulator.solve(gripper)
+    mesh = shape.mesh
+    place = shape.positions - gripper.position + 1e-5 * rng.normal(size=shape.positions.shape)
+    system = mesh.system(gripper.rotation)._replace(
+        anchor=Anchor(place, np.full(mesh.s.size, strength * 0.1 / mesh.s.size)))
+    return system, mesh.unknowns(shape.element_strains)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+@pytest.mark.parametrize('strength', [0.0, 1e2, 1e4])
+def test_it_finds_what_newtons_method_finds(basis, strength, rng):
+    system, q = drawn(rng, strength=strength, basis=basis)
+    found, state, residual, stability, steps = nearby(system, q, 1e-10)
+    true = newton(system, q, 1e-10, 100, True)
+    assert found and residual < 1e-9 and steps <= 8
+    np.testing.assert_allclose(state.positions, true.state.positions, rtol=0, atol=1e-9)
+    assert stability == pytest.approx(true.stability, rel=0.02)
+
+
+def test_it_leaves_alone_what_is_far(rng):
+    system, q = drawn(rng)
+    assert not nearby(system, q + 0.3, 1e-10)[0]
+
+
+def test_it_does_not_take_a_saddle_for_a_minimum(rng):
+    # straight up, far above the load at which it buckles: an equilibrium, but no minimum
+    system, q = drawn(rng, DOWN, strength=0.0, stiffness=0.01)
+    assert not nearby(system, np.zeros_like(q), 1e-10)[0]
