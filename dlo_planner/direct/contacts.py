@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -84,7 +84,7 @@ def contacts_of(discretization: Discretization, system: System, state: State,
 
 
 @kernel
-def _rows(system, state):
+def _rows(system: System, state: Any) -> tuple[Any, ...]:
     """Return of A contacts: obstacle, element, m along it, place, normal, force, friction, gap.
 
     Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO.

@@ -189,7 +189,8 @@ def _points_on(left: Left, old: Floats, s: Floats) -> Left:
 
 
 @kernel
-def _forces_after(system, state, origin, ended):
+def _forces_after(system: System, state: Any, origin: Floats,
+                  ended: bool) -> tuple[Any, ...]:
     """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
 
     What slid sticks from now on to where it has come to; the last array (C, 3) tells by how much.
