@@ -6,6 +6,8 @@
 # make bench-check  fails where a ratio to that loop has grown by 30 %
 # make cell   20 tasks in a physics engine; table and film in cell_output/
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
+# make oldest  tests of the core, installed beside the oldest versions that setup.py allows
+# make newest  the same with today's versions; PYTHON=python3.13 says for which Python
 # make docs   the site: build/docs/index.html; warnings are errors
 # make check  lint, types, import rules and the tests of the house: a minute, before each commit
 # make lint   style
@@ -16,16 +18,29 @@
 
 PYTHON ?= python3
 VENV := .venv
+CORE := $(addprefix test/,model ritz energy minimize direct plan inverse verify identify settings)
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
-.PHONY: demo test bench figures validation bench-check cell soak docs check lint types imports lock clean
+.PHONY: demo test oldest newest bench figures validation bench-check cell soak docs check lint types imports lock clean
 demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
 test: check $(VENV)/compiled
 	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n 2 -m 'not real_time'
 	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -m real_time
+
+oldest:
+	$(PYTHON) -m venv build/oldest
+	build/oldest/bin/python -m pip install --quiet --disable-pip-version-check -c .ci/oldest.txt \
+	  '.[figures,cell,view,cluster]' pytest hypothesis
+	OPENBLAS_NUM_THREADS=1 build/oldest/bin/pytest $(CORE) test/cell/test_plant.py test/view
+
+newest:
+	$(PYTHON) -m venv build/newest
+	build/newest/bin/python -m pip install --quiet --disable-pip-version-check \
+	  '.[figures,cell,arm,view,cluster]' pytest hypothesis
+	OPENBLAS_NUM_THREADS=1 build/newest/bin/pytest $(CORE) test/cell/test_plant.py test/view
 
 bench: $(VENV)/compiled
 	$(RUN) -m benchmarks

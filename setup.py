@@ -85,7 +85,7 @@ setup(
         'cluster': ['distributed>=2024.1'],
         'peers': ['mujoco', 'pyelastica', 'cosseratbench', 'matplotlib'],
         'cell': ['mujoco>=3.13', 'matplotlib>=3.8'],
-        'docs': ['sphinx>=7', 'furo', 'myst-parser', 'sphinx-copybutton'],
+        'docs': ['sphinx>=7', 'furo', 'myst-parser', 'sphinx-copybutton', 'latex2mathml'],
         'test': ['pytest', 'pytest-xdist', 'hypothesis', 'import-linter', 'ros-domain-coordinator',
                  'playwright', 'mypy', 'ruff', 'build', 'setuptools', 'wheel'],
     },

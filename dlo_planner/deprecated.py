@@ -39,6 +39,8 @@ def renamed_arguments(**new_names: str) -> Callable[[_Function], _Function]:
 def renamed_fields(**new_names: str) -> Callable[[_Class], _Class]:
     """Return a decorator with which a class still takes and gives fields by their old names.
 
+    Its attribute `renamed_fields` says them, for stored contents.
+
     Parameters
     ----------
     new_names : str
@@ -48,6 +50,7 @@ def renamed_fields(**new_names: str) -> Callable[[_Class], _Class]:
         cls.__init__ = renamed_arguments(**new_names)(cls.__init__)  # type: ignore[misc]
         for old, new in new_names.items():
             setattr(cls, old, renamed(old, new))
+        cls.renamed_fields = new_names  # type: ignore[attr-defined]
         return cls
     return decorate
 

@@ -29,9 +29,11 @@ extensions = [
     'myst_parser',
     'sphinx.ext.autodoc',
     'sphinx.ext.napoleon',
-    'sphinx.ext.mathjax',
 ]
-# Comforts, of the extra `docs`: rosdep knows neither, the site of a build farm goes without.
+# Comforts, of the extra `docs`: rosdep knows none, the site of a build farm goes without.
+offline = find_spec('latex2mathml') is not None
+extensions += ['mathml' if offline else 'sphinx.ext.mathjax']
+html_math_renderer = 'mathml' if offline else 'mathjax'
 extensions += ['sphinx_copybutton'] if find_spec('sphinx_copybutton') else []
 html_theme = 'furo' if find_spec('furo') else 'sphinx_rtd_theme'
 exclude_patterns = ['_build', 'benchmarks/*.md', 'validation/*.md',

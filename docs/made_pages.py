@@ -4,7 +4,8 @@
 
 Tutorials are scripts (`examples/tutorials/*.py`), which the tests run. Comments after `# %%` become
 text, the rest code. The gallery shows the picture of each other example beside its script. The
-layers come from the import rules in `pyproject.toml`. CONTRIBUTING, the changelog and the
+layers come from the import rules in `pyproject.toml`, the parameters of the node from the table
+that declares them. CONTRIBUTING, the changelog and the
 declaration of quality are copied, so that the folder of the site is complete in itself, as rosdoc2
 needs it.
 """
@@ -13,6 +14,8 @@ import ast
 import re
 import tomllib
 from pathlib import Path
+
+from dlo_planner.settings.entries import ENTRIES, Entry
 
 COPIES = ('CONTRIBUTING.md', 'CHANGELOG.rst', 'QUALITY_DECLARATION.md')
 
@@ -82,6 +85,28 @@ def layers_drawing(rows: list[list[str]]) -> str:
             f'aria-label="layers of the package">{"".join(boxes)}</svg>')
 
 
+def parameters_page() -> str:
+    """Return a page with all parameters, from the table that the node declares them by."""
+    parts = ['# Parameters', 'All parameters of the node, of the YAML files and of '
+             '`dlo-planner -p`, as `ros2 param describe` prints them. This page is made from the '
+             'table in `dlo_planner/settings/entries.py`.']
+    groups: dict[str, list[str]] = {}
+    for name, entry in ENTRIES.items():
+        group = name.split('.')[0] if '.' in name else 'Of the node itself'
+        groups.setdefault(group, []).append(parameter_row(name, entry))
+    for group, rows in groups.items():
+        parts += [f'## {group}', '| name | default | limits | meaning |\n|---|---|---|---|\n'
+                  + '\n'.join(rows)]
+    return '\n\n'.join(parts) + '\n'
+
+
+def parameter_row(name: str, entry: Entry) -> str:
+    """Return the row of one parameter."""
+    limits = '' if entry.lowest is None else f'{entry.lowest:g} to {entry.highest:g}'
+    text = entry.description.replace(' |', ',') + ' *Read only.*' * entry.read_only
+    return f'| `{name}` | `{entry.default!r}` | {limits} | {text} |'
+
+
 def copied(path: Path) -> str:
     """Return a file of the repository's root with its links as they are from the site."""
     return re.sub(r'\]\(docs/', '](../', path.read_text())
@@ -95,7 +120,8 @@ def make(app) -> None:
     pages = {path.with_suffix('.md').name: tutorial_page(path)
              for path in sorted((root / 'examples' / 'tutorials').glob('[a-z]*.py'))}
     pages |= {name: copied(root / name) for name in COPIES if (root / name).exists()}
-    pages |= {'gallery.md': gallery(root), 'layers.md': layers_page(root)}
+    pages |= {'gallery.md': gallery(root), 'layers.md': layers_page(root),
+              'parameters.md': parameters_page()}
     for old in folder.iterdir():
         if old.name not in pages:
             old.unlink()

@@ -6,11 +6,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Goals, Path
-from sensor_msgs.msg import JointState
-from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import (
     Approach,
@@ -66,7 +61,6 @@ from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.parallel import CellGrid, capability_map
-from msg_helpers.clouds import cloud_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
@@ -123,6 +117,8 @@ def values():
 @cache
 def arguments():
     """Return a dict of examples by the name of the argument, or by 'callable.argument'."""
+    import message_specimens  # noqa: PLC0415  (values serve on a machine without ROS, too)
+
     known = values()
     wire, simulator, hole, shape = (known[name] for name in (
         'Rod', 'DirectSimulator', 'CutOut', 'Shape'))
@@ -171,11 +167,11 @@ def arguments():
         'Motion.status': 'complete', 'integrator': 'paper',
         # tasks
         'bore': hole, 'cutouts': [hole],
-        'second': FAR, **_of_tasks(known),
+        'second': FAR, **_of_tasks(known), **message_specimens.arguments(),
         'plan': known['Plan'], 'concatenate.one': known['Plan'],
         'concatenate.other': _back(known['Plan']), 'depths': DEPTHS,
         'contact': Pose((0.5, 0, 0.9), (0, 0, 0, 1)),
-        'way': 'straight',
+        'mode': 'straight',
         'lengths': [0.5], 'forces': [1.0], 'deadline': 2.0, 'penalties': known['PositionAt'],
         'target': (0.4, 0.0, 1.0), 'obstacles': (known['Sphere'],), 'distance': 0.1,
         'curvature': 1.0, 'sensitivity': Sensitivity(shape), 'max_iterations': 5,
@@ -212,19 +208,12 @@ def arguments():
         **{f'parallel.CapabilityMap.{name}': getattr(capability, name) for name in (
             'outcome', 'amount', 'fraction', 'clearance', 'stability', 'roll', 'start', 'gripper',
             'seconds')},
-        # messages
         'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
-        'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'stamp': Time(), 'frame_id': 'world',
+        'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'frame_id': 'world',
         'markers.obstacle_markers.before': 0, 'known': {}, 'color': 'yield', 'drawn': (),
         'index': 0, 'group': 'dlo', 'number_shown': 2,
-        'marker_items.items_after.msg': MarkerArray(), 'poses.pose_from_msg.msg':
-        PoseStamped().pose, 'obstacles.obstacles_after.msg': MarkerArray(),
-        'clouds.points_from_cloud.msg': cloud_msg(np.ones((2, 3)), 'world'),
-        'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': _stamped(),
-        'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
         'paths.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],
         'joint_trajectory': JointTrajectory(('joint',), [0.0, 1.0], *np.zeros((3, 2, 1))),
-        'joint_state': JointState(name=['joint'], position=[0.5]),
         'number': 3, 'tool': LEVEL, 'n': 2, 'modes_along.shapes': [shape, shape],
         'Modes.s': [0.0, 1.0], 'masses': [0.0, 1.0], 'frequencies': [1.0],
         'damping_ratios': [0.0], 'displacements': np.ones((1, 2, 3)),
@@ -267,13 +256,6 @@ def _of_tasks(known):
         'task': known['Thread'], 'requirements': None, 'allow_plastic': True,
         'Requirements.limits': Limits(), 'workspace': None,
         **{f'{name}.from_dict.content': known[name].to_dict() for name in names}}
-
-
-def _stamped():
-    stamped = PoseStamped()
-    stamped.header.frame_id = 'world'
-    stamped.pose.orientation.w = 1.0
-    return stamped
 
 
 def _capability(inverse):

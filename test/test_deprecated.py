@@ -17,11 +17,13 @@ from dlo_planner import (
     PlanStatus,
     Pose,
     Rod,
+    SlideContact,
     Sphere,
     Uncertainty,
     robustness,
     with_plug,
 )
+from dlo_planner.inverse.task import Task
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.waypoint import waypoint_at
 
@@ -72,10 +74,20 @@ def _uncertainty():
     assert robustness(simulator, _plan(), spread=known) == robustness(simulator, _plan(), known)
 
 
+def _slide():
+    straight = SlideContact(Pose.identity(), [0.5], mode='straight')
+    assert SlideContact(Pose.identity(), [0.5], way='straight') == straight
+    assert straight.way == 'straight'
+    content = straight.to_dict()
+    content['way'] = content.pop('mode')
+    assert Task.from_dict(content) == straight
+
+
 @pytest.mark.parametrize('use', [
-    _sphere, _plug, _fibers, _plastic, _fields, _uncertainty,
+    _sphere, _plug, _fibers, _plastic, _fields, _uncertainty, _slide,
     lambda: dlo_planner.minimise_penalty, lambda: Sphere((1, 2, 3), 0.1).centre],
-    ids=['Sphere', 'with_plug', 'fibers', 'plastic', 'Plan', 'uncertainty', 'function', 'field'])
+    ids=['Sphere', 'with_plug', 'fibers', 'plastic', 'Plan', 'uncertainty', 'slide', 'function',
+         'field'])
 def test_old_names_work_and_warn(use):
     with pytest.warns(DeprecationWarning, match='is now'):
         use()

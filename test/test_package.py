@@ -28,6 +28,15 @@ def test_the_version_is_the_same_everywhere():
     assert first in (version, 'Forthcoming')
 
 
+def test_the_oldest_versions_are_those_that_setup_allows():
+    pinned = dict(re.findall(r'^(\w+)==([\d.]+)$', (ROOT / '.ci' / 'oldest.txt').read_text(), re.M))
+    allowed = dict(re.findall(r"'(\w+)>=([\d.]+)'", re.search(
+        r'install_requires.*(?=    data_files)', (ROOT / 'setup.py').read_text(), re.DOTALL)[0]))
+    skipped = {'pin', 'sphinx'}  # needs a newer NumPy; is for the site
+    assert pinned.keys() == allowed.keys() - skipped
+    assert not [name for name, version in pinned.items() if not version.startswith(allowed[name])]
+
+
 def test_addresses_stand_in_one_place():
     package = ElementTree.parse(ROOT / 'package.xml')
     homes = {url.get('type'): url.text for url in package.findall('url')}

@@ -35,7 +35,7 @@ def main(folder):
     figure, both = views(2, 1, size=(8.4, 2.5), sharex=True, sharey=True)
     found = {}
     for axis, (way, title) in zip(both[:, 0], WAYS.items(), strict=True):
-        plan = inverse.slide_contact(contact, LENGTHS, way=way)
+        plan = inverse.slide_contact(contact, LENGTHS, mode=way)
         draw(axis, plan)
         axis.set_title(title, fontsize=9)
         turned = [np.degrees(np.arccos(np.clip(

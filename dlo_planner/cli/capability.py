@@ -69,7 +69,7 @@ _RANGE = RangeType()
               show_default=True, help='What the picture shows.')
 @written('.png .svg .pdf slices of the map, .csv a line for each cut-out')
 def command(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str, quantity: str,
-            **asked: Any) -> None:
+            **ranges: Any) -> None:
     """Find out which round cut-outs of a cell can be threaded, with what margin.
 
     CONFIG describes the DLO and the gripper's workspace (parameters workspace.*). Each combination
@@ -85,27 +85,27 @@ def command(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str, qua
     """
     checked(outputs, _ENDINGS)
     values, direct = dlo
-    places = np.stack(np.meshgrid(asked['x'], asked['y'], asked['z'], indexing='ij'), axis=-1)
-    grid = CellGrid(places.reshape(-1, 3), asked['directions'], asked['radii'])
+    places = np.stack(np.meshgrid(ranges['x'], ranges['y'], ranges['z'], indexing='ij'), axis=-1)
+    grid = CellGrid(places.reshape(-1, 3), ranges['directions'], ranges['radii'])
     workers = None if jobs == 1 else partial(ProcessPoolExecutor, jobs,
                                              mp_context=get_context('forkserver'))
     depths = np.linspace(0.0, values['threading.deepest'] * direct.rod.length,
                          values['threading.waypoints'])
     with Bar('cut-outs') as bar:
-        found = capability_map(inverse_of(values, direct), grid, workers, depths=depths,
-                               starts=asked['starts'], folder=asked['folder'], progress=bar,
-                               chunk=max(1, min(32, len(grid) // (4 * jobs))))
-    outcomes, counts = np.unique(found.outcome, return_counts=True)
+        capability = capability_map(inverse_of(values, direct), grid, workers, depths=depths,
+                                    starts=ranges['starts'], folder=ranges['folder'], progress=bar,
+                                    chunk=max(1, min(32, len(grid) // (4 * jobs))))
+    outcomes, counts = np.unique(capability.outcome, return_counts=True)
     click.echo(text_table('CapabilityMap', [
         (str(outcome), str(count), 'cut-outs')
         for outcome, count in zip(outcomes, counts, strict=True)]))
     for path in outputs:
         if path.suffix.lower() == '.csv':
-            write_table(path, _HEAD, _rows(found))
+            write_table(path, _HEAD, _rows(capability))
         else:
-            slices(found, axis, quantity).savefig(path, dpi=_DPI)
+            slices(capability, axis, quantity).savefig(path, dpi=_DPI)
         click.echo(f'wrote {path}')
-    if not found.threaded.any():
+    if not capability.threaded.any():
         raise SystemExit(NO_SOLUTION)
 
 
@@ -113,9 +113,11 @@ _HEAD = (*'xyz', 'direction_x', 'direction_y', 'direction_z', 'radius', 'outcome
          'fraction', 'clearance', 'stability', 'roll', 'start')
 
 
-def _rows(found: CapabilityMap) -> Iterator[list[object]]:
+def _rows(capability: CapabilityMap) -> Iterator[list[object]]:
     """Yield a row for each cut-out."""
-    for place in np.ndindex(found.grid.shape):
+    grid = capability.grid
+    for place in np.ndindex(grid.shape):
         p, d, r = place
-        yield [*found.grid.positions[p], *found.grid.directions[d], found.grid.radii[r],
-               *(getattr(found, name)[place] for name in _HEAD[7:])]
+        yield [*grid.positions[p], *grid.directions[d], grid.radii[r],
+               *(getattr(capability, name)[place] for name in _HEAD[7:])]
+

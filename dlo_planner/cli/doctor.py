@@ -85,21 +85,21 @@ def findings() -> Iterator[Finding]:
 
 
 def _python() -> Finding:
-    said = '.'.join(map(str, sys.version_info[:3]))
+    present = '.'.join(map(str, sys.version_info[:3]))
     if sys.version_info[:2] >= _PYTHON:
-        return Finding(_OK, 'Python', said)
-    return Finding(_BAD, 'Python', said, 'expected 3.11 or later: make an environment with it')
+        return Finding(_OK, 'Python', present)
+    return Finding(_BAD, 'Python', present, 'expected 3.11 or later: make an environment with it')
 
 
 def _needed(name: str, least: tuple[int, ...]) -> Finding:
     try:
-        said = version(name)
+        present = version(name)
     except PackageNotFoundError:
         return Finding(_BAD, name, 'is not installed', f'pip install {name}')
-    if _numbers(said) < least:
-        return Finding(_BAD, name, said, f'pip install --upgrade "{name}>='
+    if _numbers(present) < least:
+        return Finding(_BAD, name, present, f'pip install --upgrade "{name}>='
                        f'{".".join(map(str, least))}"')
-    return Finding(_OK, name, said)
+    return Finding(_OK, name, present)
 
 
 def _kernels() -> Finding:
@@ -160,8 +160,8 @@ def _ros() -> Finding:
         return Finding(_BAD, 'ROS', f'a node did not come up within {_PATIENCE:g} s',
                        'look at RMW_IMPLEMENTATION, ROS_DOMAIN_ID and the network')
     if done.returncode:
-        said = (done.stderr.strip().splitlines() or ['no message'])[-1]
-        return Finding(_BAD, 'ROS', f'a node cannot be made: {said}',
+        reason = (done.stderr.strip().splitlines() or ['no message'])[-1]
+        return Finding(_BAD, 'ROS', f'a node cannot be made: {reason}',
                        'source the setup.bash of ROS and of the workspace')
     return Finding(_OK, 'ROS', f'a node can be made ({sourced or "not sourced: wheels of PyPI"})')
 

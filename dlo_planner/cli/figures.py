@@ -23,15 +23,15 @@ _PAGES = {'view'}  # of these, those that open a page in the browser instead
 
 def scripts(root: Path = _ROOT) -> dict[str, Path]:
     """Return the scripts that make figures, by name."""
-    found = [path for folder in FOLDERS for path in sorted((root / folder).glob('*.py'))]
-    return {path.stem: path for path in found
+    paths = [path for folder in FOLDERS for path in sorted((root / folder).glob('*.py'))]
+    return {path.stem: path for path in paths
             if not path.stem.startswith('_') and path.stem not in _PAGES}
 
 
 def shows(path: Path) -> str:
     """Return the first line of a script's docstring."""
-    said = ast.get_docstring(ast.parse(path.read_text(encoding='utf-8'))) or ''
-    return said.split('\n', maxsplit=1)[0].rstrip('.')
+    docstring = ast.get_docstring(ast.parse(path.read_text(encoding='utf-8'))) or ''
+    return docstring.split('\n', maxsplit=1)[0].rstrip('.')
 
 
 @click.command('figures')
@@ -66,13 +66,13 @@ def command(names: tuple[str, ...], every: bool, folder: Path) -> None:
                                           for name, path in known.items()]))
         return
     folder.mkdir(parents=True, exist_ok=True)
-    failed = [name for name in chosen if not _made(known[name], folder)]
+    failed = [name for name in chosen if not _run(known[name], folder)]
     if failed:
         click.echo(f'failed: {", ".join(failed)}', err=True)
         raise SystemExit(NO_SOLUTION)
 
 
-def _made(path: Path, folder: Path) -> bool:
+def _run(path: Path, folder: Path) -> bool:
     """Run a script; return whether it succeeded."""
     click.echo(f'{path.stem}: {shows(path)}')
     known = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get('PYTHONPATH')]))

@@ -57,10 +57,10 @@ def command(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pose
     """
     checked(outputs, ('.yaml', '.csv'))
     values, direct = dlo
-    seen = read_observations(observations, grippers)
+    observed = read_observations(observations, grippers)
     with Bar('searches') as bar:
-        fit = fit_rod(direct.rod, seen, names, noise=noise, progress=bar, gravity=direct.gravity,
-                      obstacles=direct.obstacles)
+        fit = fit_rod(direct.rod, observed, names, noise=noise, progress=bar,
+                      gravity=direct.gravity, obstacles=direct.obstacles)
     rows = _rows(fit)
     click.echo(text_table('Fit', rows))
     for path in outputs:

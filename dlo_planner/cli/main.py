@@ -72,8 +72,8 @@ def _version() -> str:
     """Return the version: of the sources, where this is one of them; else as installed."""
     package = Path(__file__).parents[2] / 'package.xml'
     if package.is_file():
-        found = re.search(r'<version>(.*?)</version>', package.read_text(encoding='utf-8'))
-        return found[1] if found else ''
+        match = re.search(r'<version>(.*?)</version>', package.read_text(encoding='utf-8'))
+        return match[1] if match else ''
     return version('dlo_planner')
 
 

@@ -144,19 +144,19 @@ def _table(path: Path) -> Floats:
 def _obstacle(name: str, content: object) -> Obstacle:
     if not isinstance(content, dict) or len(content) != 1:
         raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}')
-    kind, said = next(iter(content.items()))
-    if kind not in _KINDS or not isinstance(said, dict):
+    kind, attributes = next(iter(content.items()))
+    if kind not in _KINDS or not isinstance(attributes, dict):
         raise InvalidTask(f'{name}: expected one of {", ".join(_KINDS)}, with its values')
     known = [item.name for item in _fields_of(_KINDS[kind])]
-    for key in said:
+    for key in attributes:
         if key not in known:
             raise InvalidTask(f'{name}.{kind}.{key}: expected one of {", ".join(known)}')
     for item in _fields_of(_KINDS[kind]):
-        if item.default is MISSING and item.name not in said:
+        if item.default is MISSING and item.name not in attributes:
             raise InvalidTask(f'{name}.{kind}: expected {item.name}')
     try:
         return _KINDS[kind](**{key: pose_of(f'{name}.pose', part) if key == 'pose' else part
-                               for key, part in said.items()})
+                               for key, part in attributes.items()})
     except DloPlannerError as error:
         raise InvalidTask(f'{name}: {error}') from None
 

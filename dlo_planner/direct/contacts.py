@@ -84,7 +84,7 @@ def contacts_of(discretization: Discretization, system: System, state: State,
 
 
 @kernel
-def _rows(system: System, state: Any) -> tuple[Any, ...]:
+def _rows(system: System, state: State) -> Any:
     """Return of A contacts: obstacle, element, m along it, place, normal, force, friction, gap.
 
     Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO.

@@ -28,9 +28,10 @@ from dlo_planner.ritz.series import orthonormal_basis
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.shape import Shape
 
-# Springs of constraints yield by 1 / these of the length under the DLO's own forces. Those of
-# contacts cost iterations the stiffer they are; those of a grip only help the search.
-_STIFF_CONTACT, _STIFF_HOLD = 1e5, 1e2
+# Springs of constraints yield by 1 / these of the length under the DLO's own forces: those of
+# contacts cost iterations the stiffer they are, tension between two grips multiplies what they
+# round, and so does a load on a soft DLO: no more than this times the force that bends it
+_SPRINGS = (('spring', 1e5, 1e8), ('held_spring', 1e3, 1e8), ('hold_spring', 1e2, np.inf))
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
 
@@ -48,8 +49,8 @@ class Discretization(Value):
         'chebyshev', 'fourier' or 'local'.
     n_terms : int
         N_c, number of terms of the series; unused by 'local'.
-    spring : float
-        Stiffness of contacts, N/m.
+    spring, held_spring : float
+        Stiffness of contacts, N/m: where one end is held, where both are.
     hold_spring : float
         Stiffness of a grip of the far end, N/m.
     bare : System
@@ -65,6 +66,7 @@ class Discretization(Value):
     basis: str
     n_terms: int
     spring: float
+    held_spring: float
     hold_spring: float
     bare: System
     start: History
@@ -84,8 +86,8 @@ class Discretization(Value):
                 - node_forces(surroundings, s))
         weight = np.linalg.norm(pull, axis=1).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
-        put(self, spring=_STIFF_CONTACT * (weight + bend) / rod.length,
-            hold_spring=_STIFF_HOLD * (weight + bend) / rod.length)
+        for name, stiff, most in _SPRINGS:
+            put(self, **{name: min(stiff * (weight + bend), most * bend) / rod.length})
         effects = always(rod, pull)
         put(self, bare=System(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
@@ -272,7 +274,7 @@ class Discretization(Value):
         if 'lengths' in fields:
             s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
-            spring=self.spring, hold_spring=self.hold_spring, start=self.start)
+            start=self.start, **{name: getattr(self, name) for name, *_ in _SPRINGS})
         freeze(s)
         put(other, bare=self.bare._replace(**fields))
         put(other, _given={part.name: self.given(part.name) for part in ACTING

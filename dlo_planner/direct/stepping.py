@@ -239,7 +239,7 @@ class Stepper:
 def _viscous(system: System, bends: KinematicState, viscosity: float, scheme: Scheme) -> System:
     """Return a System with damping of its strains.
 
-    K b u' with u' = rate + drag (u - bent) is a spring of its own, drawn to where u' = 0.
+    K b u' with u' = rate + velocity_gain (u - bent) is a spring of its own, drawn to where u' = 0.
     """
     bent, rate = scheme.anchor(bends)
     firm = viscosity * scheme.velocity_gain

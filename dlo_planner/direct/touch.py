@@ -14,7 +14,7 @@ from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contact, Contacts, moved_scene, obstructed
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.scene import Scene, build_scene
-from dlo_planner.energy.system import System, turned_system
+from dlo_planner.energy.system import State, System, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching_system
 from dlo_planner.model.arrays import Floats, Ints
@@ -25,7 +25,6 @@ from dlo_planner.ritz.kinematics import point_inside
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.discretization import Discretization
 
-_SOFTER = 1e-2  # of contacts where both ends are held: tension multiplies what they round
 _SAME = 1e-12   # of the length: nodes of two meshes that are one
 _POINT = 'point_'
 _OF_CONTACTS = ('element', 'obstacle', 'multiplier', 'fraction', 'anchor', 'normal', 'shear')
@@ -59,7 +58,7 @@ class Touch(Part):
     def record(self, mesh: Discretization, left: Left, held: Held) -> Contact:
         """Return the Contact with the forces that are left, relative to the gripper."""
         origin = np.zeros(3) if held.origin is None else held.origin
-        spring = mesh.spring if held.far_end is None else _SOFTER * mesh.spring
+        spring = mesh.spring if held.far_end is None else mesh.held_spring
         points = {name: values.copy() for name, values in _points(left).items()}
         points['anchor'] -= origin
         return Contact(mesh.given(self.name)._replace(origin=origin), Contacts(
@@ -189,8 +188,7 @@ def _points_on(left: Left, old: Floats, s: Floats) -> Left:
 
 
 @kernel
-def _forces_after(system: System, state: Any, origin: Floats,
-                  ended: bool) -> tuple[Any, ...]:
+def _forces_after(system: System, state: State, origin: Floats, ended: bool) -> Any:
     """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
 
     What slid sticks from now on to where it has come to; the last array (C, 3) tells by how much.

@@ -28,7 +28,7 @@ class Coefficients(Record):
         Time step, s.
     stiffness : float
         Acceleration per displacement in the Scheme, 1/s^2.
-    drag : float
+    velocity_gain : float
         Velocity per displacement in the Scheme, 1/s.
     third : float
         Local error per divided difference of four places, s^3: `Scheme.third`.
@@ -46,7 +46,7 @@ class Coefficients(Record):
     gamma: float
     dt: float
     stiffness: float
-    drag: float
+    velocity_gain: float
     third: float
     slow: float
     viscous: float
@@ -56,10 +56,10 @@ class Coefficients(Record):
 @makes(Coefficients)
 @kernel
 def _new_coefficients(alpha_m: float, alpha_f: float, beta: float, gamma: float, dt: float,
-                      stiffness: float, drag: float, third: float, slow: float, viscous: float,
-                      masses: Floats) -> Coefficients:
-    return Coefficients(alpha_m, alpha_f, beta, gamma, dt, stiffness, drag, third, slow, viscous,
-                        masses)
+                      stiffness: float, velocity_gain: float, third: float, slow: float,
+                      viscous: float, masses: Floats) -> Coefficients:
+    return Coefficients(alpha_m, alpha_f, beta, gamma, dt, stiffness, velocity_gain, third, slow,
+                        viscous, masses)
 
 
 class Trail(Record):

@@ -24,6 +24,7 @@ from dlo_planner.ritz.record import Record, makes
 PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER = range(6)
 AXIS, EDGE, FACE, NODE_FACE = range(4)
 _MOST_FOILS = 5
+_MOST_SLOTTED = 2  # rectangular cut-outs of a sheet: each doubles its bodies
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
 _ALL = (0, 2**31)  # nodes
 _AROUND = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(12) * np.pi / 6])
@@ -34,9 +35,10 @@ class Scene(Record):
 
     A body is a part of an obstacle, as one feature of the DLO's surface meets it. A sheet is a
     stack of foils, its faces and, if it is thick, some between: at the rim of a hole a DLO touches
-    edges, and each edge needs a nearest point of its own. A round DLO has one feature, balls about
-    its axis. A rectangular one has four edges along it; where an obstacle is curved or has edges
-    itself, also the faces between them (`energy.outline`).
+    edges, and each edge needs a nearest point of its own. So do those that meet in the corner of a
+    rectangular hole, which are edges of two foils with slots. A round DLO has one feature, balls
+    about its axis. A rectangular one has four edges along it; where an obstacle is curved or has
+    edges itself, also the faces between them (`energy.outline`).
 
     Attributes
     ----------
@@ -112,7 +114,14 @@ class _Edge(NamedTuple):
     half: float
 
 
-_Part: TypeAlias = Obstacle | _Edge
+class _Foil(NamedTuple):
+    """A Sheet without thickness, with other cut-outs, which may reach beyond it."""
+
+    sheet: Sheet
+    cutouts: tuple[CutOut, ...]
+
+
+_Part: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | _Foil | _Edge
 _Span: TypeAlias = tuple[int, int]  # first and last node
 
 
@@ -163,8 +172,8 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
         for part in _parts(obstacle, surface):
             body = _body(part)
             for feature in _features(body, surface, rims, sharp):
-                if isinstance(part, Sheet):
-                    holes += [(len(rows), *_hole(part.pose, cutout)) for cutout in part.cutouts]
+                if isinstance(part, _Foil):
+                    holes += [(len(rows), *_hole(body.pose, cutout)) for cutout in part.cutouts]
                 rows.append((source, body.kind, body.pose.rotation, body.pose.position, body.size,
                              obstacle.friction, *feature))
 
@@ -184,7 +193,7 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
 def _parts(obstacle: Obstacle, surface: Surface) -> Sequence[_Part]:
     """Return what an obstacle consists of: obstacles, and straight edges."""
     if isinstance(obstacle, Sheet):
-        return _foils(obstacle, surface.least)
+        return [part for foil in _foils(obstacle, surface.least) for part in _slotted(foil)]
     if isinstance(obstacle, Box) and surface.half is not None:
         return [obstacle, *_edges(obstacle)]
     if isinstance(obstacle, Cylinder) and surface.half is not None:
@@ -219,8 +228,8 @@ def _body(part: _Part) -> _Body:
         return _Body(CYLINDER, pose, (half, part.radius, min(half, part.radius)))
     if isinstance(part, Box):
         return _Body(BOX, part.pose, 0.5 * part.size)
-    if isinstance(part, Sheet):
-        return _Body(SHEET, part.pose, (0.5 * part.thickness, 0.5 * part.width, 0.5 * part.height))
+    if isinstance(part, _Foil):
+        return _Body(SHEET, part.sheet.pose, (0.0, 0.5 * part.sheet.width, 0.5 * part.sheet.height))
     return _Body(CAPSULE, part.pose, (part.half, 0, 0))
 
 
@@ -265,6 +274,21 @@ def _foil(sheet: Sheet, shift: float) -> Sheet:
     return replace(sheet, pose=moved(sheet.pose), thickness=0.0,
                    cutouts=tuple(replace(cutout, pose=moved(cutout.pose))
                                  for cutout in sheet.cutouts))
+
+
+def _slotted(sheet: Sheet) -> list[_Foil]:
+    """Return foils whose union is a sheet, with slots in place of its rectangular cut-outs.
+
+    In the corner of a rectangle a DLO touches two edges, each of which needs a normal of its own. A
+    cut-out is where two slots meet that reach beyond the sheet; each foil has one of them.
+    """
+    round_ones = [cutout for cutout in sheet.cutouts if cutout.radius is not None]
+    square = [cutout for cutout in sheet.cutouts if cutout.radius is None]
+    if len(square) > _MOST_SLOTTED:
+        return [_Foil(sheet, sheet.cutouts)]
+    beyond = 4.0 * (sheet.width + sheet.height)
+    slots = [(replace(one, width=beyond), replace(one, height=beyond)) for one in square]
+    return [_Foil(sheet, (*round_ones, *chosen)) for chosen in product(*slots)]
 
 
 def _hole(pose: Pose, cutout: CutOut) -> tuple[Floats, Floats, Floats]:

@@ -11,7 +11,7 @@ import numpy as np
 from dlo_planner.energy.effects import EFFECTS, Effects, Needs, needs_of, width, with_hold
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.attached import Attached, new_attached
+from dlo_planner.ritz.attached import new_attached
 from dlo_planner.ritz.record import Record, makes
 
 _HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
@@ -140,7 +140,7 @@ class State(Record):
     weight: Floats
     base_force: Floats
     base_moment: Floats
-    attached: Attached | None
+    attached: Any  # Attached or None: numba compiles for each of them
 
 
 def tip_wrench(state: State) -> Floats:

@@ -17,7 +17,7 @@ from dlo_planner.model.arrays import Floats
 
 _SMALL = 1e-10  # relative change of the sum of squares, or of the unknowns, that ends a search
 _EVALUATIONS = 60
-_GAIN = 1e-3  # of the cost of one residual: a step that gains less moves by 1/30 of a deviation
+_GAIN = 1e-2  # of the cost of one residual: a step that gains less moves by 1/10 of a deviation
 _STEP = 1e-4  # of the unknowns: differences of motions tell no shorter step
 _ROUNDS, _SETTLED = 30, 1e-3  # of the noise
 _FIRST_NOISE, _NO_NOISE = 1e-2, 1e-10  # of the length: taken at first; what rounding leaves

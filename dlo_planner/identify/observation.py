@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What has been seen of a DLO: points of it at rest, or of it in motion."""
+"""Observations of a DLO: points of it at rest, or in motion."""
 
 from __future__ import annotations
 

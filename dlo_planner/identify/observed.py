@@ -34,7 +34,7 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.progress import Progress
 
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives
-ROUGHLY, EXACTLY = 4e-4, 1e-4  # of the length: error of the steps of motions
+ROUGHLY, EXACTLY = 2e-4, 1e-4  # of the length: error of the steps of motions
 _MOST_PARTS = 16  # of a motion's dt
 _KEPT = 4  # values of x whose misfits are remembered
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The most likely state after the looks so far, and how far off it may be.
+"""The most likely state after the looks so far, and its covariance.
 
 An iterated extended Kalman filter (Bell and Cathey 1993: each update is a Gauss-Newton search) in
 information form. A filter that keeps each look linearized at the estimate of its time becomes too

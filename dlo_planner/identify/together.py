@@ -19,6 +19,8 @@ from dlo_planner.model.arrays import Floats
 
 _LARGEST = 0.97    # correlation of neighbors: more cannot be told from a drift
 _WIDTH = 1.1447    # of Andrews, for Bartlett's kernel
+_FREEDOM = 1.5     # degrees of freedom of Bartlett's kernel, per instants in its width
+_LEAST_FREEDOM = 2.5
 _NOTHING = 1e-12   # of the largest eigenvalue
 
 
@@ -54,7 +56,9 @@ def _long_run(series: Sequence[Floats]) -> Floats:
         out += max(1.0 - lag / (width + 1.0), 0.0) * (between + between.T)
     # at the minimum all pulls add up to nothing, which takes that from the estimate on the average
     share = (width + 1.0) / instants
-    result: Floats = out / (1.0 - share + share**2 / 3)
+    # and an estimate from few instants that are apart is uncertain itself: of Student's t
+    freedom = max(_FREEDOM / share, _LEAST_FREEDOM)
+    result: Floats = out / (1.0 - share + share**2 / 3) * freedom / (freedom - 2.0)
     return result
 
 

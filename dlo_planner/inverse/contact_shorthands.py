@@ -4,6 +4,7 @@
 
 from numpy.typing import ArrayLike
 
+from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.inverse.shorthands import Shorthands
 from dlo_planner.inverse.tasks import HoldContact, SlideContact
 from dlo_planner.model.pose import Pose
@@ -65,9 +66,10 @@ class ContactShorthands(Shorthands):
         return self._plan(HoldContact(contact, s, condition, forces), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
 
+    @renamed_arguments(way='mode')
     def slide_contact(self, contact: Pose, lengths: ArrayLike, *, condition: str = 'least_motion',
                       forces: ArrayLike | None = None, start: Pose | None = None,
-                      way: str = 'aligned', linear_speed: float = 0.1, angular_speed: float = 0.5,
+                      mode: str = 'aligned', linear_speed: float = 0.1, angular_speed: float = 0.5,
                       progress: OnProgress = None, deadline: float | None = None) -> Plan:
         """Plan how to draw the DLO over an obstacle, with its direction kept (Fig. 15) or not.
 
@@ -83,7 +85,7 @@ class ContactShorthands(Shorthands):
             further one is the local minimum that is nearest to the one before.
         forces, start : optional
             As for `hold_contact`.
-        way : str, optional
+        mode : str, optional
             'aligned': the DLO keeps its place and direction at the contact; 'straight': the gripper
             keeps its orientation and goes straight from the first waypoint towards the contact, or
             away from it (footnote 19 of the paper). Place and direction of the contact then drift:
@@ -106,5 +108,5 @@ class ContactShorthands(Shorthands):
             'straight' how far the DLO falls, in m. Or 'contact': how far the arc length that
             touches is from the requested one, in m. Carries the plan up to it.
         """
-        return self._plan(SlideContact(contact, lengths, condition, forces, way), start, None,
+        return self._plan(SlideContact(contact, lengths, condition, forces, mode), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)

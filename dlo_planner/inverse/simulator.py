@@ -60,10 +60,10 @@ class InverseSimulator(ContactShorthands):
         instance('workspace', workspace, Workspace, optional=True)
         if simulator.method != 'newton':
             raise InvalidTask(f'simulator.method = {simulator.method!r}: expected \'newton\', '
-                              'which plans are made with')
+                              'the method of all plans')
         if simulator.surroundings.has_moments:
-            raise InvalidTask('simulator.point_loads: expected forces alone where plans are made, '
-                              'dead moments have no potential')
+            raise InvalidTask('simulator.point_loads: expected forces alone for a plan, dead '
+                              'moments have no potential')
         put(self, _given=simulator, simulator=simulator.elastic(), requirements=Requirements(
             workspace, allow_plastic=flag('allow_plastic', allow_plastic)))
 
@@ -169,7 +169,7 @@ class InverseSimulator(ContactShorthands):
         instance('start', start, Pose, optional=True)
         instance('initial', initial, Shape, optional=True)
         if initial is not None and not task.takes_initial:
-            raise InvalidTask(f'initial = {initial!r}: expected None, the shape before does not '
-                              f'count in {type(task).__name__}')
+            raise InvalidTask(f'initial = {initial!r}: expected None, the plan of a '
+                              f'{type(task).__name__} does not depend on the present shape')
         return PlanContext(self._given, self.simulator, start, initial, requirements, task.touches,
                            Progress(progress, requirements.deadline))

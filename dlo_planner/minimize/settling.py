@@ -5,7 +5,8 @@
 The augmented Lagrangian method (Nocedal and Wright, ch. 17.4): minimize, move each multiplier by
 what its constraint is violated by, repeat until nothing is violated. Between two minimizations the
 set of points that may touch is looked at anew, and the limits of friction follow from the forces
-found. What is judged is the residual with these limits: friction has no potential.
+found. What is judged is the residual with these limits: friction has no potential. Points that are
+chosen anew each time may alternate without an end: by turns they are kept, too (`exchange`).
 
 Where the DLO bears already, shape and forces are sought at once first (`minimize.bearing`). What
 that finds is judged like any other minimum, and is mostly the last.
@@ -20,6 +21,7 @@ from dlo_planner.energy.system import hinged, new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.bearing import borne, carried
 from dlo_planner.minimize.contact_forces import move_multipliers
+from dlo_planner.minimize.exchange import exchanged
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
 from dlo_planner.minimize.leash import no_leash
@@ -32,10 +34,13 @@ from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.minimize.watching import watching
 
 _ROUNDS = 100
+_TURN = 12          # rounds in which points are chosen anew, then as many in which they are kept
 _FEW, _SOON = 12, 40  # rounds and steps in which a DLO that goes on bearing has to come to rest
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
 _MOST_STIFFER = 1e2
+_CLOSE = 1e3        # times what is exact: a violation that the forces' laws are about to end
+_OUTSIDE = 1e6      # the same: a DLO that is deeper inside an obstacle is on its way out
 _MOST_KICKS = 10
 _COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
 _STALLED = 100.0    # the same, where Newton's method has found no better point
@@ -102,13 +107,13 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
         state, residual, stability, iterations, kicks, system, violation: as of a Minimum
     """
     vain = news = kicks = iterations = 0
-    best = before = np.inf
+    best = before = violation = np.inf
     stiffer, held = 1.0, is_held(system)
     stability, judged, final = np.nan, False, False
-    for _ in range(rounds):
-        state, left, steps, contacts, new = _round(system, q, tolerance, exact,
-                                                   min(_PATIENCE, max_iterations - iterations),
-                                                   previous)
+    for turn in range(rounds):
+        state, left, steps, contacts, new = _round(
+            system, q, tolerance, exact, min(_PATIENCE, max_iterations - iterations), previous,
+            turn // _TURN % 2 == 1 and violation < _OUTSIDE * exact)
         news = news + 1 if new or left > _SHORT * tolerance else 0
         iterations += steps
         q = state.q
@@ -136,10 +141,13 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
         solved = False
         if news % (_NEWS + 1) == 0:  # what is new has to bear before its force counts
             solved = move_multipliers(system, state, table, _share(vain, held))
+        if solved and stiffer > 1.0 and vain == 0 and violation < _CLOSE * exact:
+            # stiff springs multiply rounding errors
+            system, stiffer = _stiffened(system, 1.0 / stiffer), 1.0
         if (not solved and not held and news == 0 and violation > max(exact, _SLOW * before)
                 and stiffer < _MOST_STIFFER):
             stiffer *= _STIFFER
-            system = _stiffened(system)
+            system = _stiffened(system, _STIFFER)
         before = violation if not solved and news == 0 else np.inf
     if check and not judged:
         stability, _ = _judged(system, state, tolerance, exact)
@@ -150,8 +158,13 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
 
 
 @kernel
-def _round(system, q, tolerance, exact, most, previous):
+def _round(system, q, tolerance, exact, most, previous, keeps):
     """Descend with the multipliers as they are, and look at what touches there.
+
+    Parameters
+    ----------
+    keeps
+        Whether points that are watched stay so, be they needed or not.
 
     Returns
     -------
@@ -163,7 +176,7 @@ def _round(system, q, tolerance, exact, most, previous):
     else:
         state, residual, _, steps, _, _ = leashed_descent(system, q, tolerance, most, never,
                                                           no_leash())
-    contacts, new = watching(system, state)
+    contacts, new = exchanged(system, state) if keeps else watching(system, state)
     # Without a past it has slid to where it needs no friction; on its way it keeps what it has.
     if len(previous) and residual <= _SHORT * tolerance:
         contacts = with_friction(system, contacts, state, previous)
@@ -206,9 +219,9 @@ def _judged(system, state, tolerance, exact):
 
 
 @kernel
-def _stiffened(system):
-    """Return the same System with stiffer springs at its contacts."""
+def _stiffened(system, factor):
+    """Return the same System with springs at its contacts that are stiffer by a factor."""
     old = system.effects.contact.contacts
-    contacts = Contacts(_STIFFER * old.stiffness, old.node, old.element, old.obstacle,
+    contacts = Contacts(factor * old.stiffness, old.node, old.element, old.obstacle,
                         old.multiplier, old.fraction, old.anchor, old.normal, old.shear, old.grip)
     return touching_system(system, contacts, system.effects.contact.scene)

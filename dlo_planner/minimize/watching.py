@@ -20,9 +20,9 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
-_SAG = 2e-6     # of the length: an element that comes no nearer than its nodes by more is flat
+SAG = 2e-6      # of the length: an element that comes no nearer than its nodes by more is flat
 _LEVEL = 1e-12  # the same, by rounding errors alone
-_MIDDLE, _NEXT, _BESIDE = 0.5, 0.2, 0.01  # of an element
+MIDDLE, _NEXT, _BESIDE = 0.5, 0.2, 0.01  # of an element
 _EVEN, _SHARP, _LEAVES = 2.0, 8.0, 40.0  # times the sag: how much a gap bends along an element
 _SNUG = 0.3     # rad: an element whose slope against an obstacle changes by more has its own bend
 _DEEP = 0.02    # of an element: a node that is deeper inside is on its way out
@@ -38,8 +38,8 @@ def watching(system, state):
     a point where none was.
     """
     old = system.effects.contact.contacts
-    at, places = _rolled_to(system, state)
-    inside, fixed = _points_inside(system, state, places)
+    at, places = rolled_to(system, state)
+    inside, fixed = points_inside(system, state, places)
     count = inside.shape[0]
     multiplier = np.zeros(count)
     news = False
@@ -91,7 +91,7 @@ def _taken_from_nodes(system, e, o):
 
 
 @kernel
-def _rolled_to(system, state):
+def rolled_to(system, state):
     """Return the elements (C,) in which the Contacts' points are at `state`, and plus fractions."""
     scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
     at, normal, hessian = contacts.element.copy(), np.empty(3), np.empty((3, 3))
@@ -122,7 +122,7 @@ def _spread(node, e, fraction, force):
 
 
 @kernel
-def _points_inside(system, state, places):
+def points_inside(system, state, places):
     """Return (C, 2) element and obstacle where the DLO may touch inside an element, and fractions.
 
     A fraction (C,) is 0 where the point rolls.
@@ -138,7 +138,7 @@ def _points_inside(system, state, places):
     """
     scene = system.effects.contact.scene
     n, pushed = system.lengths.size, system.effects.contact.contacts.node
-    sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
+    sag, level = SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
     longest = np.max(system.lengths)
     points = np.empty((n * scene.kind.size, 2), dtype=np.int64)
     fixed, hugs = np.zeros(n * scene.kind.size), np.zeros(n, dtype=np.bool_)
@@ -172,7 +172,7 @@ def _points_inside(system, state, places):
                     count += 1
                 continue
             if hugs[e]:
-                points[count, 0], points[count, 1], fixed[count] = e, o, _MIDDLE
+                points[count, 0], points[count, 1], fixed[count] = e, o, MIDDLE
                 count += 1
             if (hugs[e] or e > 0 and hugs[e - 1] and _presses(system, o, e, gaps)
                     or e + 1 < n and hugs[e + 1] and _presses(system, o, e + 1, gaps)):
@@ -211,10 +211,10 @@ def _hugs(system, state, o, e, gaps, places):
     bends less than the obstacle.
 
     Args:
-        gaps: (N + 1,) m, of the nodes from obstacle o; places: (C,) as of `_points_inside`
+        gaps: (N + 1,) m, of the nodes from obstacle o; places: (C,) as of `points_inside`
     """
     scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
-    sag = _SAG * np.sum(system.lengths)
+    sag = SAG * np.sum(system.lengths)
     if e == 0 or scene.feature[o] == NODE_FACE or np.isinf(gaps[e] + gaps[e + 1]):
         return False
     if min(gaps[e], gaps[e + 1]) < -_DEEP * system.lengths[e]:
@@ -228,7 +228,7 @@ def _hugs(system, state, o, e, gaps, places):
     if old < 0 and not (first and second):
         return False
     normal, hessian = np.empty(3), np.empty((3, 3))
-    middle = gap_inside(scene, o, e, _MIDDLE, system.lengths, state.strains,
+    middle = gap_inside(scene, o, e, MIDDLE, system.lengths, state.strains,
                         state.rotations, state.positions, normal, hessian)
     curved = 4.0 * (gaps[e] - 2.0 * middle + gaps[e + 1])  # of the gap, times the length squared
     if abs(curved) > _SNUG * system.lengths[e]:

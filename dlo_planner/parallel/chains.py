@@ -4,8 +4,8 @@
 
 The shape that a DLO takes on a motion follows from the one before. Where it is elastic and nothing
 rubs, the only thing that it follows from it is which of several equilibria it is. So a part of the
-motion may begin with a shape that was found in another way, if that turns out to be the one in
-which the part before it ends.
+motion may begin with a shape that was found differently, if the part before it turns out to end in
+this shape.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,7 +17,7 @@ from dlo_planner.direct.one_step import step
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.pose import Pose
-from dlo_planner.parallel.pieces import Found, Piece, Shared, found, piece_of
+from dlo_planner.parallel.pieces import Piece, PieceResult, Shared, piece_of, result_of
 from dlo_planner.parallel.shapes import Columns
 from dlo_planner.parallel.workers import Crew
 from dlo_planner.progress import Progress
@@ -26,7 +26,7 @@ _SAME = 1e-5  # of the length, and rad: by how much two results for one equilibr
 
 
 def may_be_cut(simulator: DirectSimulator) -> bool:
-    """Whether a shape depends on the way to it only by which equilibrium it is.
+    """Whether the motion to a shape decides only which equilibrium it is.
 
     What yields remembers its way, and so does what rubs (paper: the first two conditions).
     """
@@ -61,21 +61,22 @@ class Following:
         self._jobs = [(chain, part) for chain in chains
                       for part in parts_of(simulator, chain, size)]
 
-    def rows(self, crew: Crew, finished: Callable[[int, Found], object]) -> list[list[Columns]]:
+    def rows(self, crew: Crew,
+             finished: Callable[[int, PieceResult], object]) -> list[list[Columns]]:
         """Return for each chain the `columns` of its parts, in order.
 
         Parameters
         ----------
         finished : callable
-            Called as finished(index, Found) after each part, in any order.
+            Called as finished(index, PieceResult) after each part, in any order.
         """
-        results = _found(crew, self._first_pieces(), finished)
+        results = _results(crew, self._first_pieces(), finished)
         seams = {k for k, (_, part) in enumerate(self._jobs) if part.start}
         doubtful = sorted(seams)
         while wrong := [k for k in doubtful if not _meet(results[k - 1], results[k])]:
             # the first of them begins with what is right now, so there is one less at least
             pieces = [self._after(k, results[k - 1].last) for k in wrong]
-            for k, again in zip(wrong, _found(crew, pieces, lambda *_: None), strict=True):
+            for k, again in zip(wrong, _results(crew, pieces, lambda *_: None), strict=True):
                 results[k] = again
             doubtful = sorted(seams & {*wrong, *(k + 1 for k in wrong)})
         rows: list[list[Columns]] = []
@@ -113,9 +114,9 @@ class Following:
                         **more)
 
 
-def _found(crew: Crew, pieces: Iterable[Piece],
-           finished: Callable[[int, Found], object]) -> list[Found]:
-    """Return the Found of Pieces; those that were given a start have it as their first Shape."""
+def _results(crew: Crew, pieces: Iterable[Piece],
+             finished: Callable[[int, PieceResult], object]) -> list[PieceResult]:
+    """Return the PieceResults; those of Pieces with a start have it as their first Shape."""
     given = []
 
     def noted() -> Iterator[Piece]:
@@ -123,13 +124,13 @@ def _found(crew: Crew, pieces: Iterable[Piece],
             given.append(piece)
             yield piece
 
-    results = crew.run(found, noted(), finished)
-    return [result if piece.dropped else Found(result.rows, piece.start, result.last)
+    results = crew.run(result_of, noted(), finished)
+    return [result if piece.dropped else PieceResult(result.rows, piece.start, result.last)
             for piece, result in zip(given, results, strict=True)]
 
 
-def _meet(before: Found, after: Found) -> bool:
-    """Whether one Found goes on from where the other one ends."""
+def _meet(before: PieceResult, after: PieceResult) -> bool:
+    """Whether one PieceResult goes on from the end of the other."""
     last, first = before.last, after.first
     if last is first:
         return True

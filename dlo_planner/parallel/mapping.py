@@ -16,7 +16,7 @@ from dlo_planner.model.checks import instance, integer, items, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.parallel.chains import Following
-from dlo_planner.parallel.pieces import Found, Shared, found, piece_of
+from dlo_planner.parallel.pieces import PieceResult, Shared, piece_of, result_of
 from dlo_planner.parallel.shapes import Columns, Shapes, columns, stacked
 from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
@@ -164,7 +164,7 @@ def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[
                        anew=tuple(range(len(grippers[k:k + chunk]))),
                        rods=None if rods is None else rods[k:k + chunk])
               for k in range(0, len(grippers), chunk))
-    rows = [one.rows for one in crew.run(found, pieces, count.finished)]
+    rows = [one.rows for one in crew.run(result_of, pieces, count.finished)]
     s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
     if any(length != s[-1] for length in lengths):
@@ -183,12 +183,12 @@ def _followed(simulator: DirectSimulator, chains: Sequence[Sequence[Pose]], crew
 
 
 class _Count:
-    """Reports how many of all shapes are found."""
+    """Reports how many of all shapes have been computed."""
 
     def __init__(self, steps: Progress, total: int) -> None:
         self._steps, self._total, self._done = steps, total, 0
 
-    def finished(self, _: int, result: Found) -> None:
+    def finished(self, _: int, result: PieceResult) -> None:
         """Report one more piece."""
         self._done += len(result.rows['converged'])
         self._steps.done(self._done, self._total)
@@ -197,8 +197,8 @@ class _Count:
 def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Sequence[Columns],
             s: Floats | None = None) -> Shapes:
     s = simulator.mesh.s if s is None else s
-    found_ = stacked(rows or [columns([], s)])
+    arrays = stacked(rows or [columns([], s)])
     if simulator.surroundings.pinned:
         grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))
-                    for gripper, frames in zip(grippers, found_['frames'], strict=True)]
-    return Shapes(tuple(grippers), s, **found_)
+                    for gripper, frames in zip(grippers, arrays['frames'], strict=True)]
+    return Shapes(tuple(grippers), s, **arrays)

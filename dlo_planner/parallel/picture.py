@@ -61,12 +61,13 @@ def slices(capability: CapabilityMap, axis: str = 'y', quantity: str = 'share') 
     axes = figure.subplots(-(-levels.size // columns), columns, squeeze=False, sharex=True,
                            sharey=True).ravel()
     for axis_, level in zip(axes, levels, strict=False):
-        here = np.abs(places[:, across] - level) <= _ALIKE
-        some = here & np.isfinite(values)
+        in_slice = np.abs(places[:, across] - level) <= _ALIKE
+        some = in_slice & np.isfinite(values)
         drawn = axis_.scatter(*places[some][:, [first, second]].T, c=values[some], s=60, vmin=low,
                               vmax=max(high, low + 1e-12), cmap='viridis', marker='s')
-        axis_.plot(*places[here & known & ~some][:, [first, second]].T, 'x', color='tab:red', ms=5)
-        axis_.plot(*places[here & ~known][:, [first, second]].T, '.', color='0.7', ms=3)
+        empty, unknown = in_slice & known & ~some, in_slice & ~known
+        axis_.plot(*places[empty][:, [first, second]].T, 'x', color='tab:red', ms=5)
+        axis_.plot(*places[unknown][:, [first, second]].T, '.', color='0.7', ms=3)
         axis_.set(title=f'{axis} = {level:.3g} m', aspect='equal', xlabel=f'{"xyz"[first]} [m]',
                   ylabel=f'{"xyz"[second]} [m]')
         axis_.grid(alpha=0.3)

@@ -76,8 +76,8 @@ class Piece(NamedTuple):
     rods: tuple[Rod, ...] | None = None
 
 
-class Found(NamedTuple):
-    """What a Piece gives: `columns`, and where they are asked for the Shapes at its ends.
+class PieceResult(NamedTuple):
+    """The result of a Piece: `columns` and, if requested, the Shapes at its ends.
 
     Attributes
     ----------
@@ -100,15 +100,15 @@ def piece_of(simulator: Shared, grippers: Sequence[Pose], **more: Any) -> Piece:
                  np.array([pose.rotation for pose in grippers]), **more)
 
 
-def found(piece: Piece) -> Found:
-    """Return what a Piece asks for; this is what workers do."""
+def result_of(piece: Piece) -> PieceResult:
+    """Return the PieceResult of a Piece; workers call it."""
     simulator = piece.simulator.content
     if piece.rods is not None:
-        return Found(_each_rod(simulator, piece))
+        return PieceResult(_each_rod(simulator, piece))
     if len(piece.anew) == len(piece.positions):
         rows = _each_alone(simulator, piece)
         if rows is not None:
-            return Found(rows)
+            return PieceResult(rows)
     grippers = [_pose(*both) for both in zip(piece.positions, piece.rotations, strict=True)]
     starts = sorted({0, *piece.anew})
     shapes = []
@@ -117,9 +117,10 @@ def found(piece: Piece) -> Found:
                                   initial=None if begin in piece.anew else piece.start)
     rows = columns(shapes[piece.dropped:], simulator.mesh.s)
     if not piece.ends:
-        return Found(rows)
+        return PieceResult(rows)
     good = [shape for shape in shapes if shape.converged or shape.nearly]
-    return Found(rows, shapes[0] if piece.dropped else None, good[-1] if good else piece.start)
+    return PieceResult(rows, shapes[0] if piece.dropped else None,
+                       good[-1] if good else piece.start)
 
 
 def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns | None:

@@ -56,7 +56,7 @@ class Stepped(NamedTuple):
 
 
 class Rounds:
-    """Steps made while others are looked at, and what was seen.
+    """Steps made while later ones are computed ahead, and the guesses of these.
 
     Parameters
     ----------
@@ -72,17 +72,17 @@ class Rounds:
 
     def __init__(self, crew: Crew, tasks: int) -> None:
         self._crew, self.tasks = crew, tasks
-        self._seen: dict[float, Floats] = {}  # place: strains
+        self._guesses: dict[float, Floats] = {}  # place: strains
         self._most = UNLIMITED   # work of a look ahead
         self.made: list[Round] = []
 
-    def seen(self, place: float) -> Floats | None:
-        """Return the strains (N, 3) seen at a place, None if none were."""
-        return self._seen.get(place)
+    def guess(self, place: float) -> Floats | None:
+        """Return the strains (N, 3) that were computed ahead for a place, or None."""
+        return self._guesses.get(place)
 
     def make(self, place: float, ahead: Callable[[int], dict[float, Task]],
              step: Callable[[Floats | None], Stepped]) -> Any:
-        """Return what a step at `place` gives, while others are looked at.
+        """Return the result of a step at `place`, while later ones are computed ahead.
 
         Parameters
         ----------
@@ -94,13 +94,13 @@ class Rounds:
         tasks = ahead(self._most)
         futures = self._crew.begin(look, tasks.values())
         try:
-            stepped = step(self.seen(place))
+            stepped = step(self.guess(place))
             guesses = self._crew.gathered(futures)
         finally:
             for future in futures:
                 future.cancel()
-        self._seen = {there: guess.strains for there, guess in zip(tasks, guesses, strict=False)
-                      if guess is not None}
+        self._guesses = {later: guess.strains for later, guess in zip(tasks, guesses, strict=False)
+                         if guess is not None}
         done = Round(place, stepped.work, stepped.judging, stepped.guess,
                      tuple(0 if one is None else one.work for one in guesses))
         self._most = max(done.work, 1)

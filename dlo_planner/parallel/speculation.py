@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Dependent computation (paper, section 4.3.5): steps that need the one before, looked at ahead.
+"""Dependent computation (paper, section 4.3.5): steps that need the one before, computed ahead.
 
 While one task computes step i, the others compute what steps i + 1, i + 2, ... would be if the DLO
 went there at once from where it is known to be: positions and velocities (or, where it is moved
 slowly, the permanent set) are those of step i - 1, the time is 2 dt, 3 dt, ... When the time of
-such a step comes, what was found is where its search begins. Nothing else is taken from it: the
+such a step comes, its search begins at the guess. Nothing else is taken from it: the
 answer is the minimum of the same potential as in serial computation.
 
 All tasks end together: a look ahead may take as much work as the step before did. So the answer
@@ -59,13 +59,13 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
                 velocity: ArrayLike | Callable[[float], ArrayLike] | None = None,
                 tolerance: float | None = None, integrator: str = 'generalized_alpha',
                 progress: OnProgress = None, deadline: float | None = None) -> Motion | list[Shape]:
-    """Return a Motion, or the shapes of a slow one, each step begun with what was seen ahead of it.
+    """Return a Motion, or the shapes of a slow one; each step begins with a guess computed ahead.
 
     The result is that of `simulator.simulate(grippers, dt, ...)`, or of `simulator.track(grippers)`
     where `dt` is None, but for what the minimizer leaves open (residuals below its tolerance); it
     does not depend on the executor or its workers. The module says when a guess is used.
 
-    Nothing is looked at ahead among obstacles, with a pinned gripper or with dead moments, nor in a
+    Nothing is computed ahead among obstacles, with a pinned gripper or with dead moments, nor in a
     slow motion with `accuracy` or `strains='paper'`.
 
     Parameters
@@ -77,12 +77,12 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
         Time step in s. If None, the motion is slow (a DLO that yields depends on its steps all the
         same).
     executor : Workers, optional
-        As for `parallel.map`. If None, nothing is looked at ahead.
+        As for `parallel.map`. If None, nothing is computed ahead.
     tasks : int, optional
-        How many at once, the caller's own among them, which needs no worker: so many less one steps
-        are looked at. If None, as many as have been found to pay: 1, which is none.
+        Number of steps at once. One of them is the caller's own and needs no worker; the others are
+        computed ahead. If None, the number that pays: 1, so none.
     initial, velocity, tolerance, integrator, progress, deadline : optional
-        As for `simulate`; velocity, tolerance and integrator are not looked at where `dt` is None.
+        As for `simulate`; velocity, tolerance and integrator are ignored where `dt` is None.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def _work(shape: Shape) -> int:
 
 
 class AheadStepper(Stepper):
-    """Makes the steps of one DLO in moving grips, and looks at those to come.
+    """Makes the steps of one DLO in moving grips, and computes later ones ahead.
 
     Parameters
     ----------
@@ -151,20 +151,20 @@ class AheadStepper(Stepper):
         def ahead(most: int) -> dict[float, Task]:
             return self._ahead(before, place, scheme, usual, most)
 
-        def step(seen: Floats | None) -> Stepped:
+        def step(guess: Floats | None) -> Stepped:
             vain = judging = 0
-            if seen is not None:
+            if guess is not None:
                 system = self._system(before, place, scheme)
                 start = _unknowns(system, usual)
-                if lower(system, _unknowns(system, seen), start):
-                    after = self.step_from(before, place, scheme, seen, patience)
+                if lower(system, _unknowns(system, guess), start):
+                    after = self.step_from(before, place, scheme, guess, patience)
                     end, vain = _unknowns(system, after.shape.element_strains), _work(after.shape)
                     same, judging, _ = leads_to(system, start, end)
                     if after.shape.converged and same:
                         return Stepped(after, vain, judging, 'used')
             after = self.step_from(before, place, scheme, usual, patience)
             return Stepped(after, vain + _work(after.shape), judging,
-                           'none' if seen is None else 'refused')
+                           'none' if guess is None else 'refused')
 
         result: Instant = self._rounds.make(place, ahead, step)
         return result
@@ -177,12 +177,12 @@ class AheadStepper(Stepper):
         history: Any = before.shape.history
         history = replace(history, of=None)  # which is long, and not needed
         for k in range(1, self._rounds.tasks):
-            there = place + k * size
-            if there > self._last:
+            later = place + k * size
+            if later > self._last:
                 break
-            seen = self._rounds.seen(there)
-            strains = strains if seen is None else seen  # else those of the place before
-            tasks[there] = Moving(self._shared, before.nodes, before.bends, history, there,
+            guess = self._rounds.guess(later)
+            strains = strains if guess is None else guess  # else those of the place before
+            tasks[later] = Moving(self._shared, before.nodes, before.bends, history, later,
                                   replace(scheme, dt=(k + 1) * scheme.dt), strains, most)
         return tasks
 
@@ -199,7 +199,7 @@ def _unknowns(system: Any, strains: Floats) -> Floats:
 
 
 class Tracker:
-    """Follows a DLO through slow steps, and looks at those to come.
+    """Follows a DLO through slow steps, and computes later ones ahead.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ class Tracker:
 
     def track(self, grippers: tuple[Pose, ...], initial: Shape | None,
               steps: Progress) -> list[Shape]:
-        """Return what `DirectSimulator.track` does."""
+        """Return the same as `DirectSimulator.track`."""
         shapes, before = [], initial
         for place, gripper in enumerate(grippers):
             if before is None or not self._can(before):
@@ -226,7 +226,7 @@ class Tracker:
         return shapes
 
     def _can(self, before: Shape) -> bool:
-        """Whether steps after the Shape `before` can be looked at."""
+        """Whether steps after the Shape `before` can be computed ahead."""
         simulator = self._simulator
         return (simulator.accuracy is None and simulator.strains == 'components'
                 and made_by(simulator, before) and before.far_end is None and before.parts is None)
@@ -240,21 +240,21 @@ class Tracker:
         def ahead(most: int) -> dict[float, Task]:
             tasks: dict[float, Task] = {}
             strains = usual
-            for there in range(place + 1, min(place + self._rounds.tasks, len(grippers))):
-                seen = self._rounds.seen(there)
-                strains = strains if seen is None else seen
-                tasks[there] = Resting(self._shared, np.array(grippers[there].rotation),
+            for later in range(place + 1, min(place + self._rounds.tasks, len(grippers))):
+                guess = self._rounds.guess(later)
+                strains = strains if guess is None else guess
+                tasks[later] = Resting(self._shared, np.array(grippers[later].rotation),
                                        replace(history, of=None), strains, most)
             return tasks
 
-        def step(seen: Floats | None) -> Stepped:
+        def step(guess: Floats | None) -> Stepped:
             vain = judging = 0
             turn = angle_between(before.gripper.rotation, gripper.rotation)
-            if seen is not None and turn <= LONGEST_TURN:
+            if guess is not None and turn <= LONGEST_TURN:
                 system = mesh.system(gripper.rotation, history=history)
                 start = _unknowns(system, usual)
-                if lower(system, _unknowns(system, seen), start):
-                    shape, kicks = equilibrium(mesh, gripper, seen, self._simulator.method,
+                if lower(system, _unknowns(system, guess), start):
+                    shape, kicks = equilibrium(mesh, gripper, guess, self._simulator.method,
                                                history)
                     end, vain = _unknowns(system, shape.element_strains), _work(shape)
                     same, judging, leant = leads_to(system, start, end)
@@ -263,7 +263,7 @@ class Tracker:
                         return Stepped(shape, vain, judging, 'used')
             shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
             return Stepped(shape, vain + _work(shape), judging,
-                           'none' if seen is None else 'refused')
+                           'none' if guess is None else 'refused')
 
         result: Shape = self._rounds.make(place, ahead, step)
         return result

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A folder in which a long computation keeps what it has done, so that it can go on another day.
+"""A folder in which a long computation keeps its results, so that it can be continued later.
 
 A file is written beside its place and then put there in one step: after a crash it is whole, or
 not there at all.
@@ -109,7 +109,7 @@ def _written(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def fingerprint(*contents: Any) -> str:
-    """Return a name of what values, arrays and numbers say, the same in every process."""
+    """Return a name of the content of values, arrays and numbers, the same in every process."""
     digest = hashlib.sha256()
     for part in _parts(contents):
         digest.update(len(part).to_bytes(8, 'little') + part)

@@ -28,14 +28,14 @@ COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
 
 
 class Question(NamedTuple):
-    """What is asked about every cut-out.
+    """The question about every cut-out.
 
     Attributes
     ----------
     inverse : InverseSimulator
     grid : CellGrid
     starts : tuple of Pose
-        Poses of the gripper to begin with; none: only the threading is looked at.
+        Poses of the gripper to begin with; none: only the threading is planned.
     depths : ndarray, shape (n,) or None
         Depths in m, or None.
     patience : float
@@ -96,8 +96,8 @@ def _from(question: Question, cutout: CutOut, index: int, start: Pose | None) ->
         line |= _margins(plan)
         if start is not None:
             prefix = 'start_phase.'
-            way = inverse.approach(cutout, plan, start, deadline=patience)
-            line['stability'] = min(line['stability'], float(way.stability.min()))
+            approach = inverse.approach(cutout, plan, start, deadline=patience)
+            line['stability'] = min(line['stability'], float(approach.stability.min()))
     except Infeasible as refused:
         line |= {'outcome': (prefix + refused.constraint)[:LONGEST], 'amount': refused.amount}
         if not prefix:
@@ -110,7 +110,7 @@ def _from(question: Question, cutout: CutOut, index: int, start: Pose | None) ->
 
 
 def _margins(plan: Plan) -> dict[str, Any]:
-    """Return what a Plan says of its margins and of its beginning."""
+    """Return the margins of a Plan and the roll of its first pose."""
     first = plan.grippers[0]
     upright = Pose.looking_along(first.position, first.direction).rotation
     axes = upright.T @ first.rotation

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Work for any executor: results in order, workers that die, progress, an end when it is asked for.
+"""Work for any executor: results in order, dead workers replaced, progress, cancellation.
 
 An executor is one of `concurrent.futures`: threads, processes, or a cluster's (`dask.distributed`:
 `Client(...).get_executor()`).
@@ -47,7 +47,7 @@ class Crew:
         An Executor, which stays open; a function that makes one, which is closed at the end. If
         None, the work is done here.
     check : callable
-        Called often; what it raises ends the work.
+        Called often; an exception from it ends the work.
     """
 
     def __init__(self, executor: Workers, check: Callable[[], object]) -> None:
@@ -173,7 +173,7 @@ class Crew:
         """Take a new executor; raise `error` where there is no telling how to make one."""
         broken = self._executor
         if self._make is not None:
-            self._executor = _made(self._make)
+            self._executor = _executor_of(self._make)
         elif isinstance(broken, ProcessPoolExecutor):
             self._executor = _like(broken)
         else:
@@ -185,19 +185,19 @@ class Crew:
 
 def _like(pool: Any) -> ProcessPoolExecutor:
     """Return a new pool that is made as another one was; pools do not say it in public."""
-    made = {name: getattr(pool, f'_{name}') for name in (
+    options = {name: getattr(pool, f'_{name}') for name in (
         'max_workers', 'mp_context', 'initializer', 'initargs')}
-    return ProcessPoolExecutor(**made)
+    return ProcessPoolExecutor(**options)
 
 
-def _made(make: Callable[[], Executor]) -> Executor:
+def _executor_of(make: Callable[[], Executor]) -> Executor:
     """Return the Executor that a user's function makes."""
     try:
-        made = make()
+        executor = make()
     except Exception as error:  # it is somebody else's function: any may come
         raise InvalidTask(f'executor = {shown(make)}: expected a function that makes an Executor, '
                           f'it raised {type(error).__name__}: {shown(str(error))}') from error
-    if not isinstance(made, Executor):
+    if not isinstance(executor, Executor):
         raise InvalidTask(f'executor = {shown(make)}: expected a function that makes an Executor, '
-                          f'it made {shown(made)}')
-    return made
+                          f'it made {shown(executor)}')
+    return executor

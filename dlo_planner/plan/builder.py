@@ -95,7 +95,7 @@ class PlanRequirements:
         if waypoint.clearance < 0:
             return ('clearance', -waypoint.clearance,
                     f'the DLO is {-waypoint.clearance:.3g} m in the sheet around a cut-out '
-                    '(endless, where no Sheet among the obstacles has it)')
+                    '(infinite, if no Sheet among the obstacles has this hole)')
         for index, obstacle in enumerate(self.obstacles):
             room = clearance([obstacle], self.surface, shape)
             if room < 0:
@@ -108,8 +108,8 @@ class PlanRequirements:
         if self.yield_limits is not None:
             load = utilization(shape, self.yield_limits)
             if load > 1:
-                return ('yield', load - 1, f'the DLO would be set for good: bent or twisted to '
-                        f'{load:.3g} times what it bears')
+                return ('yield', load - 1, f'the DLO would yield: bent or twisted to {load:.3g} '
+                        'times its limits')
         return None
 
 

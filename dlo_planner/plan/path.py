@@ -88,9 +88,9 @@ class GripperPath(Value):
                               'different times')
         apart = np.linalg.norm(_chords(grippers, length), axis=1)
         legs, knots = [], [0]
-        for k, way in enumerate(apart, start=1):
+        for k, distance in enumerate(apart, start=1):
             span = times[k] - times[k - 1]
-            if way > _SAME * length:
+            if distance > _SAME * length:
                 if not span > 0:
                     raise InvalidTask(f'plan.times[{k}] = {times[k]:g}: expected more than the '
                                       f'{times[k - 1]:g} s of the pose before, which is another')

@@ -114,7 +114,7 @@ class _Replay:
                                                     for gripper in plan.grippers))
         trajectory = self.trajectory
         if trajectory is None and self.limits is not None:
-            trajectory, reason = self._made(self.limits, shapes[0])
+            trajectory, reason = self._trajectory(self.limits, shapes[0])
             if reason:
                 figures['reason'] = reason
         if trajectory is not None:
@@ -134,7 +134,7 @@ class _Replay:
         shapes: Sequence[Shape] = simulator.track(plan.grippers, self.progress.done, initial)
         return shapes
 
-    def _made(self, limits: Limits, first: Shape) -> tuple[Trajectory, str]:
+    def _trajectory(self, limits: Limits, first: Shape) -> tuple[Trajectory, str]:
         """Return a calm Trajectory and '', or one within limits alone and why it is not calm."""
         try:
             return Trajectory(self.plan, limits, tolerance=self.tolerance,

@@ -100,7 +100,7 @@ class Robustness(Value):
         """
         part = number('part', part, minimum=0, maximum=1)
         if not len(self.sampled):
-            raise InvalidTask('samples = 0: expected some where a quantile is asked for')
+            raise InvalidTask('samples = 0: expected samples for a quantile')
         result: Floats = np.sort(self.sampled, axis=0)[int(np.ceil(part * (len(self.sampled) - 1)))]
         return result
 

@@ -42,11 +42,11 @@ class Canvas:
 
     def show(self, items: Iterable[Item]) -> None:
         """Show these Items and no others."""
-        wanted = {item.name: item for item in items}
-        for name in self._shown.keys() - wanted.keys():
+        new = {item.name: item for item in items}
+        for name in self._shown.keys() - new.keys():
             self._handles.pop(name).remove()
             del self._shown[name]
-        for name, item in wanted.items():
+        for name, item in new.items():
             if self._shown.get(name) != item:
                 self._draw(item, self._shown.get(name))
                 self._shown[name] = item
@@ -58,7 +58,7 @@ class Canvas:
 
     @property
     def bounds(self) -> tuple[Floats, Floats] | None:
-        """Lowest and highest corner (3,) m of what is shown; None if there is nothing."""
+        """Lowest and highest corner (3,) m of the shown Items; None if there are none."""
         corners = np.concatenate([np.zeros((0, 3)), *(
             item.corners for item in self._shown.values() if item.kind != 'text')])
         return (corners.min(axis=0), corners.max(axis=0)) if len(corners) else None

@@ -79,11 +79,11 @@ def ghost_items(shapes: Iterable[Shape], radius: float | None = None,
 
 
 def estimate_items(shape: Shape, radius: float | None = None, points: ArrayLike = ()) -> list[Item]:
-    """Return the DLO as it is estimated to be, and the points (n, 3) m that were seen of it."""
-    seen = rows_of_points('points', points)
+    """Return the DLO as it is estimated to be, and its observed points (n, 3), m."""
+    observed = rows_of_points('points', points)
     drawn = [_tube('estimate', 0, shape, radius, ORANGE, alpha=0.7)]
-    if len(seen):
-        drawn.append(Item('observed', 0, 'points', VERMILION, points=seen, size=(0.005,) * 3))
+    if len(observed):
+        drawn.append(Item('observed', 0, 'points', VERMILION, points=observed, size=(0.005,) * 3))
     return drawn
 
 

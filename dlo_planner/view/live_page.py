@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A running planner in the browser: what it shows and says, and what it can be asked for."""
+"""A running planner in the browser: its pictures, messages and requests."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass

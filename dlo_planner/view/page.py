@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The page in the browser: what every page has, whatever it shows."""
+"""The page in the browser: the parts that all pages have."""
 
 import socket
 from collections.abc import Iterable
@@ -58,7 +58,7 @@ class Page:
         self.gui.main_panel.dock_right()
         self.canvas = Canvas(self.scene)
         self._lock, self._closed = Lock(), Event()
-        self._seen: set[str] = set()  # of _FRAMED, what has been shown
+        self._framed: set[str] = set()  # of _FRAMED, what has been shown
         self._bar = self.gui.add_html('', visible=False)
         self.gui.add_button('Show everything').on_click(lambda _: self.frame())
 
@@ -68,16 +68,16 @@ class Page:
         return f'http://{self.server.get_host()}:{self.server.get_port()}'
 
     def show(self, items: Iterable[Item]) -> None:
-        """Show these Items and no others; what is new among them moves the camera."""
+        """Show these Items and no others; new ones move the camera."""
         items = list(items)
         caption = next((item.text for item in items if item.group == 'scale'), '')
         with self._lock, self.server.atomic():
             self.canvas.show(item for item in items if item.group != 'scale')
             if self._bar.content != color_bar(caption):
                 self._bar.content, self._bar.visible = color_bar(caption), bool(caption)
-        new = {item.group for item in items} & _FRAMED - self._seen
+        new = {item.group for item in items} & _FRAMED - self._framed
         if new:
-            self._seen |= new
+            self._framed |= new
             self.frame()
 
     def frame(self) -> None:

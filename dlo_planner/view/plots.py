@@ -55,12 +55,12 @@ def plot_plan(plan: Plan, ax: 'Axes | Frame | None' = None, color: str | None = 
     stage = Stage.of(plan.shapes, obstacles, plan)
     frame = Frame.of(ax)
     dlo, top, label = _over_time(plan, color)
-    way = [replace(item, color=VERMILION) for item in path_items(
+    path = [replace(item, color=VERMILION) for item in path_items(
         plan.grippers, _TICK * stage.length) if len(plan) > 1]
-    _show(frame, stage, dlo + way + contact_items(plan.shapes[-1]),
+    _show(frame, stage, dlo + path + contact_items(plan.shapes[-1]),
           [plan.grippers[0], plan.grippers[-1]])
     frame.color_bar(top, label)
-    if way:
+    if path:
         frame.legend({'gripper': VERMILION})
     frame.title(_title(plan))
     return frame.figure
@@ -75,12 +75,12 @@ def plot_motion(motion: Motion, ax: 'Axes | Frame | None' = None, color: str | N
     stage = Stage.of(motion.shapes, obstacles)
     frame = Frame.of(ax)
     dlo, top, label = _over_time(motion, color)
-    ways = {'gripper': (VERMILION, 0), 'free end': (_TIP, -1)}
+    tracks = {'gripper': (VERMILION, 0), 'free end': (_TIP, -1)}
     lines = [Item('way', k, 'line', tint, points=[shape.positions[node] for shape in motion.shapes])
-             for k, (tint, node) in enumerate(ways.values())]
+             for k, (tint, node) in enumerate(tracks.values())]
     _show(frame, stage, dlo + lines, [motion.shapes[0].gripper, motion.shapes[-1].gripper])
     frame.color_bar(top, label)
-    frame.legend({name: tint for name, (tint, _) in ways.items()})
+    frame.legend({name: tint for name, (tint, _) in tracks.items()})
     frame.title(_title(motion))
     return frame.figure
 
@@ -95,8 +95,8 @@ def _over_time(value: Plan | Motion, color: str) -> tuple[list[Item], float, str
 
     Shapes are chosen at even times, first and last among them.
     """
-    wanted = np.linspace(value.times[0], value.times[-1], _SHAPES)
-    chosen = np.unique(np.abs(np.subtract.outer(value.times, wanted)).argmin(axis=0))
+    times = np.linspace(value.times[0], value.times[-1], _SHAPES)
+    chosen = np.unique(np.abs(np.subtract.outer(value.times, times)).argmin(axis=0))
     if color == 'time':
         span = max(float(np.ptp(value.times)), 1e-12)
         tints = viridis((value.times[chosen] - value.times[0]) / span)
@@ -121,8 +121,8 @@ def _show(frame: Frame, stage: Stage, dlo: list[Item], grippers: Iterable[Pose])
 
 def _title(value: Shape | Plan | Motion) -> str:
     """Return the line that its repr says, in two if it is long."""
-    kind, said = repr(value)[:-1].split('(', 1)
-    parts, lines = said.split(', '), [f'{kind}:']
+    kind, content = repr(value)[:-1].split('(', 1)
+    parts, lines = content.split(', '), [f'{kind}:']
     for part in parts:
         if len(lines[-1]) + len(part) > 70:
             lines.append('')

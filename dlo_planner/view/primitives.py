@@ -66,13 +66,13 @@ def primitives(item: Item) -> Primitives:
 
 def _arrow(start: Floats, end: Floats) -> list[Floats]:
     """Return the shaft and the two strokes of the head, in a plane as upright as can be."""
-    way = end - start
-    length = np.linalg.norm(way)
+    arrow = end - start
+    length = np.linalg.norm(arrow)
     if not length > 0:
         return []
-    aside = np.cross(way, np.eye(3)[np.argmin(np.abs(way))])
+    aside = np.cross(arrow, np.eye(3)[np.argmin(np.abs(arrow))])
     aside *= _SPREAD * length / np.linalg.norm(aside)
-    back = end - _HEAD * way
+    back = end - _HEAD * arrow
     return [np.array([start, end]), np.array([back + aside, end, back - aside])]
 
 

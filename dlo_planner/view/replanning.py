@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a plan on the page can be made anew with: its cut-outs, its simulators."""
+"""The cut-outs and simulators with which a plan on the page can be made anew."""
 
 from dataclasses import dataclass
 from typing import Any

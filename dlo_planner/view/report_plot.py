@@ -40,21 +40,21 @@ def plot_report(report: ValidationReport, ax: 'Axes | Frame | None' = None) -> '
         frame = Frame.of(ax)
         _bars(frame.axes, report)
         return frame.figure
-    way = report.trajectory
+    trajectory = report.trajectory
     figure = extra('matplotlib.pyplot', 'figures', 'pictures').figure(
-        figsize=_ALONE if way is None else _SIZE, layout='constrained')
-    if way is None:
+        figsize=_ALONE if trajectory is None else _SIZE, layout='constrained')
+    if trajectory is None:
         _bars(figure.add_subplot(), report)
         return figure
     bars, speeds = figure.subplots(2, 1, height_ratios=(1.7, 1.0))
     _bars(bars, report)
-    _speeds(speeds, way)
+    _speeds(speeds, trajectory)
     return figure
 
 
 def _bars(axes: Any, report: ValidationReport) -> None:
-    values = {said: (1e3 * getattr(report, name), small)
-              for name, (said, small) in _DISTANCES.items()}
+    values = {label: (1e3 * getattr(report, name), small)
+              for name, (label, small) in _DISTANCES.items()}
     finite = [abs(value) for value, _ in values.values() if np.isfinite(value)]
     most = 10 * max([10 * _LEAST, *finite])
     for row, (value, small) in enumerate(values.values()):
@@ -71,8 +71,8 @@ def _bars(axes: Any, report: ValidationReport) -> None:
         axes.axvline(1e3 * report.tolerance, color='k', ls='--', lw=1,
                      label=f'tolerance in motion, {1e3 * report.tolerance:.3g} mm')
         axes.legend(loc='lower right', fontsize=8)
-    said = 'safe to execute' if report.safe else f'not safe: {report.reason}'
-    axes.set_title(said, fontsize=10, color='0.1' if report.safe else _BAD, wrap=True)
+    label = 'safe to execute' if report.safe else f'not safe: {report.reason}'
+    axes.set_title(label, fontsize=10, color='0.1' if report.safe else _BAD, wrap=True)
 
 
 def _bar(value: float, small: bool, most: float) -> tuple[str, float, str]:
@@ -88,13 +88,14 @@ def _bar(value: float, small: bool, most: float) -> tuple[str, float, str]:
     return text, value, _SMALL if small else _LARGE
 
 
-def _speeds(axes: Any, way: Trajectory) -> None:
-    times = np.linspace(0.0, way.duration, _INSTANTS)
-    linear, angular = np.linalg.norm(way.at(times)[1].reshape(-1, 2, 3), axis=2).T
+def _speeds(axes: Any, trajectory: Trajectory) -> None:
+    times = np.linspace(0.0, trajectory.duration, _INSTANTS)
+    linear, angular = np.linalg.norm(trajectory.at(times)[1].reshape(-1, 2, 3), axis=2).T
     other = axes.twinx()
     for one, values, limit, color, scale, label in (
-            (axes, linear, way.limits.linear_speed, '#21688e', 1e3, 'speed [mm/s]'),
-            (other, angular, way.limits.angular_speed, '#b35806', 180 / np.pi, 'turning [deg/s]')):
+            (axes, linear, trajectory.limits.linear_speed, '#21688e', 1e3, 'speed [mm/s]'),
+            (other, angular, trajectory.limits.angular_speed, '#b35806', 180 / np.pi,
+             'turning [deg/s]')):
         one.plot(times, scale * values, color=color, lw=1.4)
         one.set_ylabel(label, color=color)
         most = scale * max(float(values.max()), 1e-9)
@@ -102,7 +103,7 @@ def _speeds(axes: Any, way: Trajectory) -> None:
             one.axhline(scale * limit, color=color, ls=':', lw=1.2)
             most = max(most, scale * limit)
         one.set_ylim(0.0, 1.1 * most)
-    axes.set(xlabel='time [s]', xlim=(0.0, way.duration),
+    axes.set(xlabel='time [s]', xlim=(0.0, trajectory.duration),
              title='gripper (dotted: limits of speed)')
     axes.title.set_fontsize(10)
     axes.grid(alpha=0.3)

@@ -46,7 +46,7 @@ def cutout_items(cutouts: Iterable[CutOut], length: float = _AXIS) -> list[Item]
 
 
 def path_items(grippers: Iterable[Pose], length: float = _AXIS) -> list[Item]:
-    """Return the way of the gripper, 'trajectory' 0, and its directions on it, 1.
+    """Return the path of the gripper, 'trajectory' 0, and its directions on it, 1.
 
     Parameters
     ----------

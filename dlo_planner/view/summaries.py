@@ -35,12 +35,12 @@ def text_table(head: str, rows: Sequence[Row]) -> str:
     """Return rows as lines of text, their columns aligned, under a heading."""
     name = max((len(row[0]) for row in rows), default=0)
     value = max((len(row[1]) for row in rows), default=0)
-    lines = [f'  {one:<{name}}  {said:>{value}}  {unit}'.rstrip() for one, said, unit in rows]
+    lines = [f'  {one:<{name}}  {text:>{value}}  {unit}'.rstrip() for one, text, unit in rows]
     return '\n'.join([head, *lines])
 
 
 def figure(number: float) -> str:
-    """Return a number in four digits; what is infinite or nan as a word."""
+    """Return a number in four digits; an infinite one or nan as a word."""
     if np.isnan(number):
         return 'not looked at'
     if np.isinf(number):

@@ -98,12 +98,12 @@ def bars_between(points: Floats) -> tuple[Floats, Floats, Floats]:
 
     Each lies along x in its frame and leads from one of the points (n, 3) to the next.
     """
-    ways = np.diff(points, axis=0)
-    lengths = np.linalg.norm(ways, axis=1)
-    along = np.divide(ways, lengths[:, None], out=np.tile((1.0, 0.0, 0.0), (len(ways), 1)),
+    chords = np.diff(points, axis=0)
+    lengths = np.linalg.norm(chords, axis=1)
+    along = np.divide(chords, lengths[:, None], out=np.tile((1.0, 0.0, 0.0), (len(chords), 1)),
                       where=lengths[:, None] > 0)
     back = along[:, 0] < -1 + 1e-9  # half a turn about any axis across: z
-    turns = np.column_stack([1 + along[:, 0], np.zeros(len(ways)), -along[:, 2], along[:, 1]])
+    turns = np.column_stack([1 + along[:, 0], np.zeros(len(chords)), -along[:, 2], along[:, 1]])
     turns[back] = (0.0, 0.0, 0.0, 1.0)
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
     return turns, 0.5 * (points[1:] + points[:-1]), lengths

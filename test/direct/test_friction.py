@@ -45,7 +45,8 @@ def pinned(x, height, angle, tip, guess):
         return [end[0] - tip, end[1], end[3]]
 
     found, _, fine, text = fsolve(miss, guess, xtol=1e-12, full_output=True)
-    assert fine == 1, text
+    # (what is found to the integration's rounding errors makes no good progress)
+    assert fine == 1 or np.abs(miss(found)).max() < 1e-9, text
     return found
 
 

@@ -217,6 +217,24 @@ def test_a_dlo_comes_to_lie_round_a_bar_without_a_gap():
         assert depth < 2e-6
 
 
+@pytest.mark.parametrize(('tension', 'friction', 'n_elements'), [
+    (10, 0.1, 48), (10, 0.0, 64), (100, 0.1, 64), (1000, 0.0, 48), (1000, 0.3, 64)])
+def test_a_soft_dlo_comes_to_lie_round_a_bar_in_every_step(tension, friction, n_elements):
+    # the choice of points that may touch went round in circles; springs were too stiff to tell
+    radius, thin = 0.1, 5e-4
+    stiffness = radius**2 / tension
+    bar = Capsule((0, -0.3, -radius - thin), (0, 0.3, -radius - thin), radius, friction)
+    rod = Rod(1.0, 0.0, stiffness, stiffness, radius=thin, tip_mass=1 / G)
+    direct = DirectSimulator(rod, basis='local', n_elements=n_elements, obstacles=[bar])
+    way = [(-0.3, z) for z in np.linspace(0.14, 0.0, 8)] + [(-0.305, 0.0), (-0.31, 0.0)]
+    shapes = direct.track([Pose((x, 0, z), (0, 0, 0, 1)) for x, z in way])
+    assert all(shape.converged and shape.contacts for shape in shapes)
+    for shape in shapes:
+        places = shape.positions_at(np.linspace(0.2, 0.65, 999))[:, [0, 2]]
+        away = np.linalg.norm(places - [0, -radius - thin], axis=1) - radius - thin
+        assert away.min() > -5e-6
+
+
 @pytest.mark.parametrize('friction', [0.1, 0.3, 0.5])
 def test_capstan(friction):
     assert capstan(1e-9, friction, 0.1, 1.5) == pytest.approx(np.exp(1.5 * friction), rel=1e-4)

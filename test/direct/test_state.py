@@ -30,10 +30,10 @@ class Visits(Part):
     def record(self, mesh, left, held):
         return None
 
-    def none(self, mesh, s):
+    def empty(self, mesh, s):
         return {'visits': np.array(0), 'heights': np.zeros(s.size)}
 
-    def on(self, left, s, wanted):
+    def resampled(self, left, s, wanted):
         return {'heights': np.interp(wanted, s, left['heights'])}
 
     def cleared(self, left):

@@ -5,7 +5,9 @@
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,6 +15,7 @@ import dlo_planner
 import dlo_planner.arm
 import dlo_planner.parallel
 import dlo_planner.view
+from dlo_planner.settings.entries import ENTRIES
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'
@@ -54,6 +57,27 @@ def test_every_tutorial_and_decision_is_listed():
     decisions = {f'{path.stem}' for path in (DOCS / 'decisions').glob('[0-9]*.md')}
     assert len(decisions) >= 10
     assert decisions <= set((DOCS / 'decisions' / 'index.md').read_text().split())
+
+
+def test_every_parameter_of_the_node_is_on_its_page(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    page = import_module('made_pages').parameters_page()
+    assert sorted(re.findall(r'^\| `([\w.]+)` \|', page, re.M)) == sorted(ENTRIES)
+    assert '| `rod.length` | `1.0` | 0.001 to 100 | Length between gripper' in page
+    assert {line.count('|') for line in page.splitlines() if line.startswith('|')} == {5}
+    text = (DOCS / 'ros_interface.md').read_text()
+    groups = {name.split('.')[0] for name in ENTRIES if '.' in name}
+    assert not [group for group in groups if f'`{group}.`' not in text]
+
+
+def test_equations_are_drawn_without_a_network(monkeypatch):
+    pytest.importorskip('latex2mathml')
+    monkeypatch.syspath_prepend(DOCS)
+    drawn = import_module('mathml').drawn
+    for formula in re.findall(r'\$+([^$]+)\$+', (DOCS / 'equations.md').read_text()):
+        text = drawn(SimpleNamespace(astext=lambda formula=formula: formula), 'inline')
+        assert text.startswith('<math') and '\\' not in re.sub('alttext=".*?"', '', text), formula
+        assert ('bold' in text) == (r'\mathbf' in formula)
 
 
 def test_rosdoc2_finds_the_site():

@@ -177,6 +177,21 @@ def test_a_motion_tells_stiffness_and_damping(rng):
     assert fit.deviations['damping'][0] < 0.2
 
 
+def test_errors_that_last_widen_the_deviations(rng):
+    rod, known = Rod(1.0, 0.07, 0.05, 0.04, damping=(0.5, 0.004)), {}
+    clean = shaken(rod, rng, noise=0.0)
+    lasting = 1e-3 * rng.normal(size=(len(clean.times), 1, 3))  # alike for all points
+    for k in range(1, len(lasting)):
+        lasting[k] = 0.7 * lasting[k - 1] + 0.714 * lasting[k]
+    for name, error in (('lasting', lasting), ('mixed', rng.permutation(lasting))):
+        seen = ObservedMotion(clean.grippers, clean.dt, clean.times, clean.points + error, clean.s)
+        known[name] = fit_rod(Rod(1.0, 0.07, 0.06, 0.04), motions=[seen],
+                              parameters=('bending_stiffness', 'damping'), **COARSE)
+    fit, mixed = known['lasting'], known['mixed']
+    assert np.abs(errors(fit, bending_stiffness=0.05, damping=(0.5, 0.004))).max() < 3
+    assert fit.deviations['damping'][0] > 1.2 * mixed.deviations['damping'][0]
+
+
 def both_ends(count=6, dt=0.08):
     """Return grippers and far ends of a DLO that sags between them and is shaken, and dt."""
     times = dt * np.arange(count)

@@ -221,7 +221,7 @@ def _die(_):
 
 
 def test_work_that_kills_its_workers_is_given_up(simulator, anywhere, monkeypatch):
-    monkeypatch.setattr('dlo_planner.parallel.mapping.found', _die)
+    monkeypatch.setattr('dlo_planner.parallel.mapping.result_of', _die)
     with pytest.raises(BrokenProcessPool):
         parallel.map(simulator, anywhere, processes)
 
@@ -266,7 +266,7 @@ def _unlucky(piece):
 
 
 def test_errors_of_workers_are_raised(simulator, anywhere, monkeypatch):
-    monkeypatch.setattr('dlo_planner.parallel.mapping.found', _unlucky)
+    monkeypatch.setattr('dlo_planner.parallel.mapping.result_of', _unlucky)
     with pytest.raises(ArithmeticError, match='8'):
         parallel.map(simulator, anywhere, processes, chunk=8)
 

@@ -51,6 +51,6 @@ class Insert(Task):
             raise InvalidTask(f'depths[{len(depths) - 1}] = {depths[-1]:g}: expected at most '
                               f'{_INSERTED:g} of the length')
         if context.simulator.surroundings.point_loads:
-            raise InvalidTask('simulator.point_loads: expected none where a DLO is inserted, parts '
-                              'of it are in the bore')
+            raise InvalidTask('simulator.point_loads: expected none for an insertion, a part of '
+                              'the DLO is in the bore')
         return insert(context.without_obstacles, self.bore, depths, context.start, context.demands)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import ArrayLike
 
+from dlo_planner.deprecated import renamed_fields
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.contact.hold_and_slide import CONDITIONS, slide_contact
 from dlo_planner.inverse.solvers.contact.straight import slide_straight
@@ -18,9 +19,10 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.plan import Plan
 
-_WAYS = {'aligned': slide_contact, 'straight': slide_straight}
+_MODES = {'aligned': slide_contact, 'straight': slide_straight}
 
 
+@renamed_fields(way='mode')
 @dataclass(frozen=True, eq=False, repr=False)
 class SlideContact(Task):
     """Slide along one contact; `InverseSimulator.slide_contact` says what the attributes mean.
@@ -35,7 +37,7 @@ class SlideContact(Task):
         'least_energy', 'least_force', 'least_motion', 'largest_clearance'.
     forces : ndarray, shape (n,) or None
         Forces in N: only these are examined. If None, all.
-    way : str
+    mode : str
         'aligned' or 'straight'.
     """
 
@@ -45,17 +47,17 @@ class SlideContact(Task):
     lengths: Floats
     condition: str = 'least_motion'
     forces: Floats | None = None
-    way: str = 'aligned'
+    mode: str = 'aligned'
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, contact: Pose, lengths: ArrayLike, condition: str = 'least_motion',
-                     forces: ArrayLike | None = None, way: str = 'aligned') -> None: ...
+                     forces: ArrayLike | None = None, mode: str = 'aligned') -> None: ...
 
     def __post_init__(self) -> None:
         put(self, lengths=row('lengths', self.lengths, most=MOST, above=0),
             forces=checked_forces(self.forces))
         choice('condition', self.condition, CONDITIONS)
-        choice('way', self.way, tuple(_WAYS))
+        choice('mode', self.mode, tuple(_MODES))
         instance('contact', self.contact, Pose)
         super().__post_init__()
 
@@ -64,4 +66,4 @@ class SlideContact(Task):
         instance('context', context, PlanContext)
         row('lengths', self.lengths, most=MOST, above=0, below=context.rod.length)
         check_obstacles(context)
-        return _WAYS[self.way](context.simulator, self, context.start, context.demands)
+        return _MODES[self.mode](context.simulator, self, context.start, context.demands)

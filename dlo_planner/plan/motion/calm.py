@@ -225,10 +225,10 @@ def _rates(task: LegTask) -> Iterator[tuple[Floats, Floats]]:
     for _ in range(_BOUNDS):
         deviation *= _CLOSER
         try:
-            found = fastest_rates(task.leg, task.limits, response.bearing(deviation, task.sizes))
+            slower = fastest_rates(task.leg, task.limits, response.bearing(deviation, task.sizes))
         except InvalidTask:  # so slow that toppra loses its digits: no slower ones
             return
-        yield found
+        yield slower
 
 
 def _windows(response: Response) -> list[list[float]]:

@@ -134,8 +134,8 @@ def _simulator(simulator: DirectSimulator | None, plan: Plan) -> DirectSimulator
             shape.far_end is None and abs(shape.s[-1] - length) > _SAME * length
             for shape in plan.shapes):
         raise InvalidTask('plan: expected shapes of one DLO that the gripper holds at its '
-                          'beginning, as `simulate` has it; a tolerance of infinity asks for no '
-                          'simulation')
+                          'beginning, as in `simulate`; with an infinite tolerance nothing is '
+                          'simulated')
     if simulator is None and first.far_end is not None:
         raise InvalidTask('simulator = None: expected the DirectSimulator of the whole DLO for an '
                           f'insertion that begins {plan.depths[0]:g} m deep')
@@ -157,7 +157,7 @@ def simulator_of(shape: Shape, touching: bool) -> DirectSimulator:
     """
     if shape.state.mesh is None:
         raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
-                          'do not know of theirs')
+                          'have none')
     around = shape.state.mesh.surroundings
     return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
                            point_loads=around.point_loads,

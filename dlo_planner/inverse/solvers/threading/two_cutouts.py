@@ -122,8 +122,8 @@ def _unreached(simulator: DirectSimulator, task: Pair,
         begin = _no_beginning(simulator, task, shapes)
         if begin is not None:
             return PlanBuilder(task.depths, task.demands).refusal(
-                begin.constraint, begin.amount, 'stable shapes pass both centers, but set down in '
-                'its natural shape the DLO falls into none that leads to them')
+                begin.constraint, begin.amount, 'stable shapes pass both centers, but the DLO, set '
+                'down in its natural shape, falls into none that leads to them')
         missing = TwoPoints(simulator, task.chord).least_miss(shapes)
     waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
@@ -231,19 +231,19 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
     ----------
     conditions : tuple
         What is kept before the change, and after it.
-    steps : dict[int, Step]
-        dict of index -> (Passing or None, depth that was reached, m, leap in m).
+    steps : dict of int to Step
+        The Step to each waypoint, by its index.
     """
     length, builder = simulator.rod.length, PlanBuilder(task.depths, task.demands)
     cutouts = [task.first, task.second]
     sheets = [sheet_of(cutout, length, task.demands.obstacles) for cutout in cutouts]
     before = None
     for index, depth in enumerate(task.depths):
-        missing = Step(None, change.depth, 0.0)  # the steps back to it ended before it
-        passing, reached, too_far = steps.get(index, missing)
-        refusal = _refusal(simulator, task, builder, before, passing, abs(depth - reached), too_far)
+        # without a step: those back from the change ended before this depth
+        step = steps.get(index, Step(None, change.depth, 0.0))
+        refusal, passing = _refusal(simulator, task, builder, before, step), step.passing
         if refusal is not None or passing is None:
-            assert refusal is not None
+            assert refusal is not None  # else there is one
             raise refusal
         passing = as_replayed(simulator, conditions[int(depth >= change.depth)], builder.last,
                               passing, depth)
@@ -257,29 +257,25 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
 
 
 def _refusal(simulator: DirectSimulator, task: Pair, builder: PlanBuilder, before: Passing | None,
-             passing: Passing | None, missing: float, too_far: float) -> Infeasible | None:
-    """Return why a Passing, or None, cannot be the next waypoint, or None.
+             step: Step) -> Infeasible | None:
+    """Return why a Step does not lead to the next waypoint, or None.
 
     Parameters
     ----------
     before : Passing or None
-        Passing of the waypoint before, or None.
-    missing : float
-        Depth in m over which the DLO could not be followed.
-    too_far : float
-        Distance in m that the gripper would have to leap.
+        Passing of the waypoint before. If None, it is the first one.
     """
-    if passing is None and too_far:
-        return builder.refusal('continuity', too_far, 'the gripper would have to leap: the shapes '
-                               'that pass the centers turn back there')
+    passing, depth = step.passing, task.depths[len(builder.waypoints)]
+    if passing is None and step.leap:
+        return builder.refusal('continuity', step.leap, 'the gripper would have to leap: the '
+                               'shapes that pass the centers turn back there')
     if passing is None:
-        return builder.refusal('equilibrium', missing, 'no equilibrium that passes the centers was '
-                               'found')
+        return builder.refusal('equilibrium', abs(depth - step.depth), 'no equilibrium that passes '
+                               'the centers was found')
     shape = passing.shape
     if shape.stability < -NEUTRAL:
         return builder.refusal('stability', -shape.stability, 'the DLO would not stay there; '
                                f'stability {shape.stability:.3g} < 0')
-    depth = task.depths[len(builder.waypoints)]
     against = _against(task, passing, depth)
     if against is not None:
         return _direction_refusal(builder, *against)

@@ -30,7 +30,7 @@ def over_bar(friction=0.0, **options):
 @pytest.mark.parametrize('friction', [0.0, 0.2])
 def test_the_gripper_goes_straight_to_the_contact(friction):
     inverse = over_bar(friction, basis='local', n_elements=24)
-    plan = inverse.slide_contact(TOP, LENGTHS, way='straight')
+    plan = inverse.slide_contact(TOP, LENGTHS, mode='straight')
     begin, place = plan.grippers[0], plan.via_points[0][0][0]
     gone = np.array([(gripper.position - begin.position) @ (place - begin.position)
                      for gripper in plan.grippers]) / np.sum((place - begin.position)**2)
@@ -56,8 +56,8 @@ def test_the_gripper_goes_straight_to_the_contact(friction):
 
 def test_it_goes_back_the_same_way():
     inverse = over_bar(basis='local', n_elements=24)
-    there = inverse.slide_contact(TOP, [0.6, 0.56], way='straight')
-    forth = inverse.slide_contact(TOP, [0.6, 0.56, 0.6, 0.65], way='straight')
+    there = inverse.slide_contact(TOP, [0.6, 0.56], mode='straight')
+    forth = inverse.slide_contact(TOP, [0.6, 0.56, 0.6, 0.65], mode='straight')
     np.testing.assert_allclose(forth.grippers[1].position, there.grippers[1].position)
     np.testing.assert_allclose(forth.grippers[2].position, there.grippers[0].position, atol=1e-5)
     np.testing.assert_allclose(forth.depths, [0.4, 0.44, 0.4, 0.35])
@@ -65,7 +65,7 @@ def test_it_goes_back_the_same_way():
 
 
 def test_it_is_proved_in_motion():
-    plan = over_bar(basis='local', n_elements=24).slide_contact(TOP, LENGTHS, way='straight')
+    plan = over_bar(basis='local', n_elements=24).slide_contact(TOP, LENGTHS, mode='straight')
     way = Trajectory(plan)
     assert way.motion.contact_force > 0.05
     # the drift is the plan's; what the motion adds is small
@@ -75,10 +75,10 @@ def test_it_is_proved_in_motion():
 
 def test_refusals():
     inverse = over_bar(basis='local', n_elements=24)
-    with pytest.raises(InvalidTask, match='way'):
-        inverse.slide_contact(TOP, LENGTHS, way='curved')
+    with pytest.raises(InvalidTask, match='mode'):
+        inverse.slide_contact(TOP, LENGTHS, mode='curved')
     with pytest.raises(Infeasible, match='on the straight way') as caught:  # it lifts off the bar
-        inverse.slide_contact(TOP, [0.7, 0.69, 0.3], way='straight', forces=[2e-3])
+        inverse.slide_contact(TOP, [0.7, 0.69, 0.3], mode='straight', forces=[2e-3])
     error = caught.value
     assert error.constraint == 'contact' and 0 < error.amount < 0.05
     assert error.waypoint == 2 and len(error.plan) == 2

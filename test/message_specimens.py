@@ -1,0 +1,27 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Good examples of arguments that are ROS messages, which not every machine has."""
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Goals, Path
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import MarkerArray
+
+from msg_helpers.clouds import cloud_msg
+
+
+def arguments():
+    """Return examples by the names of arguments, as `specimens.arguments` does."""
+    stamped = PoseStamped()
+    stamped.header.frame_id = 'world'
+    stamped.pose.orientation.w = 1.0
+    return {
+        'stamp': Time(), 'poses.pose_from_msg.msg': stamped.pose,
+        'marker_items.items_after.msg': MarkerArray(),
+        'obstacles.obstacles_after.msg': MarkerArray(),
+        'clouds.points_from_cloud.msg': cloud_msg(np.ones((2, 3)), 'world'),
+        'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': stamped,
+        'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
+        'joint_state': JointState(name=['joint'], position=[0.5])}
