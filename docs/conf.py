@@ -7,6 +7,9 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+from numpy.typing import ArrayLike
+from sphinx.util.typing import stringify_annotation
+
 
 def repository() -> Path:
     """Return the folder of the sources: rosdoc2 runs a wrapper elsewhere, which names this file."""
@@ -74,3 +77,14 @@ rosdoc2_settings = {
     'support_markdown': False,  # myst_parser is among the extensions already
     'enable_autodoc': False,    # so is autodoc, with the mocks above
 }
+
+
+def short_types(app, what, name, obj, options, signature, returned):
+    """Name ArrayLike in signatures; where annotations are no strings, autodoc spells it out."""
+    spelled = stringify_annotation(ArrayLike, 'smart')
+    return tuple(one and one.replace(spelled, 'ArrayLike') for one in (signature, returned))
+
+
+def setup(app):
+    """Connect what is above."""
+    app.connect('autodoc-process-signature', short_types)

@@ -24,7 +24,7 @@ def inline(writer, node) -> None:
 
 def block(writer, node) -> None:
     """Write a formula that stands by itself, with its number if it has one."""
-    writer.body.append(writer.starttag(node, 'div', CLASS='equation'))
+    writer.body.append(writer.starttag(node, 'div', CLASS='equation', STYLE='padding: 0.4em 0'))
     if node['number']:
         writer.body.append(f'<span class="eqno">({get_node_equation_number(writer, node)})</span>')
     writer.body.append(drawn(node, 'block') + '</div>\n')

@@ -58,7 +58,7 @@ def main():
     right.set_title('The wire found, held inside', fontsize=10)
     right.legend(fontsize=8)
     for axis in (left, right):
-        axis.set_aspect('equal')
+        axis.set_aspect('equal', adjustable='datalim')
         axis.set_xlabel('x [m]')
         axis.set_ylabel('z [m]')
         axis.grid(alpha=0.3)
