@@ -17,6 +17,7 @@ pytest.importorskip('mujoco')
 
 from dlo_planner import Pose  # noqa: E402
 from dlo_planner.cell.node import CellNode  # noqa: E402
+from dlo_planner.cell.passage import Passage  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
 from dlo_planner.ros.qos import LATCHED, REQUEST  # noqa: E402
 from msg_helpers.poses import pose_stamped_msg  # noqa: E402
@@ -71,6 +72,11 @@ def test_it_shows_its_dlo_and_follows_commands(cell):
     assert cell.witness.wait_for(there)
     message, values = cell.said(lambda *_: True)
     assert message.startswith('under way') and values['threaded'] == 'False'
+    assert values['largest miss [m]'] == values['its y [m]'] == values['its z [m]'] == 'nan'
+    cell.node._worst = Passage(0.02, 5e-3, 3e-3, -4e-3)
+    _, values = cell.said(lambda _, values: values['its y [m]'] != 'nan')
+    worst = [float(values[f'{name} [m]']) for name in ('its y', 'its z', 'its depth')]
+    assert worst == [3e-3, -4e-3, 0.02] and float(values['largest miss [m]']) == 5e-3
     stamps = [one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec for one in cell.clouds]
     assert stamps == sorted(stamps)
 
