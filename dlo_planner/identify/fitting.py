@@ -6,8 +6,8 @@ The model: an observed point is a point of the DLO plus noise, independent and a
 the gripper's pose is known but for a normal error, another one at each observation; what is sought
 may be known beforehand, within a normal error too. The most likely values are found by least
 squares, the noise (unless it is known) from what is left, by the number of residuals that nothing
-was fitted to. To first order, deviations are then those of repeated experiments. In a motion, what
-the model does not know lasts: there, residuals that go together widen them (`identify.together`).
+was fitted to. To first order, deviations are then those of repeated experiments; in a motion,
+residuals that go together widen them (`identify.together`).
 """
 
 from __future__ import annotations
@@ -206,8 +206,8 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     begin = None
     for mesh in meshes[_first_mesh(rod, observations, motions, options, meshes):]:
         observed = Observed(unknowns, observations, motions, pose, {**mesh, **options}, steps)
-        observed.choose_steps(np.append(unknowns.begin, np.zeros(observed.size - unknowns.size)),
-                              ROUGHLY)
+        free = np.zeros(observed.size - unknowns.size)
+        observed.choose_steps(np.append(unknowns.begin, free), ROUGHLY)
         errors = Errors(observed, unknowns.prior(prior), noise, rho, scale)
         found, statistics = _found(observed, errors, steps, begin)
         if _exact(observed.at(found.x).shapes[:len(observations)], rod):
@@ -235,9 +235,8 @@ def _found(observed: Observed, errors: Errors, steps: Progress,
         searches.append(errors.minimum(start))
         steps.done(len(searches), len(starts) + 1)
     best = min(searches, key=lambda search: search.cost)
-    if observed.choose_steps(best.x):
-        best = errors.minimum(best.x)
-    found, statistics = errors.settled(best)
+    found, statistics = errors.settled(
+        errors.minimum(best.x) if observed.choose_steps(best.x) else best)
     steps.done(len(starts) + 1, len(starts) + 1)
     return found, statistics
 
