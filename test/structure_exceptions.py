@@ -37,7 +37,6 @@ EXCEPTIONS = {
     },
     'file': {
         'dlo_planner/direct/discretization.py': 310,
-        'dlo_planner/energy/scene.py': 310,
         'dlo_planner/identify/fitting.py': 310,
         'dlo_planner/minimize/contact_forces.py': 340,
     },

@@ -120,4 +120,3 @@ def _rows(capability: CapabilityMap) -> Iterator[list[object]]:
         p, d, r = place
         yield [*grid.positions[p], *grid.directions[d], grid.radii[r],
                *(getattr(capability, name)[place] for name in _HEAD[7:])]
-
