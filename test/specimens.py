@@ -132,7 +132,7 @@ def arguments():
         'torsional_stiffness': 0.7, 'diameter': 0.01, 'outer_diameter': 0.02,
         'inner_diameter': 0.01, 'width': 0.3, 'thickness': 0.01, 'height': 0.2, 'density': 1000.0,
         'youngs_modulus': 1e9, 'shear_modulus': 4e8, 'poisson_ratio': 0.3, 'kind': 'round',
-        'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6, 'strains': np.ones((4, 3)),
+        'half_n': 0.01, 'half_b': 0.01, 'yield_stress': 1e6,
         'pose': LEVEL, 'position': (0.0, 0.0, 1.0), 'quaternion': (0.0, 0.0, 0.0, 1.0),
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
@@ -141,6 +141,7 @@ def arguments():
         # simulators
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
         's': 0.5, 'Plan.at_arc_length.s': 0.9,
+        'Section.surface_strain.strains': np.ones((4, 3)),
         'Rod.masses_per_length.s': [0.1, 0.2], 'Rod.natural_strains.s': [0.1, 0.2],
         'Rod.radii.s': [0.1, 0.2], 'Rod.stiffnesses.s': [0.1, 0.2], 'nodes': (),
         'Rod.mean_natural_strains.s': [0.0, 1.0], 'Rod.mean_stiffnesses.s': [0.0, 1.0],

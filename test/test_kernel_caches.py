@@ -211,7 +211,7 @@ def test_what_was_compiled_at_installation_is_used_on_this_processor(copied):
 
 def test_a_build_contains_what_was_compiled(copied):
     pytest.importorskip('setuptools')
-    for name in ('setup.py', 'README.md'):
+    for name in ('setup.py', 'README.md', 'package.xml'):
         shutil.copy(Path(dlo_planner.__file__).parent.parent / name, copied)
     for changes, number in (({'DLO_PLANNER_PREBUILD': '0'}, 0), ({}, len(ALL))):
         made = subprocess.run([sys.executable, 'setup.py', '-q', 'build'], cwd=copied, text=True,
