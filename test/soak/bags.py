@@ -137,7 +137,7 @@ def short_run(client, folder: Path, poses: int = 12):
         if k == 1:
             client.send_obstacles([box])
             sleep(0.5)
-        client.shape_for(Pose((0.0, 0.01 * k, height), (0, 0, 0, 1)))
+        client.shape_for(Pose((0.0, 0.012 * k, height), (0, 0, 0, 1)))  # never on its edge
     sleep(0.5)
     recorder.close()
 
