@@ -13,7 +13,7 @@ from benchmarks.cases import chebyshev, random_poses
 from benchmarks.figures._drawing import axes, run, save
 from dlo_planner import parallel
 
-_POSES, _REPEATS = 2000, 3
+_POSES, _TURNS = 2000, 15
 
 
 def pools(workers):
@@ -22,27 +22,32 @@ def pools(workers):
             'processes': ProcessPoolExecutor(workers, mp_context=get_context('forkserver'))}
 
 
-def wall(simulator, poses, executor):
-    """Return the median wall-clock time of all poses, in s, after one run that starts workers."""
-    parallel.map(simulator, poses, executor)
-    found = []
-    for _ in range(_REPEATS):
+def speedup(simulator, poses, executor):
+    """Return how much quicker all poses are with workers, the median of turns; and the serial s.
+
+    The speed of a machine changes: each turn compares a run without workers and one with them.
+    """
+    parallel.map(simulator, poses, executor)  # starts the workers
+    ratios, serial = [], []
+    for _ in range(_TURNS):
         started = perf_counter()
+        parallel.map(simulator, poses)
+        between = perf_counter()
         parallel.map(simulator, poses, executor)
-        found.append(perf_counter() - started)
-    return float(np.median(found))
+        serial.append(between - started)
+        ratios.append(serial[-1] / (perf_counter() - between))
+    return float(np.median(ratios)), float(np.median(serial))
 
 
 def main(folder):
     """Make table and picture."""
     simulator, poses = chebyshev(), random_poses(_POSES)
-    alone = wall(simulator, poses, None)
     counts = sorted({1, 2, os.cpu_count() or 1} & set(range(1, (os.cpu_count() or 1) + 1)))
-    found = {'threads': {}, 'processes': {}}
+    found, alone = {'threads': {}, 'processes': {}}, np.nan
     for count in counts:
         for name, executor in pools(count).items():
             with executor:
-                found[name][count] = alone / wall(simulator, poses, executor)
+                found[name][count], alone = speedup(simulator, poses, executor)
     figure, (axis,) = axes()
     axis.plot([1, max(counts)], [1, max(counts)], 'k:', lw=1, label='linear')
     for name, row in found.items():
