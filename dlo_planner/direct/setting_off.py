@@ -86,7 +86,7 @@ class _Watch:
 
     def accelerated(self, instant: Instant, nodes: KinematicState,
                     bends: KinematicState) -> Instant:
-        """Return an Instant with these Courses of positions and velocities, and accelerations."""
+        """Return an Instant with these KinematicStates, and accelerations."""
         stepper, brief = self._stepper, self._brief
         damping: Any = stepper.discretization.rod.damping
         there = self._shortly(nodes, bends, 1.0, damping)
@@ -101,7 +101,7 @@ class _Watch:
 
     def set_going(self, nodes: KinematicState, bends: KinematicState,
                   velocity: Floats) -> tuple[KinematicState, KinematicState]:
-        """Return Courses with the velocities nearest to `velocity` that the grips allow."""
+        """Return KinematicStates with the velocities nearest to `velocity` that the grips allow."""
         # what damps acts against either way: it would not cancel
         ahead, back = (self._shortly(replace(nodes, velocity=sign * velocity), bends.uniform(),
                                      sign, (0.0, 0.0)) for sign in (1.0, -1.0))

@@ -24,8 +24,8 @@ class Moving(NamedTuple):
     ----------
     stepper : Shared
         Shared Stepper.
-    nodes, bends : Course
-        Courses of now.
+    nodes, bends : KinematicState
+        Those of now.
     history : History
         History of now.
     place : float

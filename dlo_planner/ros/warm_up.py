@@ -24,7 +24,7 @@ class Proves(Protocol):
     """What answers as a `ros.proving.Prover` does."""
 
     def report(self, **arguments: Any) -> object:
-        """Return the Report of `replay(**arguments)`."""
+        """Return the ValidationReport of `replay(**arguments)`."""
 
 
 def warm_up() -> None:
