@@ -39,7 +39,7 @@ _TILTED = Pose.looking_along((0, 0, 0), (1, 0.2, 0))
 
 def shapes() -> None:
     """Solve, with what a Shape tells, and simulate."""
-    every: tuple[dict[str, Any], ...] = {}, {'basis': 'local', 'accuracy': 1e-4}
+    every: tuple[dict[str, Any], ...] = {}, {'basis': 'local', 'accuracy': 1e-6}
     for options in every:
         direct = DirectSimulator(_ROD, **options)
         shape = direct.solve(_TILTED)
@@ -85,7 +85,7 @@ def touching() -> None:
     direct.simulate([_LEVEL] * 2, 0.01, shapes[0])
     Sensitivity(shapes[-1])
     elastic = DirectSimulator(_ROD, n_elements=64, obstacles=[Plane((0, 0, -0.01), (0, 0, 1))])
-    shape = elastic.track([_LEVEL, Pose((0, 0, -0.005), (0, 0, 0, 1))])[-1]
+    shape = elastic.track([Pose((0, 0, z), (0, 0, 0, 1)) for z in (0, -0.005, -0.006)])[-1]
     assert corrected_by(elastic.mesh, shape, past_of(elastic.mesh, shape, None)) < 1
     direct.solve(_LEVEL, far_end=(0.8, 0, 0))
     AwayFrom((Plane((0, 0, -0.2), (0, 0, 1)),), 0.1).residuals(shapes[0])
@@ -111,6 +111,8 @@ def seen() -> None:
     direct = DirectSimulator(_ROD)
     goal = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
     plan = InverseSimulator(direct).thread(goal, depths=[0, 0.5])
+    InverseSimulator(direct).thread_sequence(
+        [CutOut(Pose.looking_along((x, 0, 1), (1, 0, 0))) for x in (0, 0.2, 0.4)], depths=[0, 0.1])
     shape = direct.solve(_TILTED)
     fit_rod(_ROD, [Observation(_TILTED, shape.positions[::9])])
     observer = Observer(direct, spread, bias=1e-3)

@@ -58,15 +58,15 @@ def prebuild(into: Path | None = None) -> Path:
         This processor is older than what the kernels are compiled for, or a kernel has been
         imported already.
     """
-    from dlo_planner.kernels import cache, folders  # noqa: PLC0415
+    from dlo_planner.kernels import cache, files, folders, processor  # noqa: PLC0415
     folder = folders.IN_PACKAGE if into is None else into / folders.IN_PACKAGE.name
     folder.mkdir(parents=True, exist_ok=True)
     folders.use_only(folder)
-    cache.compile_generic()
+    processor.compile_generic()
     from dlo_planner import exercises  # noqa: PLC0415
     for exercise in exercises.ALL:
         exercise()
-    kept = cache.current_stems()
+    kept = files.current_stems(cache.KERNELS.values())
     for path in folder.iterdir():
         if path.name.rsplit('-', 1)[0] not in kept:
             with suppress(FileNotFoundError):  # another process does the same

@@ -16,7 +16,7 @@ from dlo_planner.kernels import cache
 from dlo_planner.kernels.fingerprint import dependencies
 for exercise in exercises.ALL:
     exercise()
-kernels = {k.py_func: k for k in cache._KERNELS if k.py_func.__module__.startswith('dlo_planner.')}
+kernels = {f: k for f, k in cache.KERNELS.items() if f.__module__.startswith('dlo_planner.')}
 reached = {f for k in kernels.values() if k.signatures for f in dependencies(k)}
 print(json.dumps([len(kernels), [f'{f.__module__}.{f.__qualname__}' for f in kernels
                                  if f not in reached]]))

@@ -149,7 +149,8 @@ def all_kernels():
     for module in pkgutil.walk_packages([str(PACKAGE)], 'dlo_planner.'):
         if 'dlo_planner.kernels import' in source_of(module.name):
             import_module(module.name)
-    return [one for one in cache._KERNELS if one.py_func.__module__.startswith('dlo_planner.')]
+    return [one for one in cache.KERNELS.values()
+            if one.py_func.__module__.startswith('dlo_planner.')]
 
 
 def source_of(name):
@@ -189,6 +190,7 @@ def test_the_package_tells_numba_nothing_behind_the_back_of_the_fingerprint():
                 if 'numba' in {home.split('.')[0], *(name.split('.')[0] for name in names)}:
                     users.setdefault(path.relative_to(PACKAGE).as_posix(), set()).update(names)
     assert users.keys() - {f'kernels/{name}.py' for name in (
-        '__init__', 'cache', 'fingerprint', 'folders')} == {'ritz/boxed.py'}
+        '__init__', 'cache', 'dispatcher', 'files', 'fingerprint', 'folders', 'linking',
+        'processor')} == {'ritz/boxed.py'}
     assert not UNKNOWN & set().union(*users.values())
     assert 'overload' in users['ritz/boxed.py']

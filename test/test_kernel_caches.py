@@ -16,7 +16,8 @@ import pytest
 import dlo_planner
 from dlo_planner.kernels.folders import prune
 
-# Kernels in two files: first -> second -> third -> last, first -> aside, and one alone.
+# Kernels in two files: first -> second -> third -> last, third -> wide, first -> aside, and one
+# alone. All but `wide` are copied into their callers.
 DEEP = """
 import numpy as np
 from dlo_planner.kernels import kernel
@@ -25,10 +26,16 @@ FACTORS = np.array([2.0, 3.0])
 def last(x):
     return x * FACTORS[0]
 @kernel
+def wide(x):
+    y = x
+TERMS
+    return y
+@kernel
 def third(x):
-    return last(x) + 1.0
-"""
+    return last(x) + wide(x)
+""".replace('TERMS', '    y = (y - 1.0) * (x - 0.5) + 1.0\n' * 99)
 CHAIN = """
+import numpy as np
 from dlo_planner.deep import third
 from dlo_planner.kernels import kernel
 @kernel
@@ -42,7 +49,7 @@ def first(x):
     return second(x) + aside(x)
 @kernel
 def alone(x):
-    return x - 1.0
+    return np.full(2, x - 1.0)
 """
 EXERCISES = """
 from dlo_planner.chain import alone, first
@@ -53,15 +60,17 @@ ALL = (use,)
 USE = """
 import json
 from dlo_planner.chain import alone, aside, first, second
-from dlo_planner.deep import last, third
+from dlo_planner.deep import last, third, wide
 from dlo_planner.kernels.folders import folders
-values = [first(1.0), alone(1.0)]
-kernels = first, second, third, last, aside, alone
+values = [first(1.0), float(alone(1.0)[1])]
+kernels = first, second, third, last, aside, alone, wide
 print(json.dumps([values, [k.py_func.__name__ for k in kernels if sum(k.stats.cache_hits.values())],
                   [k.py_func.__name__ for k in kernels if sum(k.stats.cache_misses.values())],
                   str(folders().write)]))
 """
-ALL = ['first', 'second', 'third', 'last', 'aside', 'alone']
+ALL = ['first', 'second', 'third', 'last', 'aside', 'alone', 'wide']
+LOADED = ['first', 'alone', 'wide']  # once all is compiled
+FILES = len(ALL) + 2  # two for Python
 PREBUILD = 'from dlo_planner.prebuild import main; import sys; sys.exit(main([]))'
 # Becomes a user who may not write, once all is imported that lies where only others may read.
 AS_NOBODY = """
@@ -144,21 +153,44 @@ def make_read_only(folder):
 
 def test_an_edit_of_a_kernel_that_others_call_compiles_those_and_no_others(copied):
     assert run(copied) == [[3.5, 0.0], [], ALL, str(copied / 'home/.cache/dlo_planner/kernels')]
-    assert run(copied)[:3] == [[3.5, 0.0], ['first', 'alone'], []]
+    assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]
     edit(copied, 'deep', 'FACTORS[0]', 'FACTORS[1]')
     values, found, compiled, _ = run(copied)
     assert values == [4.5, 0.0]
-    assert set(found) == {'aside', 'alone'}
+    assert set(found) == {'aside', 'alone', 'wide'}
     assert set(compiled) == {'first', 'second', 'third', 'last'}
     edit(copied, 'deep', 'FACTORS[1]', 'FACTORS[0]')
-    assert run(copied)[:3] == [[3.5, 0.0], ['first', 'alone'], []]  # still known
+    assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]  # still known
+
+
+def test_an_edit_of_a_kernel_that_is_called_where_it_is_compiles_its_callers(copied):
+    run(copied)
+    edit(copied, 'deep', '+ 1.0', '+ 2.0')
+    values, found, compiled, _ = run(copied)
+    assert values == [5.5, 0.0] and set(found) == {'last', 'aside', 'alone'}
+    assert set(compiled) == {'first', 'second', 'third', 'wide'}
+
+
+def test_a_kernel_that_is_called_where_it_is_can_be_missing(copied):
+    folder = Path(run(copied)[3])
+    for name in ('wide', 'third', 'first'):
+        for path in folder.glob(f'dlo_planner.*.{name}-*'):
+            path.unlink()
+        assert run(copied)[0] == [3.5, 0.0]
+        assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]
+
+
+def test_what_python_calls_can_be_missing(copied):
+    for path in Path(run(copied)[3]).glob('*.python'):
+        path.unlink()
+    assert run(copied)[:3] == run(copied)[:3] == [[3.5, 0.0], LOADED, []]
 
 
 def test_the_contents_of_a_constant_count(copied):
     run(copied)
     edit(copied, 'deep', '[2.0, 3.0]', '[2.5, 3.0]')
     values, found, _, _ = run(copied)
-    assert values == [4.0, 0.0] and set(found) == {'aside', 'alone'}
+    assert values == [4.0, 0.0] and set(found) == {'aside', 'alone', 'wide'}
 
 
 def test_neither_place_nor_time_nor_line_nor_wording_counts(copied):
@@ -170,7 +202,7 @@ def test_neither_place_nor_time_nor_line_nor_wording_counts(copied):
     shutil.move(copied / 'dlo_planner', moved)
     for path in moved.rglob('*.py'):
         path.touch()
-    assert run(moved, HOME=str(copied / 'home'))[1:3] == [['first', 'alone'], []]
+    assert run(moved, HOME=str(copied / 'home'))[1:3] == [LOADED, []]
 
 
 @pytest.mark.parametrize('temporary', [True, False])
@@ -185,7 +217,7 @@ def test_where_nothing_can_be_written_it_works(copied, temporary):
         os.mkdir(free)
     assert [values for values, *_ in answers] == [[3.5, 0.0]] * len(answers)
     if temporary:
-        assert [found for _, found, *_ in answers] == [[], ['first', 'alone']]
+        assert [found for _, found, *_ in answers] == [[], LOADED]
         assert answers[0][3].startswith(free)
     else:
         assert answers[0][3] == 'None'
@@ -196,13 +228,13 @@ def test_what_was_compiled_at_installation_is_used_on_this_processor(copied):
     make_read_only(copied)
     code = AS_NOBODY + NOWHERE_TEMPORARY + USE
     assert run(copied, code, HOME=None, PYTHONDONTWRITEBYTECODE='1') == [
-        [3.5, 0.0], ['first', 'alone'], [], 'None']
+        [3.5, 0.0], LOADED, [], 'None']
     # a user who can write keeps what is missing there, and uses the rest
     with tempfile.TemporaryDirectory() as home:
         os.chmod(home, 0o777)
         _, found, compiled, where = run(copied, AS_NOBODY + USE, HOME=home,
                                         PYTHONDONTWRITEBYTECODE='1')
-        assert (found, compiled) == (['first', 'alone'], [])
+        assert (found, compiled) == (LOADED, [])
         assert where.startswith(home) and not list(Path(where).iterdir())
     # a processor that was asked for is meant
     assert run(copied, code, HOME=None, PYTHONDONTWRITEBYTECODE='1',
@@ -221,7 +253,7 @@ def test_a_build_contains_what_was_compiled(copied):
         assert len(list((copied / 'build').rglob('*.kernel'))) == number
     assert not list((copied / 'dlo_planner').rglob('*.kernel'))
     built = next((copied / 'build').rglob('chain.py')).parent.parent
-    assert run(built, HOME='/dev/null')[:3] == [[3.5, 0.0], ['first', 'alone'], []]
+    assert run(built, HOME='/dev/null')[:3] == [[3.5, 0.0], LOADED, []]
 
 
 def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
@@ -231,7 +263,7 @@ def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
     assert len(after) == len(before) == len(ALL)
     changed = after.items() - before.items()
     assert {name.split('-')[0] for name, _ in changed} == {'dlo_planner.chain.alone'}
-    assert run(copied)[:3] == [[3.5, -1.0], ['first', 'alone'], []]
+    assert run(copied)[:3] == [[3.5, -1.0], LOADED, []]
 
 
 def test_a_file_that_is_not_whole_is_not_used(copied):
@@ -240,18 +272,18 @@ def test_a_file_that_is_not_whole_is_not_used(copied):
     for k, path in enumerate(files):
         data = path.read_bytes()
         path.write_bytes([data[:-9], b'', b'x' * 99, data[:200] + bytes([data[200] ^ 1])
-                          + data[201:], data[9:], data[::-1]][k])
+                          + data[201:], data[9:], data[::-1]][k % 6])
     values, found, compiled, _ = run(copied)
     assert values == [3.5, 0.0] and not found and set(compiled) >= {'first', 'alone', 'second'}
-    assert run(copied)[:3] == [[3.5, 0.0], ['first', 'alone'], []]
+    assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]
 
 
 def test_several_processes_at_once(copied):
     processes = [started(copied, USE) for _ in range(3)]
     assert [result(process)[0] for process in processes] == [[3.5, 0.0]] * 3
     values, found, _, where = run(copied)
-    assert (values, found) == ([3.5, 0.0], ['first', 'alone'])
-    assert len(list(Path(where).iterdir())) == len(ALL)
+    assert (values, found) == ([3.5, 0.0], LOADED)
+    assert len(list(Path(where).iterdir())) == FILES
 
 
 def test_what_a_kernel_reads_unseen_is_not_kept(copied):
@@ -263,7 +295,7 @@ def test_what_a_kernel_reads_unseen_is_not_kept(copied):
         constants.write_text(f'FACTOR = {factor}')
         values, found, _, _ = run(copied)
         assert values == [factor + 1.5, 0.0]
-    assert set(found) == {'aside', 'alone'}
+    assert set(found) == {'aside', 'alone', 'wide'}
 
 
 def test_a_kernel_that_is_handed_over_is_not_taken_for_another(copied):

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numba import types
-from numba.core.registry import cpu_target
 
 from dlo_planner import (
     CutOut,
@@ -47,22 +46,24 @@ from dlo_planner.identify.misfit import nearest
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton
 from dlo_planner.inverse.solvers.points.coupled import aligned_hanging, two_points_hanging
-from dlo_planner.kernels import cache
-from dlo_planner.kernels.folders import folders
+from dlo_planner.kernels.linking import kernel_of
 from dlo_planner.minimize.bearing import correction
 from dlo_planner.minimize.contact_forces import move_multipliers
+from dlo_planner.minimize.expected_error import foresee, resampled_means
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.hanging import hang
 from dlo_planner.minimize.hanging_rods import hang_rods
 from dlo_planner.minimize.held import descend_held, led
+from dlo_planner.minimize.holding import hold_on
 from dlo_planner.minimize.newton import leashed_descent
 from dlo_planner.minimize.residual import gradient_noise
-from dlo_planner.minimize.settling import bear_on, touch_down
+from dlo_planner.minimize.resting import bear_on, touch_down
 from dlo_planner.minimize.sliding import add_sliding
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import curve_distance, workspace
 from dlo_planner.plan.motion.oscillators import vibrated
+from dlo_planner.ritz.grading import even_shares
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.nearest_place import nearest_place
 
@@ -73,7 +74,8 @@ KERNELS = [leashed_descent, unknowns_of, aligned_newton, integrate_from_tip, poi
            add_sliding, gripper_answers, curve_distance.element_rooms,
            curve_distance._distances, workspace._distances, _strains_by, response._moved,
            looking._points_at, vibrated, nearest_place, aligned_hanging, two_points_hanging,
-           hang_rods, touch_down, bear_on, correction]
+           hang_rods, touch_down, bear_on, correction, hold_on, foresee,
+           resampled_means, even_shares]
 
 
 def use_everything():
@@ -170,13 +172,14 @@ def test_one_signature_for_each_kind_of_dlo(index, signatures):
 
 def test_a_dlo_that_hangs_freely_compiles_nothing_of_contact_ends_or_plasticity():
     assert DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7)).solve(Pose.identity()).converged
-    (types_of_hang,) = hang.signatures
-    target = cpu_target.target_context.codegen().magic_tuple()
-    kept = [cache._read(folder / name) for folder in folders().read
-            for name in hang._cache._files(types_of_hang, cache.accepted(target))]
-    code = next((content for content in kept if content), None)
-    if code is None:
-        pytest.skip('no folder in which compiled kernels are kept')
+    waiting, code = [(hang, hang.signatures[0])], b''
+    while waiting:  # all that it consists of
+        kernel, kinds = waiting.pop()
+        _, called, (library, *_) = next(kernel._cache._kept(kinds, 'kernel'), (0, (), (0,)))
+        if not library:
+            pytest.skip('no folder in which compiled kernels are kept')
+        code += library[2][0]
+        waiting += [(kernel_of(one), one.kinds) for one in called]
     assert all(name in code for name in (b'second_order', b'factorize_turns', b'lowest_mode'))
     assert not any(name in code for name in (
         b'add_contacts', b'passes_through', b'add_plastic', b'add_hold', b'complemented',

@@ -23,7 +23,7 @@ except ImportError as error:
 
 COMPILED = numba is not None and not numba.config.DISABLE_JIT
 if COMPILED:
-    from dlo_planner.kernels.cache import KernelCache
+    from dlo_planner.kernels.dispatcher import Kernel
 
 
 _P = ParamSpec('_P')
@@ -54,6 +54,4 @@ def kernel(function: Any = None, **options: Any) -> Any:
         return function
     # Python's lock is free while a kernel runs: threads work side by side, and a node sends its
     # commands on time while a shape is sought
-    dispatcher = numba.njit(function, **{'nogil': True} | options)
-    dispatcher._cache = KernelCache(dispatcher)
-    return dispatcher
+    return Kernel.of(function, {'nogil': True} | options)

@@ -19,7 +19,7 @@ import inspect
 from collections.abc import Callable, Iterator
 from functools import cache
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.core.dispatcher import Dispatcher
@@ -33,7 +33,11 @@ _KINDS = (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS | inspect.CO_GENERATOR | i
           | inspect.CO_ASYNC_GENERATOR | inspect.CO_NESTED)
 
 
-_Seen: TypeAlias = dict[int, tuple[FunctionType, int]]  # by id(function)
+class _Own(NamedTuple):
+    """What a function is but for the functions that it reaches, and those, in order."""
+
+    parts: bytes
+    reached: tuple[FunctionType, ...]
 
 
 class Unseen(TypeError):
@@ -49,8 +53,7 @@ def fingerprint(kernel: Dispatcher) -> str:
         It reads what cannot be followed.
     """
     total = hashlib.sha256()
-    seen: _Seen = {}
-    for part in _of_value(kernel, seen):
+    for part in _walked(kernel, []):
         total.update(part)
         total.update(b'\0')
     return total.hexdigest()[:32]
@@ -58,14 +61,32 @@ def fingerprint(kernel: Dispatcher) -> str:
 
 def dependencies(kernel: Dispatcher) -> list[Callable[..., Any]]:
     """Return the functions that `fingerprint` covers: the kernel's own first."""
-    seen: _Seen = {}
-    for _ in _of_value(kernel, seen):
+    functions: list[FunctionType] = []
+    for _ in _walked(kernel, functions):
         pass
-    return [function for function, _ in seen.values()]
+    return list(functions)
 
 
-def _of_value(value: Any, seen: _Seen) -> Iterator[bytes]:
-    """Yield all that is known of a value; `seen` numbers the functions, which may be recursive."""
+def _walked(kernel: Dispatcher, functions: list[FunctionType]) -> Iterator[bytes]:
+    """Yield what a fingerprint covers; `functions` takes each function when it is first reached."""
+    first: list[FunctionType] = []
+    yield from _of_value(kernel, first)
+    numbers: dict[FunctionType, int] = {}
+    waiting = first
+    while waiting:
+        function = waiting.pop()
+        if function in numbers:  # it may be recursive
+            yield repr(numbers[function]).encode()
+            continue
+        numbers[function] = len(numbers)
+        functions.append(function)
+        own = _own(function)
+        yield own.parts
+        waiting.extend(reversed(own.reached))
+
+
+def _of_value(value: Any, reached: list[FunctionType]) -> Iterator[bytes]:
+    """Yield all that is known of a value; functions in it are appended to `reached`."""
     kind = type(value)
     yield f'{kind.__module__}.{kind.__qualname__}'.encode()
     if kind in _EXACT:
@@ -73,20 +94,20 @@ def _of_value(value: Any, seen: _Seen) -> Iterator[bytes]:
     elif isinstance(value, tuple):
         yield repr((len(value), getattr(value, '_fields', None))).encode()
         for item in value:
-            yield from _of_value(item, seen)
+            yield from _of_value(item, reached)
     elif isinstance(value, (np.ndarray, np.generic)) and not value.dtype.hasobject:
         yield repr((value.dtype.descr, value.shape, value.flags.c_contiguous,
                     value.flags.f_contiguous, value.flags.aligned)).encode()
         yield value.tobytes()
     elif isinstance(value, Dispatcher):
         yield repr(sorted(value.targetoptions.items(), key=str)).encode()
-        yield from _of_function(value.py_func, seen)
+        reached.append(value.py_func)
     elif isinstance(value, np.dtype):
         yield repr(value.descr).encode()
     elif _is_versioned(value):
         yield f'{getattr(value, "__module__", None)}.{value.__name__}'.encode()
     else:
-        yield from _of_written(value, seen)
+        yield from _of_written(value, reached)
 
 
 def _is_versioned(value: Any) -> bool:
@@ -102,7 +123,7 @@ def _is_versioned(value: Any) -> bool:
     return home.split('.')[0] in _VERSIONED
 
 
-def _of_written(value: Any, seen: _Seen) -> Iterator[bytes]:
+def _of_written(value: Any, reached: list[FunctionType]) -> Iterator[bytes]:
     """Yield what is known of a class or function for which overloads write what is compiled."""
     if not isinstance(value, (type, FunctionType)):
         raise Unseen(f'{value!r} of {type(value).__qualname__}: a kernel reads numbers, tuples, '
@@ -114,31 +135,33 @@ def _of_written(value: Any, seen: _Seen) -> Iterator[bytes]:
         raise Unseen(f'{value.__module__}.{value.__qualname__} is neither a kernel nor a Record')
     yield f'{value.__module__}.{value.__qualname__}'.encode()
     if stated is not None:
-        yield from _of_value(stated(), seen)
-    for function in written:
-        yield from _of_function(function, seen)
+        yield from _of_value(stated(), reached)
+    reached.extend(written)
 
 
-def _of_function(function: FunctionType, seen: _Seen) -> Iterator[bytes]:
-    """Yield a function's bytecode and the values of what it reads."""
-    if id(function) in seen:
-        yield repr(seen[id(function)][1]).encode()
-        return
-    seen[id(function)] = function, len(seen)
+@cache
+def _own(function: FunctionType) -> _Own:
+    """Return a function's bytecode and the values of what it reads."""
+    reached: list[FunctionType] = []
+    return _Own(b'\0'.join(_of_function(function, reached)), tuple(reached))
+
+
+def _of_function(function: FunctionType, reached: list[FunctionType]) -> Iterator[bytes]:
+    """Yield what `_own` returns."""
     yield f'{function.__module__}.{function.__qualname__}'.encode()
     names, parts = _scanned(function.__code__, function.__doc__ is not None)
     yield parts
     yield from _of_value((function.__defaults__, tuple(sorted((function.__kwdefaults__
-                                                               or {}).items()))), seen)
+                                                               or {}).items()))), reached)
     scope = function.__globals__
     built_in = scope['__builtins__']
     built_in = vars(built_in) if isinstance(built_in, ModuleType) else built_in
     for name in names:
         if name not in scope and name not in built_in:
             raise Unseen(f'{name}, which {function.__qualname__} reads, is not defined')
-        yield from _of_value(scope[name] if name in scope else built_in[name], seen)
+        yield from _of_value(scope[name] if name in scope else built_in[name], reached)
     for cell in function.__closure__ or ():
-        yield from _of_value(cell.cell_contents, seen)
+        yield from _of_value(cell.cell_contents, reached)
 
 
 @cache
@@ -164,5 +187,5 @@ def _scanned(code: CodeType, documented: bool) -> tuple[tuple[str, ...], bytes]:
             names.update(dict.fromkeys(more))
             parts.append(part)
         else:
-            parts += _of_value(constant, {})
+            parts += _of_value(constant, [])
     return tuple(names), b'\0'.join(parts)

@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The machine code of kernels on disk: a file for each kernel, types, compiler and processor.
+
+The name of a file is the key of all that is in it, its content is written at once and carries
+zlib's checksum: a process finds what was compiled from these very sources, whole, or nothing. The
+place of the package and the times of its files do not matter.
+
+Kernels that were compiled when the package was installed are for any processor of the kind: they
+are used where there are none for this one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import sys
+import tempfile
+import zlib
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from time import time
+from typing import Any, NamedTuple
+
+import llvmlite
+import numba
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from numba.core.registry import cpu_target
+from numba.core.serialize import dumps
+
+from dlo_planner.kernels.fingerprint import fingerprint
+from dlo_planner.kernels.folders import folders, prune
+from dlo_planner.kernels.processor import accepted
+
+_DAY = 86400.0  # s, after which a file is marked as used again
+# Settings of numba that change what it compiles.
+_SETTINGS = ('BOUNDSCHECK', 'DEBUGINFO_DEFAULT', 'EXTEND_VARIABLE_LIFETIMES', 'LOOP_VECTORIZE',
+             'SLP_VECTORIZE', 'USING_SVML')
+
+
+class Key(NamedTuple):
+    """What is looked for: all but the compiler and the processor.
+
+    Attributes
+    ----------
+    kernel : str
+        Its name.
+    sources : str
+        Its fingerprint.
+    kinds : tuple of numba.types.Type
+        Types of its arguments.
+    suffix : str
+        What is kept: 'kernel' or 'python'.
+    """
+
+    kernel: str
+    sources: str
+    kinds: tuple[Any, ...]
+    suffix: str
+
+    def file(self, target: tuple[str, ...]) -> str:
+        """Return the name of the file for a processor."""
+        stem = _stem(self.kernel, self.sources, target)
+        return f'{stem}-{_digest(str(self.kinds))}.{self.suffix}'
+
+
+def kept(key: Key) -> Iterator[Any]:
+    """Yield what is in the files of a kernel, the best processor first."""
+    for name in map(key.file, accepted(_target())):
+        for folder in folders().read:
+            content = _read(folder / name)
+            try:
+                held = content and pickle.loads(content)
+            except Exception:  # numba's types, classes, environments: whatever fails is compiled
+                continue
+            if held:
+                yield held
+
+
+def keep(key: Key, content: object) -> None:
+    """Write a file of a kernel; where that cannot be done nothing happens."""
+    folder = folders().write
+    if folder is not None:
+        with suppress(OSError):
+            _write(folder / key.file(_target()), dumps(content))
+            _prune_once(folder)
+
+
+def _stem(kernel: str, sources: str, target: tuple[str, ...]) -> str:
+    """Return how the names of a kernel's files begin, of these sources and this compiler."""
+    return f'{kernel}-{_digest(sources, environment(), target)}'
+
+
+def name_of(kernel: Dispatcher) -> str:
+    """Return the name of a kernel in the names of its files."""
+    function = kernel.py_func
+    return f'{function.__module__}.{function.__qualname__}'.replace('<locals>.', '')
+
+
+def current_stems(kernels: Iterable[Dispatcher]) -> set[str]:
+    """Return how the names of the files of kernels begin that are valid in this process."""
+    return {_stem(name_of(kernel), fingerprint(kernel), _target()) for kernel in kernels}
+
+
+def _target() -> tuple[str, ...]:
+    """Return what numba compiles for: triple, name and features of a processor."""
+    target: tuple[str, ...] = cpu_target.target_context.codegen().magic_tuple()
+    return target
+
+
+def _digest(*parts: object) -> str:
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
+
+
+@cache
+def environment() -> tuple[Any, ...]:
+    """Return what compiles: the versions of Python, numba, LLVM and numpy, and numba's settings."""
+    numpy = np.__version__.split('.')[:2]
+    settings = [(name, repr(getattr(numba.config, name, None))) for name in _SETTINGS]
+    optimized = str(getattr(numba.config.OPT, '_raw_value', numba.config.OPT))
+    return (sys.implementation.cache_tag, getattr(sys, 'abiflags', ''), numba.__version__,
+            llvmlite.__version__, *numpy, optimized, *settings)
+
+
+def _read(path: Path) -> bytes | None:
+    """Return the content of a file that was written whole, and mark it as used."""
+    try:
+        content = zlib.decompress(path.read_bytes())
+    except (OSError, zlib.error):
+        return None
+    with suppress(OSError):
+        if time() - path.stat().st_mtime > _DAY:
+            os.utime(path)
+    return content
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file at once: another process sees all of it, or nothing."""
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix='.part')
+    try:
+        with os.fdopen(handle, 'wb') as file:
+            file.write(zlib.compress(content))
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+@cache
+def _prune_once(folder: Path) -> None:
+    prune(folder)
