@@ -56,7 +56,7 @@ def main(path):
         off = np.abs(found - true).max(axis=0)
         ratio = found[:, 1] / found[:, 0] * true[:, 0] / true[:, 1] - 1
         print(f'cantilever, {name}: width off by {off[0]:.1e}, height by {off[1]:.1e} L, aspect by '
-              f'{np.abs(ratio).max():.1e} (up to 100: {np.abs(ratio[LOADS < 101]).max():.1e})')
+              f'{np.abs(ratio).max():.1e}')
         left.loglog(LOADS, found[:, 1] / found[:, 0], look, ms=5, mfc='none', label=name)
     left.loglog(LOADS, true[:, 1] / true[:, 0], 'k-', lw=1, label='SciPy')
     left.set(xlabel='w L$^3$ / EI [-]', ylabel='height / width [-]', title='level cantilever')

@@ -9,11 +9,10 @@ import numpy as np
 
 from dlo_planner.direct.bearing import corrected_by
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.foreseen import came_true, expected_within, foreseen
 from dlo_planner.direct.history import History
 from dlo_planner.direct.indicator import (
-    elements_for,
     like_before,
-    like_coarser,
     mode_may_be_missed,
     surely_within,
 )
@@ -30,9 +29,11 @@ _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
 _MANY = 512  # elements: a DLO whose error is not known with so many is given up
 _FIRST_TERMS, _MOST_TERMS = 12, 48
 _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
-_FARTHEST = 20  # times as many elements: as far as one shape tells what another mesh will do
 _RESOLVED = 2e-4  # of the length: an error that is no more than that goes with the mesh
 _TURNED = 0.1  # rad: it is another equilibrium
+_DEFAULT = 1e-3  # of the length
+_SOFT = 27.0      # F L^2 / EI: a DLO that is softer hangs down near the gripper
+_LEAST = 0.15     # of that: one that is held at both ends is not as narrow as it is soft
 _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
 _CLEARLY, _RUBBED = 0.7, 0.35  # the same, where the error is known to first order; with friction
 
@@ -77,20 +78,24 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
     anyhow = not around.rod.yields and (
         not around.obstacles and far_end is None
         or initial is None and not any(one.friction for one in around.obstacles))
-    coarse = None
+    coarse = told = None
     while True:
-        if coarse is not None and far_end is None and _resolved(coarse):
+        if told is not None:
+            shape, kicked = hanging(told.mesh, gripper, told.strains)
+        elif coarse is not None and far_end is None and _resolved(coarse):
             shape, kicked = hanging(discretization, gripper, _smooth_start(discretization, coarse))
         else:
             shape, kicked = step(discretization, gripper, initial, how)
         kicks += kicked
         if not shape.converged or surely_within(shape, accuracy) or not _mode_is_missed(
                 shape, accuracy) and (
-                    like_before(shape, initial, accuracy) or like_coarser(shape, coarse, accuracy)
+                    not kicked and came_true(shape, told, _ENOUGH * accuracy)
+                    or like_before(shape, initial, accuracy)
                     or _clearly_within(discretization, shape, accuracy)
-                    or shape.error_estimate <= _ENOUGH * accuracy):
+                    or _near_enough(shape, accuracy)):
             return shape, kicks
-        better = _refined(discretization, fine, shape, accuracy)
+        told = foreseen(shape, accuracy) if fine == 'local' and far_end is None else None
+        better = told.mesh if told else _refined(discretization, fine, shape, accuracy)
         if better is None:
             return replace(shape, converged=shape.error_estimate <= accuracy), kicks
         discretization, coarse = better, shape
@@ -130,15 +135,38 @@ def _clearly_within(discretization: Discretization, shape: Shape, accuracy: floa
     What friction did on the way to it would be another on that mesh: over 789 random steps the
     estimate was twice as large, or more, three times.
     """
+    if not shape.contacts:
+        return False
     rubbed = any(contact.friction.any() for contact in shape.contacts)
     left = past_of(discretization, shape, None)
     return corrected_by(discretization, shape, left) <= accuracy * (_RUBBED if rubbed else _CLEARLY)
 
 
 def within(shape: Shape, accuracy: float) -> bool:
-    """Whether a Shape's error is below `accuracy` (m): at a glance, or by its estimate."""
-    return (surely_within(shape, accuracy)
-            or shape.error_estimate <= _ENOUGH * accuracy)
+    """Whether a Shape's error is below `accuracy` (m): at a glance, or as near as can be told."""
+    return surely_within(shape, accuracy) or _near_enough(shape, accuracy)
+
+
+def _near_enough(shape: Shape, accuracy: float) -> bool:
+    """Whether a Shape's error is below a part of `accuracy` (m), as expected or as estimated."""
+    told = expected_within(shape, _ENOUGH * accuracy)
+    return shape.error_estimate <= _ENOUGH * accuracy if told is None else told
+
+
+def default_accuracy(discretization: Discretization) -> float:
+    """Return the accuracy (m) of a DLO of which none is named.
+
+    A soft one hangs down within a part of its length, of the size (EI L / F)^(1/3) by its loads F.
+    Errors are by the square of elements as long as that part is: so is the accuracy. Among
+    obstacles, which decide where it is bent, it is that of any other.
+    """
+    if discretization.surroundings.obstacles:
+        return _DEFAULT * float(discretization.s[-1])
+    system, length = discretization.static, discretization.s[-1]
+    force = float(np.sum(np.linalg.norm(system.pull, axis=1)))
+    softness = force * length**2 / np.min(system.stiffness[:, 1:])
+    part = (_SOFT / max(softness, _SOFT)) ** (2 / 3)
+    return _DEFAULT * float(length * max(part, _LEAST))
 
 
 def first_mesh(surroundings: Surroundings, basis: str) -> Discretization:
@@ -182,9 +210,6 @@ def _refined(discretization: Discretization, fine: str, shape: Shape,
     if discretization.basis != fine:
         s = graded_mesh(s, bent, elements, around.breaks)
         return Discretization(around, s, fine, _FIRST_TERMS)
-    if (fine == 'local' and discretization.told_by_truncation and shape.far_end is None
-            and _resolved(shape)):
-        return _at_once(discretization, shape, accuracy)
     from_mesh = shape.error_estimate
     if elements >= _MANY and not np.isfinite(from_mesh):
         return None
@@ -222,20 +247,3 @@ def _smooth_start(discretization: Discretization, shape: Shape) -> Floats:
     freeze(strains)
     result: Floats = strains
     return result
-
-
-def _at_once(discretization: Discretization, shape: Shape,
-             accuracy: float) -> Discretization | None:
-    """Return the Discretization, of a DLO that hangs freely, on which its shape will be within.
-
-    As far as can be told: what is bent more sharply than the elements can resolve needs another.
-    """
-    around, elements = discretization.surroundings, len(shape.element_strains)
-    if elements >= _MOST_ELEMENTS:
-        return None
-    bent = shape.element_strains - discretization.natural
-    s = graded_mesh(discretization.s, bent, elements, around.breaks)
-    wanted = elements_for(shape, s, accuracy)
-    wanted = int(np.clip(wanted, np.ceil(1.2 * elements), _FARTHEST * elements))
-    s = graded_mesh(discretization.s, bent, min(wanted, _MOST_ELEMENTS), around.breaks)
-    return Discretization(around, s, 'local', 0)

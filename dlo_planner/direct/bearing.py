@@ -8,25 +8,27 @@ made in small parts (`direct.approach`).
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, shape_of
-from dlo_planner.direct.touch import halved_forces
+from dlo_planner.direct.acting import ACTING
+from dlo_planner.direct.part import Solved
+from dlo_planner.direct.proof import proved_bearing, violation
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.state import State
+from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, estimated, shape_of
+from dlo_planner.direct.touch import ended, halved_system
 from dlo_planner.minimize.bearing import correction
 from dlo_planner.minimize.multipliers import carried_newton
-from dlo_planner.ritz.rotation import turn_between
 
 if TYPE_CHECKING:
     from dlo_planner.direct.discretization import Discretization
     from dlo_planner.direct.history import History
-    from dlo_planner.direct.shape import Shape
+    from dlo_planner.minimize.minimum import Minimum
     from dlo_planner.model.arrays import Floats
     from dlo_planner.model.pose import Pose
-
-_NOWHERE = np.zeros((0, 3))
 
 
 def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | None,
@@ -47,15 +49,41 @@ def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | N
     if initial is None or around.pinned or around.has_moments or not _bears(past):
         return None
     begin = initial.gripper
-    shift = gripper.position - begin.position
-    start = (np.array(begin.rotation, order='C'), past.left['point_slid'].any(axis=1),
+    start = (np.array(begin.rotation, order='C'), past.left['point_slid'],
              discretization.strains_from(initial.s, initial.element_strains),
-             np.concatenate([turn_between(begin.rotation, gripper.rotation), shift]))
-    before = np.hstack([past.positions - gripper.position, past.tangents])
+             gripper.position - begin.position)
+    before = np.empty((len(past.positions), 6))
+    np.subtract(past.positions, gripper.position, out=before[:, :3])
+    before[:, 3:] = past.tangents
     system = discretization.system(gripper.rotation, gripper.position, past)
     found = carried_newton(system, start, TOLERANCE, MAX_ITERATIONS,
                            EXACT * discretization.s[-1], before)
-    return None if found is None else (shape_of(discretization, gripper, found, past), found.kicks)
+    if found is None:
+        return None
+    if discretization.stores:
+        return shape_of(discretization, gripper, found, past), found.kicks
+    return _shape(discretization, gripper, found, past), found.kicks
+
+
+def _shape(mesh: Discretization, gripper: Pose, found: Minimum, past: History) -> Shape:
+    """Return what `shape_of` does of a DLO that only touches, with one look at what was found."""
+    known = ended(found.system, found.state, np.array(gripper.position))
+    solved = Solved(mesh, found.system, found.state, gripper, None, past.left, known)
+    strains, frames, positions, tangents, wrench, elastic, energy, noise = known[0]
+    after = past.followed(positions, tangents, **{
+        name: np.asarray(one) for part in ACTING for name, one in part.leaves(solved).items()})
+    reports = {name: value for part in ACTING
+               for name, value in part.reports(solved, after.left).items()}
+    estimate = partial(_estimate, mesh, gripper, strains, positions, past)
+    return Shape(gripper, mesh.s, positions, frames, strains, energy, elastic, wrench,
+                 found.residual, found.stability, found.iterations,
+                 proved_bearing(solved, found, noise), violation=violation(solved, found),
+                 state=State.made(mesh, after, past, estimate), **reports)
+
+
+def _estimate(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,
+              past: History) -> float:
+    return estimated(mesh, gripper, strains, positions - gripper.position, past, None)
 
 
 def corrected_by(mesh: Discretization, shape: Shape, left: History) -> float:
@@ -76,23 +104,12 @@ def corrected_by(mesh: Discretization, shape: Shape, left: History) -> float:
     if (not shape.contacts or shape.far_end is not None or mesh.yields or around.pinned
             or around.has_moments):
         return np.inf
-    finer, gripper = mesh.finer, shape.gripper
-    system = finer.system(gripper.rotation, gripper.position, _halved(left, finer.s))
-    return 4 / 3 * float(correction(system, np.array(shape.element_strains),
-                                    shape.positions - gripper.position))
-
-
-def _halved(past: History, s: Floats) -> History:
-    """Return what contacts leave to a mesh `s` (2 N + 1,) with halved elements, and nothing else.
-
-    Of a DLO that does not yield and hangs free of other grips.
-    """
-    return replace(past, s=s, left={**past.left, **halved_forces(past.left, s)},
-                   positions=_NOWHERE, tangents=_NOWHERE)
+    return 4 / 3 * float(correction(halved_system(mesh, shape.gripper, left.left),
+                                    np.array(shape.element_strains),
+                                    shape.positions - shape.gripper.position))
 
 
 def _bears(past: History) -> bool:
     """Whether contacts have pressed on the DLO."""
     left = past.left
-    pressed = left['point_multiplier'][left['point_obstacle'] >= 0]
-    return bool(left['node_force'].any() or pressed.any())
+    return bool(left['node_force'].any() or left['point_multiplier'].any())

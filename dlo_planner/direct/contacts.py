@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +13,11 @@ import numpy as np
 from dlo_planner.energy.system import State, System
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import integer
 from dlo_planner.model.computed import figure, results
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import Value, brief, freeze, put
 from dlo_planner.ritz.kinematics import point_inside
 
 if TYPE_CHECKING:  # it imports this file
@@ -76,15 +78,29 @@ def contacts_of(discretization: Discretization, system: System, state: State,
     """Return the Contacts (a tuple, by s) of a kernel's result."""
     if not discretization.obstructed:
         return ()
-    rows = zip(*_rows(system, state), strict=True)
-    found = [Contact(int(source), float(discretization.s[e] + along), gripper.position + x, normal,
-                     float(force), friction, float(max(0.0, -gap)))
-             for source, e, along, x, normal, force, friction, gap in rows]
+    return contacts_in(discretization, contact_rows(system, state), gripper.position)
+
+
+def contacts_in(mesh: Discretization, rows: Sequence[Floats | Ints],
+                origin: Floats) -> tuple[Contact, ...]:
+    """Return the Contacts (a tuple, by s) of `contact_rows`, the gripper at `origin` (3,), m."""
+    found = [_contact(obstacle=source, s=float(mesh.s[e]) + along, position=origin + x,
+                      normal=normal, force=force, friction=friction, penetration=max(0.0, -gap))
+             for source, e, along, x, normal, force, friction, gap in zip(
+                 *(row.tolist() if row.ndim == 1 else row for row in rows), strict=True)]
     return tuple(sorted(found, key=lambda contact: contact.s))
 
 
+def _contact(**fields: Any) -> Contact:
+    """Return the Contact that a simulator makes: quicker, nothing is to be judged."""
+    contact = object.__new__(Contact)
+    freeze((fields['position'], fields['normal'], fields['friction']))
+    put(contact, **fields)
+    return contact
+
+
 @kernel
-def _rows(system: System, state: State) -> Any:
+def contact_rows(system: System, state: State) -> Any:
     """Return of A contacts: obstacle, element, m along it, place, normal, force, friction, gap.
 
     Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO.

@@ -10,11 +10,14 @@ import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.shape import Shape
+from dlo_planner.kernels import kernel
 from dlo_planner.minimize.leash import largest_turn_between
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import freeze
-from dlo_planner.ritz.rotation import partway, turn_between
+from dlo_planner.ritz.matrix3 import matrix, times_transposed
+from dlo_planner.ritz.rotation import partway, rotation_vector
 
 Equilibrium: TypeAlias = Callable[..., 'tuple[Shape, int]']  # see `follow`
 
@@ -111,15 +114,30 @@ def fell(previous: Shape, shape: Shape) -> bool:
 def _lost(previous: Shape, shape: Shape) -> bool:
     """Whether less energy is left than the work of both grips accounts for."""
     one, other = previous.gripper, shape.gripper
-    shifts = (other.position - one.position, shape.positions[-1] - previous.positions[-1])
-    turns = (turn_between(one.rotation, other.rotation),
-             turn_between(previous.frames[-1], shape.frames[-1]))
-    forces = (previous.gripper_wrench + shape.gripper_wrench,
-              previous.far_wrench + shape.far_wrench)
-    work = sum(0.5 * float(force[:3] @ shift + force[3:] @ turn)
-               for force, shift, turn in zip(forces, shifts, turns, strict=True))
+    work = (_work(one.rotation, other.rotation, one.position, other.position,
+                  previous.gripper_wrench, shape.gripper_wrench)
+            + _work(previous.frames[-1], shape.frames[-1], previous.positions[-1],
+                    shape.positions[-1], previous.far_wrench, shape.far_wrench))
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
     return lost > _LOST_OF_WORK * abs(work) + _LOST_OF_ELASTIC * previous.elastic_energy
+
+
+@kernel
+def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
+          after: Floats) -> float:
+    """Return the work in J of a grip on a straight way, its force changing evenly.
+
+    Args:
+        one, other: (3, 3), read-only, rotations of the grip at both ends of the way
+        begin, end: (3,), read-only, its positions there, m
+        before, after: (6,), read-only, its force and moment on the DLO there, N, N m
+    """
+    turn = rotation_vector(times_transposed(matrix(other), matrix(one)))
+    work = 0.0
+    for i in range(3):
+        work += (before[i] + after[i]) * (end[i] - begin[i])
+        work += (before[3 + i] + after[3 + i]) * turn[i]
+    return 0.5 * work
 
 
 def _allowed(previous: Shape, shape: Shape, turn: float) -> float:

@@ -25,7 +25,8 @@ _EXACT = 1e-4      # of the slack: what is aimed at
 _LEAST = 1e-10     # of the length: slack that is looked at
 _IN_VAIN = 30      # Newton steps towards what is out of reach
 _NOTHING = np.zeros(6)
-freeze(_NOTHING)
+_NO_FORCES = np.zeros(0)
+freeze((_NOTHING, _NO_FORCES))
 
 
 class FarHold(Part):
@@ -63,6 +64,8 @@ class FarHold(Part):
 
     def leaves(self, solved: Solved) -> Left:
         """Return the forces."""
+        if solved.far_end is None:
+            return {'hold': _NO_FORCES}
         hold = solved.system.hold
         return {'hold': np.zeros(0) if hold is None else hold.multiplier}
 

@@ -19,6 +19,8 @@ from dlo_planner.model.value import FrozenDict, Value, freeze, put, same
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.discretization import Discretization
 
+_NOWHERE = np.zeros((0, 3))
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class History(Value):
@@ -53,13 +55,27 @@ class History(Value):
     def empty(cls, mesh: Discretization) -> History:
         """Return the past, on a mesh, of a DLO that has none."""
         left = {name: array for part in ACTING for name, array in part.empty(mesh, mesh.s).items()}
-        return cls(mesh.s, left, np.zeros((0, 3)), np.zeros((0, 3)), mesh.surroundings)
+        return cls._of(mesh.s, left, (_NOWHERE, _NOWHERE), mesh.surroundings)
+
+    @classmethod
+    def _of(cls, s: Floats, left: Left, way: tuple[Floats, Floats],
+            of: Surroundings | None) -> History:
+        """Return a History of arrays as parts make them: quicker, nothing is to be judged."""
+        history = object.__new__(cls)
+        for content in (s, *way, *left.values()):
+            content.flags.writeable = False
+        put(history, s=s, left=FrozenDict(left), positions=way[0], tangents=way[1], of=of)
+        return history
 
     @classmethod
     def after(cls, solved: Solved, positions: Floats, tangents: Floats) -> History:
         """Return the past of a DLO after a step, with its nodes' positions and tangents then."""
         left = {name: array for part in ACTING for name, array in part.leaves(solved).items()}
         return cls(solved.mesh.s, left, positions, tangents, solved.mesh.surroundings)
+
+    def followed(self, positions: Floats, tangents: Floats, **left: Any) -> History:
+        """Return the past after a step that left nothing else than arrays of some names."""
+        return History._of(self.s, {**self.left, **left}, (positions, tangents), self.of)
 
     def leaving(self, **left: Any) -> History:
         """Return the same past with other arrays of some names in `left`."""

@@ -19,7 +19,7 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
-from dlo_planner.ritz.truncation import OF_AN_ARC, truncation
+from dlo_planner.ritz.truncation import truncation
 
 if TYPE_CHECKING:  # it imports this module
     from dlo_planner.direct.shape import Shape
@@ -92,48 +92,6 @@ def like_before(shape: Shape, before: Shape | None, accuracy: float) -> bool:
         return False
     then, now = _truncated(before), _truncated(shape)
     return bool(then > 0 and _LIKE * before.error_estimate * now <= accuracy * then)
-
-
-def like_coarser(shape: Shape, coarse: Shape | None, accuracy: float) -> bool:
-    """Return whether a Shape is within `accuracy` (m), judged by the same one on a coarser mesh.
-
-    The error estimate of the coarser one has to be known. Its ratio to `truncation` hardly changes
-    with the mesh: on meshes up to 20 times as fine, graded to the bend, it was 0.4 to 2.8 times as
-    large over 400 random DLOs that hang freely. Only without a series, whose error is another one.
-
-    Parameters
-    ----------
-    coarse : Shape or None
-        In the same gripper, of the same DLO. If None, nothing is known.
-    """
-    if (coarse is None or shape.stability < _STABLE or not shape.state.made_on.hangs
-            or shape.far_end is not None or coarse.state.made_on.basis != 'local'
-            or shape.state.made_on.basis != 'local'
-            or not shape.state.made_on.told_by_truncation):
-        return False
-    then, now = _truncated(coarse), _truncated(shape)
-    return bool(then > 0 and _LIKE * coarse.error_estimate * now <= accuracy * then)
-
-
-def elements_for(shape: Shape, s: np.ndarray, accuracy: float) -> int:
-    """Return how many elements a mesh graded like `s` needs for `like_coarser` to hold.
-
-    Parameters
-    ----------
-    shape : Shape
-        Shape on a coarser mesh, whose error estimate is known.
-    s : ndarray, shape (n + 1,)
-        Nodes, graded to its bend, m.
-    accuracy : float
-        Accuracy in m.
-    """
-    mesh, h = shape.state.made_on, np.diff(s)
-    middle = 0.5 * (mesh.s[1:] + mesh.s[:-1])
-    rate = np.abs(np.diff(shape.element_strains - mesh.natural, axis=0)).sum(axis=1)
-    rate = np.interp(0.5 * (s[1:] + s[:-1]), mesh.s[1:-1], rate / np.diff(middle))
-    expected = np.sum(h**3 * rate) / OF_AN_ARC
-    share = _LIKE * shape.error_estimate * expected / (_SURELY * accuracy * _truncated(shape))
-    return int(np.ceil(h.size * np.sqrt(share)))
 
 
 def _truncated(shape: Shape) -> float:

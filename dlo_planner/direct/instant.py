@@ -3,7 +3,7 @@
 """A motion at one instant."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from dlo_planner.direct.integrator import KinematicState
 from dlo_planner.direct.shape import Shape
@@ -50,6 +50,13 @@ class Instant:
     losses: Floats
     damping: float
     touched: bool = False
+
+    @classmethod
+    def made(cls, **contents: Any) -> 'Instant':
+        """Return the Instant with these fields, all of them: quicker than by its constructor."""
+        instant = object.__new__(cls)
+        instant.__dict__.update(contents)
+        return instant
 
     @property
     def balance(self) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -144,7 +144,7 @@ def swung_shortly(stepper: Stepper, courses: tuple[KinematicState, KinematicStat
     gripper = stepper.grips.gripper.at(place)
     trail.bases[PAST + 1], trail.origins[PAST + 1] = gripper.rotation, gripper.position
     swing(stepper.discretization.static, stepper.coefficients(brief, damping), trail, PAST + 1,
-          TOLERANCE + stepper.rounding(brief), MAX_ITERATIONS)
+          TOLERANCE + stepper.rounding(brief), MAX_ITERATIONS, False)
     return There(trail.nodes[0, PAST + 1].copy(), trail.bends[0, PAST + 1].copy(),
                  trail.wrenches[PAST + 1].copy(), np.zeros(6))
 
@@ -167,23 +167,28 @@ def _trail(stepper: Stepper, nodes: KinematicState, bends: KinematicState, place
 
 def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], places: Floats,
               rounding: float) -> list[Instant]:
-    """Return the Instants in some rows of a Trail; they share no memory with the others."""
-    nodes, bends, frames, wrenches = (trail.nodes[:, rows], trail.bends[:, rows],
-                                      trail.frames[rows], trail.wrenches[rows])
+    """Return the Instants in some rows of a Trail; they keep no memory of many others."""
+    at: Any = rows
+    if rows and 2 * len(rows) > trail.times.size and rows[-1] - rows[0] == len(rows) - 1:
+        at = slice(rows[0], rows[-1] + 1)  # nothing is copied
+    nodes, bends, frames, wrenches = (trail.nodes[:, at], trail.bends[:, at], trail.frames[at],
+                                      trail.wrenches[at])
     freeze([nodes, bends, frames, wrenches])
+    energies, proofs = trail.energies[rows].tolist(), trail.proofs[rows].tolist()
     found = []
     for k, row in enumerate(rows):
-        elastic, energy, kinetic, work, power, lost, damping = trail.energies[row].tolist()
-        residual, stability, _ = trail.proofs[row].tolist()
+        elastic, energy, kinetic, work, power, lost, damping = energies[k]
+        residual, stability, _ = proofs[k]
         place = float(places[k])
         shape = hanging_shape(stepper.discretization, stepper.grips.gripper.at(place), (
             bends[0, k], frames[k], nodes[0, k], wrenches[k], elastic, energy, residual, stability,
             int(trail.iterations[row]), 0), rounding)
         losses = now.losses.copy()
         losses[0] = lost
-        found.append(Instant(place, shape, KinematicState(*nodes[:, k]),
-                             KinematicState(*bends[:, k]), kinetic,
-                             energy, work, power, losses, damping))
+        found.append(Instant.made(
+            place=place, shape=shape, nodes=KinematicState.of(nodes[:, k]),
+            bends=KinematicState.of(bends[:, k]), kinetic=kinetic, potential=energy, work=work,
+            power=power, losses=losses, damping=damping, touched=False))
     return found
 
 

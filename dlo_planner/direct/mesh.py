@@ -7,6 +7,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from dlo_planner.ritz.grading import even_shares
+
 Breaks: TypeAlias = NDArray[np.float64] | tuple[()]
 
 _NEAR = 0.3  # of an element: a node nearer to a jump moves there
@@ -40,11 +42,7 @@ def even_mesh(length: float, elements: int, breaks: Breaks = ()) -> NDArray[np.f
 
 def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: int,
                 breaks: Breaks = ()) -> NDArray[np.float64]:
-    """Return nodes that share out evenly the error of arcs of constant strain.
-
-    An arc whose strain should change at the rate u' misplaces its far end by about h^3 |u'|, so
-    the best density of elements goes with the cube root of |u'|; a floor keeps a third of the
-    elements for where nothing seems to happen.
+    """Return nodes that share out evenly the error of arcs of constant strain: `even_shares`.
 
     Parameters
     ----------
@@ -57,14 +55,25 @@ def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: 
     breaks : ndarray, shape (n,), optional
         Arc lengths of jumps, m.
     """
-    middle = 0.5 * (s[1:] + s[:-1])
-    rate = np.linalg.norm(np.diff(strains, axis=0), axis=1) / np.diff(middle)
-    density = np.cbrt(np.interp(middle, s[1:-1], rate))
-    h = np.diff(s)
-    mean = np.sum(density * h) / s[-1]
-    share = np.cumsum((density / mean if mean > 0 else 0.0) * h + 0.5 * h)
-    share = np.concatenate([[0.0], share]) / share[-1]
-    nodes = np.interp(np.linspace(0, 1, elements + 1), share, s)
+    return nodes_at(s, even_shares(np.diff(s), np.array(strains)), elements, breaks)
+
+
+def nodes_at(s: NDArray[np.float64], shares: NDArray[np.float64], elements: int,
+             breaks: Breaks = ()) -> NDArray[np.float64]:
+    """Return nodes (elements + 1,), more where there are jumps, with as much in each element.
+
+    Parameters
+    ----------
+    s : ndarray, shape (N + 1,)
+        Nodes, m.
+    shares : ndarray, shape (N + 1,)
+        What lies before each of them, as a part of it all.
+    elements : int
+        Number of elements wanted.
+    breaks : ndarray, shape (n,), optional
+        Arc lengths of jumps, m.
+    """
+    nodes = np.interp(np.linspace(0, 1, elements + 1), shares, s)
     nodes[0], nodes[-1] = 0.0, s[-1]
     return with_breaks(nodes, breaks)
 

@@ -12,6 +12,7 @@ from dlo_planner.direct.bearing import bearing_on
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
+from dlo_planner.direct.holding import holding_on
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium, hanging
 from dlo_planner.direct.surroundings import Surroundings
@@ -58,8 +59,9 @@ def step(discretization: Discretization, gripper: Pose, initial: Shape | None,
     if far_end is None and method == 'newton' and discretization.hangs:
         return _hanging(discretization, gripper, initial, most)
     past = past_of(discretization, initial, history)
-    if far_end is None and method == 'newton' and unknowns == 'components':
-        found = bearing_on(discretization, gripper, initial, past)
+    if method == 'newton' and unknowns == 'components':
+        found = (bearing_on(discretization, gripper, initial, past) if far_end is None else
+                 holding_on(discretization, gripper, initial, far_end, past))
         if found is not None:
             return found
     if initial is None:
@@ -106,8 +108,8 @@ def past_of(discretization: Discretization, initial: Shape | None,
         History that counts if `initial` is None or of another rod.
     """
     known = None if initial is None else initial.state.history
-    if initial is not None and known is not None and not np.array_equal(known.positions,
-                                                                        initial.positions):
+    if (initial is not None and known is not None and known.positions is not initial.positions
+            and not np.array_equal(known.positions, initial.positions)):
         # carried somewhere else since, or predicted: there it has touched nothing yet
         known = known.lasting()
     return discretization.past(known, history)

@@ -48,6 +48,8 @@ class Solved(NamedTuple):
     far_end : FarEnd or None
     left : Left
         What was left to the step.
+    touch : tuple or None
+        What `direct.touch.ended` says of it, where that is known already.
     """
 
     mesh: Discretization
@@ -56,6 +58,7 @@ class Solved(NamedTuple):
     gripper: Pose
     far_end: FarEnd | None
     left: Left
+    touch: tuple[Any, ...] | None = None
 
 
 class Part:
@@ -145,8 +148,12 @@ class Part:
         """Whether it constrains the DLO there."""
         return False
 
+    def violation(self, solved: Solved) -> float:
+        """Return by how much it is violated, m, besides `Minimum.violation`."""
+        return 0.0
+
     def kept(self, solved: Solved) -> bool:
-        """Whether its own limits are kept, besides that of `Minimum.violation`."""
+        """Whether its own limits are kept, besides that of all violations."""
         return True
 
     def stored(self, mesh: Discretization, left: Left, strains: Floats) -> float:

@@ -68,7 +68,7 @@ class PermanentSet(Part):
     def leaves(self, solved: Solved) -> Left:
         """Return the set after the step, and what it cost."""
         system, left = solved.system, solved.left
-        if not yields(system.plastic):
+        if not (solved.mesh.yields and yields(system.plastic)):
             return {'set': left['set'], 'lost': left['lost']}
         new, lost = settled(system.lengths, solved.state.strains, system.natural, system.plastic)
         return {'set': new, 'lost': np.array(left['lost'] + lost)}

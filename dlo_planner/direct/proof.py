@@ -38,7 +38,12 @@ def proved(solved: Solved, found: Minimum, rounding: float = 0.0) -> bool:
     return bool(_promised(solved, found.residual, rounding, bound)
                 and found.stability > -neutral
                 and all(part.kept(solved) for part in ACTING)
-                and found.violation <= KEPT * mesh.s[-1])
+                and violation(solved, found) <= KEPT * mesh.s[-1])
+
+
+def violation(solved: Solved, found: Minimum) -> float:
+    """Return by how much a constraint is violated at most, m."""
+    return max(float(found.violation), *(part.violation(solved) for part in ACTING))
 
 
 def _promised(solved: Solved, residual: float, rounding: float, bound: Sequence[Part]) -> bool:
@@ -49,9 +54,24 @@ def _promised(solved: Solved, residual: float, rounding: float, bound: Sequence[
     if not bound:
         return residual < CONVERGED + 100 * rounding
     noise = gradient_noise(solved.system, solved.state)
+    return _as_rounded(residual - 100 * rounding, noise, bound)
+
+
+def _as_rounded(residual: float, noise: float, bound: Sequence[Part]) -> bool:
+    """Whether a residual is as small as promised, or as what rounding errors may leave of it."""
     promised = max(part.residual for part in bound)
-    result: bool = residual < max(promised, noise) + 100 * rounding and noise < _BLURRED
-    return result
+    return residual < max(promised, noise) and noise < _BLURRED
+
+
+def proved_bearing(solved: Solved, found: Minimum, noise: float) -> bool:
+    """Return what `proved` does of a DLO that touches, its far end free; `noise` of its residual.
+
+    Quicker: what acts constrains it.
+    """
+    bound = [part for part in ACTING if part.acts(solved.mesh.surroundings)]
+    return bool(_as_rounded(found.residual, noise, bound) and found.stability > -HELD_NEUTRAL
+                and all(part.kept(solved) for part in ACTING)
+                and violation(solved, found) <= KEPT * solved.mesh.s[-1])
 
 
 def stored_after(solved: Solved, left: Left) -> float:

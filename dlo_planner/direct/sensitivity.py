@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.energy.effects import fill_miss, fill_rows, row_count
 from dlo_planner.energy.potential import at_element, evaluate, project, unknowns_of
-from dlo_planner.energy.system import State, System, new_state, unknown_count
+from dlo_planner.energy.system import State, System, new_state, turned_system, unknown_count
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import Hessian, assemble, factorize, new_hessian, solve_held
@@ -57,6 +57,10 @@ class Sensitivity:
             raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         self.shape = shape
         here, gripper = shape.state.mesh, shape.gripper
+        if here.hangs and shape.far_end is None:
+            self._system, self._state, self._answers, self._hessian = _hanging_answers(
+                here.static, gripper.rotation, here.start_from(shape))
+            return
         # the past before the step: what yields in it, yields along with the gripper
         past = shape.state.held
         system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
@@ -90,9 +94,10 @@ class Sensitivity:
         result: Floats = _node_twists(self._system, self._state, self._answers, self._columns)
         return result
 
-    @property
+    @cached_property
     def _columns(self) -> int:
-        result: int = self._hessian.cross.shape[2]
+        free = self.shape.far_end is None and self.shape.state.made_on.hangs
+        result: int = 3 if free else self._hessian.cross.shape[2]
         return result
 
     @property
@@ -204,6 +209,22 @@ def _strains_by(system: System, hessian: Hessian, slopes: Floats) -> Floats:
             for i in range(3):
                 out[k, e, i] = scale[e, i] * at_element(basis, answer, e, i)
     return out
+
+
+@kernel
+def _hanging_answers(system: System, base: Floats,
+                     strains: Floats) -> tuple[System, State, Floats, Hessian]:
+    """Return a System that hangs freely in a gripper, and there what `gripper_answers` returns.
+
+    Args:
+        base: (3, 3), read-only, rotation of the gripper
+        strains: (N, 3), read-only, in equilibrium, 1/m
+    """
+    here = turned_system(system, base.copy(), system.origin)
+    q = np.empty((unknown_count(system), 3))
+    unknowns_of(here, strains.copy(), q)
+    state, answers, hessian = gripper_answers(here, q)
+    return here, state, answers, hessian
 
 
 @kernel

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The answer of the direct simulation: a shape, with its proof."""
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property, partial
 from os import PathLike
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, flag, instance, integer, items, row, shown, vector
 from dlo_planner.model.computed import figure
 from dlo_planner.model.far_end import FarEnd, distance, within_reach
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, shifted
 from dlo_planner.model.value import brief, freeze, put
 
 _NEARLY, _STABLE, _KEPT = 1e-4, 1e-3, 1e-6  # what a shape is not to exceed to go on from it
@@ -70,7 +71,8 @@ class Shape(OfDLO):
     contacts : tuple
         The Contacts, in the order of s.
     violation : float
-        By how much a constraint (contact, far end) is violated, m.
+        By how much a constraint (contact, far end) is violated, m; how deep the gripper itself, a
+        point, is in an obstacle is part of it.
     far_end : FarEnd or None
         What holds the far end; None if it is free.
     far_wrench : ndarray, shape (6,)
@@ -221,7 +223,7 @@ class Shape(OfDLO):
         Obstacles and a far end's grip would: only for shapes that touch nothing.
         """
         displacement = vector('displacement', displacement, 3)
-        gripper = Pose.from_rotation(self.gripper.position + displacement, self.gripper.rotation)
+        gripper = shifted(self.gripper, displacement)
         positions = self.positions + displacement
         freeze(positions)
         other = object.__new__(type(self))  # without another look at what is the same
@@ -232,3 +234,21 @@ class Shape(OfDLO):
 
 
 _FIELDS = tuple(item.name for item in fields(Shape))
+_DEFAULTS = {item.name: item.default for item in fields(Shape) if item.default is not MISSING}
+_ARRAYS = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
+
+
+def made_shape(**contents: Any) -> Shape:
+    """Return the Shape that a simulator makes, of new arrays: quicker, nothing is judged.
+
+    Parameters
+    ----------
+    contents : object
+        Fields; those without a default are all there.
+    """
+    shape = object.__new__(Shape)
+    shape.__dict__.update(_DEFAULTS)
+    shape.__dict__.update(contents)
+    for name in _ARRAYS:
+        contents[name].flags.writeable = False
+    return shape

@@ -10,7 +10,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from dlo_planner.deprecated import renamed
-from dlo_planner.direct.accuracy import first_mesh, mesh_to_begin_with, within
+from dlo_planner.direct.accuracy import default_accuracy, first_mesh, mesh_to_begin_with, within
 from dlo_planner.direct.beginning import Velocity
 from dlo_planner.direct.continuation import follow, leapt
 from dlo_planner.direct.described import STRAINS
@@ -34,8 +34,6 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import put
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.ritz.series import BASES, converging
-
-DEFAULT_ACCURACY = 1e-3  # of the length
 
 
 class DirectSimulator(Moving):
@@ -67,8 +65,10 @@ class DirectSimulator(Moving):
         (q_d, q_kappa, q_tau), for study, with 'dfp' or 'downhill_simplex' only.
     accuracy : float, optional
         In m; picks mesh and terms instead of n_elements and n_terms. The basis is then 'local'
-        unless one is named. Without any of the three it is 1e-3 of the length, and 64 elements with
-        10 terms are kept wherever they do. The paper's methods keep them anyway.
+        unless one is named. Without any of the three it is 1e-3 of the length, less for a DLO
+        that its loads F bend near the gripper: without obstacles (27 EI / F L^2)^(2/3) of that,
+        at least 1.5e-4 of the length; 64 elements with 10 terms are kept wherever they do. The
+        paper's methods keep them anyway.
     gravity : array_like, shape (3,), optional
         Gravity in m/s^2, any direction, may be zero.
     load : array_like or callable, optional
@@ -118,9 +118,10 @@ class DirectSimulator(Moving):
                              minimum=2, maximum=100_000)
         n_terms = integer('n_terms', min(10, n_elements) if n_terms is None else n_terms,
                           minimum=1, maximum=200)
-        put(self, accuracy=None if fixed or method != 'newton' else DEFAULT_ACCURACY * rod.length,
-            _discretization=Discretization(
-                around, even_mesh(rod.length, n_elements, around.breaks), self.basis, n_terms))
+        begin = Discretization(around, even_mesh(rod.length, n_elements, around.breaks), self.basis,
+                               n_terms)
+        put(self, accuracy=None if fixed or method != 'newton' else default_accuracy(begin),
+            _discretization=begin)
 
     def solve(self, gripper: Pose, initial: Shape | None = None, *,
               far_end: FarEnd | Pose | ArrayLike | None = None) -> Shape:

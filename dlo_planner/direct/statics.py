@@ -15,19 +15,20 @@ from dlo_planner.direct.hinge import pinned_newton
 from dlo_planner.direct.history import History
 from dlo_planner.direct.moments import balanced
 from dlo_planner.direct.part import Solved
-from dlo_planner.direct.proof import CONVERGED, proved, stored_after
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.proof import CONVERGED, proved, stored_after, violation
+from dlo_planner.direct.shape import Shape, made_shape
 from dlo_planner.direct.state import State
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.energy.system import State as KernelState
 from dlo_planner.energy.system import System
 from dlo_planner.minimize.hanging import hang
+from dlo_planner.minimize.holding import hold_on
 from dlo_planner.minimize.methods import search
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.minimize.newton import NEUTRAL, newton
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.far_end import FarEnd, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze
 
@@ -119,10 +120,12 @@ def hanging_shape(discretization: Discretization, gripper: Pose, found: Found, r
     (strains, frames, positions, wrench, elastic, energy, residual, stability, iterations,
      _) = found
     past = discretization.start
-    return Shape(gripper, discretization.s, positions, frames, strains, energy, elastic, wrench,
-                 residual, stability, iterations,
-                 bool(hangs_still(residual - 100 * rounding, stability)), far_wrench=_NOTHING,
-                 state=State.made(discretization, past, past, estimate))
+    return made_shape(
+        gripper=gripper, s=discretization.s, positions=positions, frames=frames,
+        element_strains=strains, energy=energy, elastic_energy=elastic, gripper_wrench=wrench,
+        residual=residual, stability=stability, iterations=iterations,
+        converged=bool(hangs_still(residual - 100 * rounding, stability)), far_wrench=_NOTHING,
+        state=State.made(discretization, past, past, estimate))
 
 
 def hangs_still(residual: Any, stability: Any) -> Any:
@@ -132,7 +135,7 @@ def hangs_still(residual: Any, stability: Any) -> Any:
 
 def _estimate_hanging(discretization: Discretization, gripper: Pose, strains: Floats,
                       positions: Floats) -> float:
-    return _estimate(discretization, gripper, strains, positions - gripper.position, None, None)
+    return estimated(discretization, gripper, strains, positions - gripper.position, None, None)
 
 
 NO_NODES: Ints = np.zeros(0, dtype=np.int64)  # of no Leash
@@ -162,6 +165,34 @@ class Search(NamedTuple):
 
 
 THOROUGH = Search()
+
+
+def held_nearby(mesh: Discretization, gripper: Pose, far_end: FarEnd, strains: Floats,
+                force: Floats) -> list[Any] | None:
+    """Return what `minimize.holding.hold_on` finds next to given strains; None if it is not near.
+
+    Parameters
+    ----------
+    mesh : Discretization
+    gripper : Pose
+    far_end : FarEnd
+    strains : ndarray, shape (N, 3)
+        Strains of the elements, 1/m, read-only.
+    force : ndarray, shape (K,)
+        Forces of the far end's grip before, N, read-only.
+    """
+    length = float(mesh.s[-1])
+    if not mesh.hangs or not within_reach(far_end, gripper, length, mesh.loaded):
+        return None
+    rows = far_end.held
+    if force.shape != (len(rows),):
+        return None
+    rows[:, :3] *= mesh.lever
+    exact = limits_of(mesh, gripper, far_end, Limits(MAX_ITERATIONS, EXACT)).exact * length
+    found, *held = hold_on(
+        mesh.full, gripper.rotation, gripper.position, far_end.pose.position,
+        far_end.pose.rotation, far_end.share, rows, strains, force, TOLERANCE, exact)
+    return held if found else None
 
 
 def solve(discretization: Discretization, system: System, gripper: Pose, q: Floats,
@@ -204,11 +235,11 @@ def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: Histo
               + float(mesh.load @ gripper.position))
     reports = {name: value for part in ACTING
                for name, value in part.reports(solved, past.left).items()}
-    estimate = partial(_estimate, mesh, gripper, state.strains, state.positions, history, far_end)
+    estimate = partial(estimated, mesh, gripper, state.strains, state.positions, history, far_end)
     return Shape(gripper, mesh.s, positions, state.rotations, state.strains, energy,
                  elastic, _wrench(mesh, state), float(found.residual),
                  float(found.stability), int(found.iterations), proved(solved, found, rounding),
-                 evaluations=found.evaluations, violation=float(found.violation), far_end=far_end,
+                 evaluations=found.evaluations, violation=violation(solved, found), far_end=far_end,
                  state=State.made(mesh, past, history, estimate), **reports)
 
 
@@ -223,7 +254,7 @@ def _wrench(discretization: Discretization, state: KernelState) -> Floats:
     return np.concatenate([state.base_force, moment])
 
 
-def _estimate(discretization: Discretization, gripper: Pose, strains: Floats, positions: Floats,
+def estimated(discretization: Discretization, gripper: Pose, strains: Floats, positions: Floats,
               history: History | None, far_end: FarEnd | None) -> float:
     """Return how far, in m, the nodes are from the true rod's: see `Shape.error_estimate`.
 
@@ -233,18 +264,25 @@ def _estimate(discretization: Discretization, gripper: Pose, strains: Floats, po
     friction for instance: then nothing is known, and the estimate is infinite.
     """
     finer = discretization.finer
-    past = finer.past(history)
-    system = finer.system(gripper.rotation, gripper.position, past, far_end)
-    q = np.empty((finer.n_unknowns, 3))
-    unknowns_of(system, np.repeat(strains, 2, axis=0), q)
-    if discretization.hangs and far_end is None:
-        state = newton(system, q, 1e-9, 4, False).state
+    past, halved = finer.past(history), np.repeat(strains, 2, axis=0)
+    freeze(halved)
+    held = None if far_end is None else held_nearby(finer, gripper, far_end, halved,
+                                                    past.left['hold'])
+    if held is not None:
+        there = held[2] - gripper.position
     else:
-        found = solve(finer, system, gripper, q, past)
-        state = found.state
-        if not proved(Solved(finer, found.system, state, gripper, far_end, past.left), found):
-            return np.inf
-    moved = np.linalg.norm(state.positions[::2] - positions, axis=1).max()
+        system = finer.system(gripper.rotation, gripper.position, past, far_end)
+        q = np.empty((finer.n_unknowns, 3))
+        unknowns_of(system, halved.copy(), q)
+        if discretization.hangs and far_end is None:
+            there = newton(system, q, 1e-9, 4, False).state.positions
+        else:
+            found = solve(finer, system, gripper, q, past)
+            there = found.state.positions
+            if not proved(Solved(finer, found.system, found.state, gripper, far_end, past.left),
+                          found):
+                return np.inf
+    moved = np.linalg.norm(there[::2] - positions, axis=1).max()
     may_let_go = any(part.lets_go and part.acts(discretization.surroundings) for part in ACTING)
     if may_let_go and moved > _ELSEWHERE * discretization.s[-1]:
         return np.inf

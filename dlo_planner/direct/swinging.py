@@ -39,7 +39,7 @@ def swing_along(system: System, how: Coefficients, trail: Trail, books: Floats, 
         tolerance, max_iterations: as `newton`
     """
     for row in range(PAST + 1, trail.times.size):
-        swing(system, how, trail, row, tolerance, max_iterations)
+        swing(system, how, trail, row, tolerance, max_iterations, tolerance > 0.0)
         account(system, how, trail, row)
         proof = trail.proofs[row]
         if not (proof[0] < limits[0] and proof[1] > -NEUTRAL and proof[2] <= limits[1]
@@ -63,16 +63,19 @@ def entered(books: Floats, energies: Floats, part: float, noise: float) -> bool:
 
 @kernel
 def swing(system: System, how: Coefficients, trail: Trail, row: int, tolerance: float,
-          max_iterations: int) -> None:
-    """Fill a row of a Trail with the DLO at the end of a step, and how it moves then."""
+          max_iterations: int, check: bool) -> None:
+    """Fill a row of a Trail with the DLO at the end of a step, and how it moves then.
+
+    `check` says whether its stability is looked at.
+    """
     origin = trail.origins[row]
     moving = _drawn(system, how, trail, row)
     q = np.empty((unknown_count(system), 3))
     unknowns_of(moving, _guess(how, trail.bends, row), q)
-    found, state, residual, stability, iterations = nearby(moving, q, tolerance)
+    found, state, residual, stability, iterations = nearby(moving, q, tolerance, check)
     if not found:
         state, residual, stability, more, _ = leashed_newton(
-            moving, q, tolerance, max_iterations, tolerance > 0.0, no_leash())
+            moving, q, tolerance, max_iterations, check, no_leash())
         iterations += more
     places, frames = trail.nodes[0, row], trail.frames[row]
     for k in range(places.shape[0]):
@@ -173,15 +176,10 @@ def _drawn(system: System, how: Coefficients, trail: Trail, row: int) -> System:
 def _guess(how: Coefficients, bends: Floats, row: int) -> Floats:
     """Return the strains (N, 3) with which the search begins."""
     guess = np.empty((bends.shape[2], 3))
-    known = row >= PAST + 40000  # steps of one length before
     for e in range(guess.shape[0]):
         for i in range(3):
-            if known:
-                guess[e, i] = (4 * (bends[0, row - 1, e, i] + bends[0, row - 3, e, i])
-                               - 6 * bends[0, row - 2, e, i] - bends[0, row - 4, e, i])
-            else:
-                guess[e, i] = bends[0, row - 1, e, i] + how.dt * (
-                    bends[1, row - 1, e, i] + 0.5 * how.dt * bends[2, row - 1, e, i])
+            guess[e, i] = bends[0, row - 1, e, i] + how.dt * (
+                bends[1, row - 1, e, i] + 0.5 * how.dt * bends[2, row - 1, e, i])
     return guess
 
 

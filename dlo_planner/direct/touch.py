@@ -8,16 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dlo_planner.direct.contacts import contacts_of
+from dlo_planner.direct.contacts import contact_rows, contacts_in, contacts_of
 from dlo_planner.direct.part import Held, Left, Part, Solved
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contact, Contacts, moved_scene, obstructed
+from dlo_planner.energy.depth import depth_of_point
+from dlo_planner.energy.effects import potential, stored
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.scene import Scene, build_scene
 from dlo_planner.energy.system import State, System, turned_system
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.minimize.touching import touching_system
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.kinematics import point_inside
@@ -85,6 +89,8 @@ class Touch(Part):
 
     def resampled(self, left: Left, s: Floats, wanted: Floats) -> Left:
         """Return forces where a node stays, and inside elements."""
+        if not len(left['node_force']):  # nothing is in the way
+            return {'node_force': np.zeros((0, wanted.size)), **_NO_POINTS}
         same = np.abs(s[:, None] - wanted) < _SAME * wanted[-1]
         return {'node_force': left['node_force'] @ same, **_left(_points_on(left, s, wanted))}
 
@@ -112,7 +118,19 @@ class Touch(Part):
 
     def reports(self, solved: Solved, left: Left) -> dict[str, Any]:
         """Return the contacts."""
+        if solved.touch is not None:
+            return {'contacts': contacts_in(solved.mesh, solved.touch[-1], solved.gripper.position)}
         return {'contacts': contacts_of(solved.mesh, solved.system, solved.state, solved.gripper)}
+
+    def violation(self, solved: Solved) -> float:
+        """Return how deep the gripper holds the axis in an obstacle: no force can push it out.
+
+        The surface beside it may reach into one, as where a thick DLO leaves a thin gripper.
+        """
+        if not solved.mesh.obstructed:
+            return 0.0
+        return float(depth_of_point(solved.mesh.given(self.name),
+                                    np.array(solved.gripper.position)))
 
     def constrains(self, system: System) -> bool:
         """Whether there are obstacles."""
@@ -136,26 +154,26 @@ def _forces(solved: Solved, ended: bool) -> Left:
     """Return what a step leaves, or, if it has not `ended`, a part of it."""
     if not solved.mesh.obstructed:
         return {'node_force': solved.left['node_force'], **_NO_POINTS}
-    node, *points = _forces_after(solved.system, solved.state,
-                                  np.array(solved.gripper.position), ended)
+    if solved.touch is not None and ended:
+        node, *points = solved.touch[-2]
+    else:
+        node, *points = _forces_after(solved.system, solved.state,
+                                      np.array(solved.gripper.position), ended)
     if not points[0].size:
         return {'node_force': node, **_NO_POINTS}
     return {'node_force': node, **_left(dict(zip(NO_POINTS, points, strict=True)))}
 
 
-def halved_forces(left: Left, s: Floats) -> Left:
-    """Return what contacts leave to a mesh `s` (2 N + 1,) with halved elements.
+def halved_system(mesh: Discretization, gripper: Pose, left: Left) -> System:
+    """Return the System of a DLO with halved elements, with what contacts have left on `mesh`.
 
-    What slid slides: its anchors are those of before.
+    What slid slides: its anchors are those of before. Of a DLO that does not yield and hangs free
+    of other grips.
     """
-    points, node_force = _points(left), np.zeros((len(left['node_force']), s.size))
-    node_force[:, ::2] = left['node_force']
-    beyond = (points['obstacle'] < 0) & (points['fraction'] > 0.5)
-    fraction = np.where(points['obstacle'] < 0, 2 * points['fraction'] - beyond,
-                        points['fraction'])
-    points |= {'element': 2 * points['element'] + beyond, 'fraction': fraction,
-               'anchor': points['anchor'] - points['slid']}
-    return {'node_force': node_force, **_left(points)}
+    system: System = _halved(mesh.finer.static, np.array(gripper.rotation, order='C'),
+                             np.array(gripper.position), mesh.finer.spring, left['node_force'],
+                             *(left[_POINT + name] for name in NO_POINTS))
+    return system
 
 
 @kernel
@@ -166,6 +184,28 @@ def _standing(system: System, base: Floats, origin: Floats, spring: float, node:
     held = touching_system(system, Contacts(
         spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(), fraction.copy(),
         anchor - origin, normal.copy(), shear.copy(), spring),
+        moved_scene(system.effects.contact.scene, origin))
+    return turned_system(held, base, origin)
+
+
+@kernel
+def _halved(system: System, base: Floats, origin: Floats, spring: float, node: Floats,
+            element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
+            normal: Floats, shear: Floats, slid: Floats) -> Any:
+    """Return what `_standing` does, with halved elements; slid: (C, 3) by how much points slid."""
+    bodies, nodes = node.shape
+    force, places, fractions = np.zeros((bodies, 2 * nodes - 1)), 2 * element, fraction.copy()
+    for o in range(bodies):
+        for k in range(nodes):
+            force[o, 2 * k] = node[o, k]
+    for c in range(element.size):
+        if obstacle[c] < 0:
+            beyond = 1 if fraction[c] > 0.5 else 0
+            places[c] += beyond
+            fractions[c] = 2.0 * fraction[c] - beyond
+    held = touching_system(system, Contacts(
+        spring, force, places, obstacle.copy(), multiplier.copy(), fractions,
+        anchor - slid - origin, normal.copy(), shear.copy(), spring),
         moved_scene(system.effects.contact.scene, origin))
     return turned_system(held, base, origin)
 
@@ -219,3 +259,31 @@ def _forces_after(system: System, state: State, origin: Floats, ended: bool) -> 
             anchor[c, i] += slid[c, i]
     return (contacts.node, contacts.element, contacts.obstacle, contacts.multiplier,
             contacts.fraction, anchor, contacts.normal, shear, slid)
+
+
+@kernel
+def ended(system: System, state: State, origin: Floats) -> Any:
+    """Return all that a Shape and its past take from a step that has ended, in plain arrays.
+
+    Args:
+        origin: (3,) the gripper's position, m
+
+    Returns
+    -------
+        strains, frames, positions (world), tangents of the nodes; wrench (6,) of the gripper;
+        energies stored and whole, J; what rounding errors may leave of the residual; then what
+        `_forces_after` returns, then `contact_rows`
+    """
+    n = system.lengths.size
+    positions, tangents, wrench = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty(6)
+    for k in range(n + 1):
+        for i in range(3):
+            positions[k, i] = origin[i] + state.positions[k, i]
+            tangents[k, i] = state.rotations[k, i, 0]
+    for i in range(3):
+        wrench[i], wrench[3 + i] = state.base_force[i], state.base_moment[i]
+    elastic = stored(system.effects, system, state.strains)
+    energy = elastic + potential(system.effects, system, positions)
+    return ((state.strains, state.rotations, positions, tangents, wrench, elastic, energy,
+             gradient_noise(system, state)),
+            _forces_after(system, state, origin, n > 0), contact_rows(system, state))

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.outline import node_gap, nodes_of, stretch
 from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.energy.scene import NODE_FACE, Scene
@@ -39,4 +40,14 @@ def depth(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
                                            normal, hessian)
                 deepest = max(deepest, -inside)
             last = gap
+    return deepest
+
+
+@kernel
+def depth_of_point(scene: Scene, place: Floats) -> float:
+    """Return how deep in m a place (3,), world, lies in an obstacle, at most; 0 if in none."""
+    deepest = 0.0
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    for o in range(scene.kind.size):
+        deepest = max(deepest, -signed_distance(scene, o, place, normal, hessian))
     return deepest

@@ -28,6 +28,7 @@ and the last of the list, which are always there.
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -104,7 +105,7 @@ def needs_of(effects: Effects, nodes: int) -> Needs:
     asked = [module.needs(effect) for name, module in EFFECTS.items()
              if hasattr(module, 'needs') and (effect := getattr(effects, name)) is not None]
     if not asked:
-        return Needs(None, None, None)
+        return _nothing_needed()
     displaced = any(one.get('displaced', False) for one in asked)
     attached = border = None
     if any('attached' in one for one in asked):
@@ -116,6 +117,11 @@ def needs_of(effects: Effects, nodes: int) -> Needs:
         border = Border(np.empty((held, 0, 3)), np.empty((held, 0, 3)), np.empty((0, 0)),
                         np.zeros(1))
     return Needs(displaced, attached, border)
+
+
+@cache
+def _nothing_needed() -> Needs:
+    return Needs(None, None, None)
 
 
 _NOWHERE = np.zeros(0, dtype=np.int64)

@@ -5,6 +5,8 @@
 Of a DLO that yields this is the part that never does; `energy.plastic` has the rest.
 """
 
+from functools import cache
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
@@ -33,6 +35,7 @@ def _new_elastic(part, couple):
     return Elastic(part, couple)
 
 
+@cache
 def purely_elastic() -> Elastic:
     """Return the Elastic of a DLO that never yields."""
     return Elastic(np.ones(3), np.zeros((0, 3)))

@@ -36,7 +36,7 @@ _STEPS = 12
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
 _DEEP = 2e-3         # of the length: what is deeper in an obstacle has not been carried along it
 _FALLS = 0.5         # of the error before: what falls less does not converge
-_NEAR = 1e-4         # residual: a step from there hardly changes the Hessian
+_STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
 _GRACE = 3           # first steps, in which it may do so
 
 
@@ -49,7 +49,7 @@ def carried(system, base, slid, strains, twist):
     Args:
         system: System in the gripper after, its contacts those before
         base: (3, 3) the gripper's rotation before
-        slid: (C,) which of their points of friction go on sliding
+        slid: (C, 3) m, by how much points have slid: those go on sliding
         strains: (N, 3) in equilibrium, before
         twist: (6,) rotation in rad about the gripper and displacement in m, world
     """
@@ -71,7 +71,7 @@ def carried(system, base, slid, strains, twist):
     if not largest_turn(before, hessian, step) < _LARGEST_TURN:
         return False, state.q
     put_sum(state.q, 1.0, step, after.q)
-    evaluate(system, after)
+    _place(system, after)
     for k in range(state.positions.shape[0]):
         for i in range(3):
             state.positions[k, i] -= twist[3 + i]
@@ -84,7 +84,9 @@ def carried(system, base, slid, strains, twist):
 def _before(system, base, slid, twist):
     """Return the System before its gripper has moved by a twist; what slides does not stick."""
     now, shift = system.effects.contact.contacts, twist[3:].copy()
-    kept = ~slid
+    kept = np.empty(slid.shape[0], dtype=np.bool_)
+    for c in range(kept.size):
+        kept[c] = slid[c, 0] == 0.0 and slid[c, 1] == 0.0 and slid[c, 2] == 0.0
     contacts = Contacts(now.stiffness, now.node, now.element[kept], now.obstacle[kept],
                         now.multiplier[kept], now.fraction[kept], now.anchor[kept] + shift,
                         now.normal[kept], now.shear[kept], now.grip)
@@ -94,23 +96,28 @@ def _before(system, base, slid, twist):
 
 @kernel
 def borne(system, q, tolerance, exact, previous):
-    """Return whether it is found, unknowns (m, 3), System with the forces, and steps made.
+    """Return whether it is found, and what is known of it then.
 
     Args:
         q: (m, 3) start; the System's multipliers are the forces there
         tolerance: of the residual; exact: of gaps, m
         previous: as of `constrained_newton`
+
+    Returns
+    -------
+        whether, State, residual, violation, System with the forces, Hessian, factorized, of a State
+        from which the DLO has turned since by so many rad, steps made
     """
-    loaded, unknowns, before = system, q.copy(), np.inf
-    if not _bears(system.effects.contact.contacts):
-        return False, q, system, 0
-    begin = new_state(system)
+    loaded, turned, before = system, np.inf, np.inf
+    begin, hessian = new_state(system), new_hessian(system)
     begin.q[:] = q
+    if not _bears(system.effects.contact.contacts):
+        return False, begin, np.inf, np.inf, system, hessian, turned, 0
     _place(system, begin)
-    state, hessian = begin, new_hessian(system)
+    state, step = begin, np.empty_like(q)
     for steps in range(_STEPS):
         loaded, deepest = _loaded(loaded, state, previous)
-        state, residual, table, violation = truth(loaded, unknowns)
+        state, residual, table, violation = truth(loaded, state.q)
         if table.gap.size == 0:
             break
         normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
@@ -118,24 +125,23 @@ def borne(system, q, tolerance, exact, previous):
             if table.rubbing[a] >= 0:
                 shear[a] = state.attached.force[table.rubbing[a]]
         if residual < tolerance and violation < exact:
-            put_forces(loaded, table, normal, shear)
             outside = (deepest > -_DEEP * np.sum(system.lengths)
                        and not blocks(system.effects, system, begin, state))
-            return outside, unknowns, loaded, steps
+            return outside, state, residual, violation, loaded, hessian, turned, steps
         wrong = max(residual / tolerance, violation / exact)
         if steps >= _GRACE and not wrong < _FALLS * before:
             break
         before = wrong
-        step = np.empty_like(unknowns)
         # near the end the factorization before is as good; what slides turns its friction
-        fresh = steps == 0 or residual > _NEAR or np.max(table.rubbing) >= 0
+        fresh = not _STALE * turned * residual < tolerance or np.max(table.rubbing) >= 0
         if not lawful(loaded, state, table, hessian, fresh, normal, shear, step):
             break
+        turn = largest_turn(loaded, hessian, step)
+        turned = turn if fresh else turned + turn
         put_forces(loaded, table, normal, shear)
-        unknowns += step
-        state.q[:] = unknowns
+        put_sum(state.q, 1.0, step, state.q)
         _place(loaded, state)
-    return False, q, system, _STEPS
+    return False, state, np.inf, np.inf, system, hessian, turned, _STEPS
 
 
 @kernel

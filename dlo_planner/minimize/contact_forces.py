@@ -10,13 +10,17 @@ trusted each multiplier becomes the force that it has (augmented Lagrangian).
 
 import numpy as np
 
+from dlo_planner.energy.effects import row_count
 from dlo_planner.energy.friction import trial_force
 from dlo_planner.energy.potential import project
+from dlo_planner.energy.system import hinged
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.elimination import softly_solved
 from dlo_planner.minimize.linear import assemble, factorize, new_hessian, solve
 from dlo_planner.ritz.kinematics import part_of_element, point_inside
 
 _SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
+_REFINED = 2      # times: what is soft counts a thousandth as much after each
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
 
 
@@ -108,8 +112,9 @@ def lawful(system, state, table, hessian, fresh, normal, shear, step):
     for i in range(size):
         free[i] = -np.sum(answers[i] * gradient) - np.sum(compliance[i] * shift)
     reaction = _reaction(compliance, table, first, laws)
-    matrix, change = _equations(system, table, first, laws, reaction, free)
-    if not eliminated(matrix, change):
+    matrix, right, soft = _equations(system, table, first, laws, reaction, free)
+    known, change = softly_solved(matrix, right, soft, _refinements(system))
+    if not known:
         return False  # what slides does so by itself: no multipliers hold it there
     farthest = _FARTHEST * np.sum(system.lengths)
     for i in range(size):
@@ -125,6 +130,14 @@ def lawful(system, state, table, hessian, fresh, normal, shear, step):
     solve(system, hessian, state.gradient, step)
     _add_answers(table, first, laws, shift, change, answers, step)
     return True
+
+
+@kernel
+def _refinements(system):
+    """Return how often what is soft is taken away: not between two grips, where all depend."""
+    if row_count(system.needs.border) > 0 or hinged(system):
+        return 0
+    return _REFINED
 
 
 @kernel
@@ -266,40 +279,8 @@ def _reaction(compliance, table, first, laws):
 
 
 @kernel
-def eliminated(matrix, right):
-    """Solve for right (K,), in place; return whether the determinant of matrix (K, K) is > 0."""
-    size = right.size
-    positive = True
-    for i in range(size):
-        pivot = i
-        for j in range(i + 1, size):
-            if abs(matrix[j, i]) > abs(matrix[pivot, i]):
-                pivot = j
-        if not abs(matrix[pivot, i]) > 0.0:
-            return False
-        if pivot != i:
-            positive = not positive
-            for k in range(i, size):
-                matrix[i, k], matrix[pivot, k] = matrix[pivot, k], matrix[i, k]
-            right[i], right[pivot] = right[pivot], right[i]
-        if matrix[i, i] < 0.0:
-            positive = not positive
-        for j in range(i + 1, size):
-            factor = matrix[j, i] / matrix[i, i]
-            if factor != 0.0:
-                for k in range(i + 1, size):
-                    matrix[j, k] -= factor * matrix[i, k]
-                right[j] -= factor * right[i]
-    for i in range(size - 1, -1, -1):
-        for k in range(i + 1, size):
-            right[i] -= matrix[i, k] * right[k]
-        right[i] /= matrix[i, i]
-    return positive
-
-
-@kernel
 def _equations(system, table, first, laws, reaction, free):
-    """Return matrix (K, K) and right side (K,) for the changes of the multipliers.
+    """Return matrix (K, K), right side (K,) for the changes of the multipliers, what is soft (K,).
 
     Args:
         reaction: (K, K) displacement of the contacts against such changes
@@ -307,11 +288,11 @@ def _equations(system, table, first, laws, reaction, free):
     """
     size = free.size
     k, grip = system.effects.contact.contacts.stiffness, system.effects.contact.contacts.grip
-    matrix, right = np.zeros((size, size)), np.empty(size)
+    matrix, right, soft = np.zeros((size, size)), np.empty(size), np.zeros(size)
     for a in range(table.gap.size):
         i, c = first[a], table.rubbing[a]
         matrix[i] = -k * reaction[i]
-        matrix[i, i] += _SOFT
+        soft[i] = _SOFT
         right[i] = -k * (table.gap[a] + free[i])
         if c < 0:
             continue
@@ -329,6 +310,8 @@ def _equations(system, table, first, laws, reaction, free):
         else:
             for j, slid in ((1, trial - along), (2, laws[i + 1, 2] - across)):
                 matrix[i + j] = grip * reaction[i + j]
-                matrix[i + j, i + j] += _SOFT
+                soft[i + j] = _SOFT
                 right[i + j] = slid + grip * free[i + j]
-    return matrix, right
+    for i in range(size):
+        matrix[i, i] += soft[i]
+    return matrix, right, soft

@@ -10,20 +10,28 @@ Both factorizations are congruences, so the signs of their pivots are the signs 
 
 import numpy as np
 
-from dlo_planner.energy.effects import Border, new_border, width
+from dlo_planner.energy.effects import Border, add_stiffness, new_border, row_count, width
 from dlo_planner.energy.potential import at_elements, element_hessian
 from dlo_planner.energy.system import unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import complemented, fill_border, keep, kept
+from dlo_planner.minimize.dense import factorize_dense, project_all, solve_dense
 from dlo_planner.minimize.riccati import (
-    TINY,
+    factorize_dead_loads,
     factorize_turns,
     factorize_twists,
     solve_turns,
     solve_twists,
 )
-from dlo_planner.model.arrays import Floats
+from dlo_planner.minimize.vertical import (
+    factorize_vertical_loads,
+    is_vertical,
+    solve_vertical_loads,
+)
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.ritz.record import Record
+
+_ALL = 2**62  # of the pivots may be negative
 
 
 class Hessian(Record):
@@ -51,6 +59,8 @@ class Hessian(Record):
         What is held; None: nothing.
     displaced : bool or None
         Whether w is 6; None: never.
+    vertical : ndarray of bool, shape (1,)
+        Whether the factorization is that of `minimize.vertical`.
     """
 
     twist_jacobian: Floats
@@ -63,6 +73,7 @@ class Hessian(Record):
     factor: Floats
     border: Border | None
     displaced: bool | None
+    vertical: Bools
 
 
 @kernel
@@ -76,7 +87,7 @@ def new_hessian(system):
     return Hessian(np.empty((n, wide, 3)), np.empty((n, 3, wide)), np.empty((n, 3, 3)),
                    np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
                    np.empty((size, size)), np.empty((size, size)),
-                   new_border(system.needs.border, m), displaced)
+                   new_border(system.needs.border, m), displaced, np.zeros(1, dtype=np.bool_))
 
 
 @kernel
@@ -85,60 +96,22 @@ def assemble(system, state, hessian):
     element_hessian(system, state, hessian.twist_jacobian, hessian.cross, hessian.diagonal,
                     hessian.base)
     if system.basis.shape[1] > 0:
-        _project_all(system.basis, hessian, hessian.displaced)
+        project_all(system.basis, hessian, hessian.displaced)
     fill_border(system, state, hessian, hessian.border)
-    if system.proximal_point.shape[0]:
-        if system.basis.shape[1] > 0:
+    if system.basis.shape[1] > 0:
+        if system.proximal_point.shape[0]:
             for i in range(hessian.dense.shape[0]):
                 hessian.dense[i, i] += system.proximal_weight
-        else:
-            for e in range(system.lengths.size):
-                for i in range(3):
-                    hessian.diagonal[e, i, i] += system.proximal_weight
-
-
-# The width of the blocks is written out in the calls, so that the compiler, which inlines this
-# function, sees constant loops and unrolls them.
+    else:
+        _add_proximal(system, hessian.diagonal)
 
 
 @kernel
-def _project_all(basis, hessian, displaced):
-    if displaced is None:
-        _project(basis, hessian, 3)
-        return
-    if displaced:
-        _project(basis, hessian, 6)
-    else:
-        _project(basis, hessian, 3)
-
-
-@kernel(inline='always')
-def _project(basis, hessian, wide):
-    """Fill hessian.dense (3 m, 3 m), unknown (j, i) at row 3 j + i, in O(N m^2)."""
-    n, m = basis.shape
-    prefix = np.zeros((m, wide, 3))  # sum over e < f of basis_e turning_e
-    rows = np.empty((n, 9 * m))
-    jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
-    for f in range(n):
-        jacobian, cross, diagonal = jacobians[f], crosses[f], diagonals[f]
-        for j in range(m):
-            value = basis[f, j]
-            for a in range(3):
-                for b in range(3):
-                    total = 0.5 * value * diagonal[a, b]
-                    for k in range(wide):
-                        total += cross[a, k] * prefix[j, k, b]
-                    rows[f, 9 * j + 3 * a + b] = total
-            for k in range(wide):
-                for b in range(3):
-                    prefix[j, k, b] += value * jacobian[k, b]
-    half, dense = basis.T @ rows, hessian.dense
-    for k in range(m):
-        for j in range(m):
-            for a in range(3):
-                for b in range(3):
-                    dense[3 * k + a, 3 * j + b] = (half[k, 9 * j + 3 * a + b]
-                                                   + half[j, 9 * k + 3 * b + a])
+def _add_proximal(system, diagonal):
+    if system.proximal_point.shape[0]:
+        for e in range(system.lengths.size):
+            for i in range(3):
+                diagonal[e, i, i] += system.proximal_weight
 
 
 @kernel
@@ -147,8 +120,59 @@ def factorize(system, hessian, shift):
 
     With a held far end these are the eigenvalues on what the grip leaves free (Haynsworth).
     """
-    negative = _factorize_without_border(system, hessian, hessian.displaced, shift)
+    negative = _factorize_without_border(system, hessian, hessian.displaced, shift, _ALL)
     return negative - _bordered(system, hessian, hessian.border)
+
+
+@kernel
+def is_definite(system, hessian, shift):
+    """Factorize H + shift I; return whether all its eigenvalues are positive, as `factorize`.
+
+    Where they are not, the factorization is given up and of no use.
+    """
+    held = row_count(hessian.border)
+    negative = _factorize_without_border(system, hessian, hessian.displaced, shift, held)
+    return negative <= held and negative <= _bordered(system, hessian, hessian.border)
+
+
+@kernel
+def assembled_definite(system, state, hessian, shift):
+    """Do what `assemble` and `is_definite` do, in one sweep where that can be.
+
+    Where H + shift I is definite, blocks of the Hessian that solving does not need may be missing.
+    """
+    if _definite_at_once(system, state, hessian, hessian.displaced, shift):
+        return True
+    assemble(system, state, hessian)
+    return not _at_once(system, hessian.displaced) and is_definite(system, hessian, shift)
+
+
+@kernel
+def _at_once(system, displaced):
+    """Whether the Hessian is assembled and factorized in one sweep."""
+    if displaced is None:
+        return system.basis.shape[1] == 0
+    return False
+
+
+@kernel
+def _definite_at_once(system, state, hessian, displaced, shift):
+    """Return whether H + shift I is found to be definite in one sweep."""
+    if displaced is None:
+        if system.basis.shape[1] > 0:
+            return False
+        diagonal = hessian.diagonal
+        for e in range(diagonal.shape[0]):
+            for i in range(3):
+                for j in range(3):
+                    diagonal[e, i, j] = 0.0
+        add_stiffness(system.effects, system, state, diagonal)
+        _add_proximal(system, diagonal)
+        hessian.vertical[0] = is_vertical(state.pull)
+        if hessian.vertical[0]:
+            return factorize_vertical_loads(system, state, hessian, shift)
+        return factorize_dead_loads(system, state, hessian, shift)
+    return False
 
 
 @kernel
@@ -166,14 +190,16 @@ def _bordered(system, hessian, border):
 
 
 @kernel
-def _factorize_without_border(system, hessian, displaced, shift):
+def _factorize_without_border(system, hessian, displaced, shift, most):
+    """Return how many pivots are negative; give up where they are more than `most`."""
+    hessian.vertical[0] = False
     if system.basis.shape[1] > 0:
-        return _factorize_dense(hessian, shift)
+        return factorize_dense(hessian, shift, most)
     if displaced is None:
-        return factorize_turns(hessian, shift)
+        return factorize_turns(hessian, shift, most)
     if displaced:
-        return factorize_twists(hessian, shift)
-    return factorize_turns(hessian, shift)
+        return factorize_twists(hessian, shift, most)
+    return factorize_turns(hessian, shift, most)
 
 
 @kernel
@@ -201,57 +227,18 @@ def solve_held(system, hessian, right, miss, out, reaction):
 @kernel
 def _solve_without_border(system, hessian, displaced, right, out):
     if system.basis.shape[1] > 0:
-        _solve_dense(hessian.factor, right, out)
+        solve_dense(hessian.factor, right, out)
         return
     if displaced is None:
-        solve_turns(hessian, right, out)
+        if hessian.vertical[0]:
+            solve_vertical_loads(hessian, right, out)
+        else:
+            solve_turns(hessian, right, out)
         return
     if displaced:
         solve_twists(hessian, right, out)
     else:
         solve_turns(hessian, right, out)
-
-
-@kernel
-def _factorize_dense(hessian, shift):
-    dense, factor = hessian.dense, hessian.factor
-    n = dense.shape[0]
-    negative = 0
-    scaled = np.empty(n)
-    for i in range(n):
-        # row i of L D, then of L; rows are contiguous
-        for j in range(i):
-            total = dense[i, j]
-            for k in range(j):
-                total -= scaled[k] * factor[j, k]
-            scaled[j] = total
-        pivot = dense[i, i] + shift
-        for j in range(i):
-            factor[i, j] = scaled[j] / factor[j, j]
-            pivot -= scaled[j] * factor[i, j]
-        if pivot == 0.0:
-            pivot = TINY
-        factor[i, i] = pivot
-        negative += pivot <= 0
-    return negative
-
-
-@kernel
-def _solve_dense(factor, right, out):
-    n = factor.shape[0]
-    flat = np.empty(n)
-    for i in range(n):
-        total = right[i // 3, i % 3]
-        for k in range(i):
-            total -= factor[i, k] * flat[k]
-        flat[i] = total
-    for i in range(n):
-        flat[i] /= factor[i, i]
-    for i in range(n - 1, -1, -1):
-        value = flat[i]
-        out[i // 3, i % 3] = value
-        for k in range(i):
-            flat[k] -= factor[i, k] * value
 
 
 @kernel

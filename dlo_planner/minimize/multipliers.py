@@ -16,8 +16,8 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.held import held_newton
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import newton
-from dlo_planner.minimize.settling import bear_on, touch_down
-from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.minimize.resting import bear_on, touch_down
+from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
@@ -50,7 +50,7 @@ def constrained_newton(system: System, q: Floats, tolerance: float, max_iteratio
     return newton(system, q, tolerance, max_iterations, check)
 
 
-def carried_newton(system: System, start: tuple[Floats, Bools, Floats, Floats], tolerance: float,
+def carried_newton(system: System, start: tuple[Floats, Floats, Floats, Floats], tolerance: float,
                    max_iterations: int, exact: float, previous: Floats) -> Minimum | None:
     """Return the Minimum in which a DLO goes on bearing as its gripper moves, or None.
 
@@ -61,7 +61,7 @@ def carried_newton(system: System, start: tuple[Floats, Bools, Floats, Floats], 
     system : System
         In the gripper after the step, its contacts those before.
     start : tuple of ndarray
-        Base, slid, strains, twist of `bearing.carried`.
+        Base, slid, strains, shift of `resting.bear_on`.
     tolerance, max_iterations, exact, previous
         As of `constrained_newton`.
     """

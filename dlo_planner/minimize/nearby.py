@@ -13,7 +13,7 @@ import numpy as np
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.system import new_state
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
+from dlo_planner.minimize.linear import assembled_definite, largest_turn, new_hessian, solve
 from dlo_planner.minimize.newton import without_traces
 from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
@@ -31,20 +31,21 @@ _ROUGHLY = 1e-2     # relative error of that eigenvalue
 
 
 @kernel
-def nearby(system, q, tolerance):
+def nearby(system, q, tolerance, check=True):
     """Return the minimum next to q (m, 3), if it is as near as a motion's step is.
 
     Args:
         system: System
         q: start, scaled unknowns; not changed
         tolerance: of the residual
+        check: whether its stability is looked at
 
     Returns
     -------
         found: whether there is one, well stable; if not, only `steps` means anything
         state: there
         residual: scaled gradient
-        stability: smallest eigenvalue, to about 1 % of itself
+        stability: smallest eigenvalue, to about 1 % of itself; nan if not `check`
         steps: made
     """
     state, trial = new_state(system), new_state(system)
@@ -55,10 +56,12 @@ def nearby(system, q, tolerance):
     residual = residual_of(system, state)
     steps, turned, fresh = 0, np.inf, False
     while residual >= tolerance:
-        if not fresh:
-            assemble(system, state, hessian)
-            if factorize(system, hessian, 0.0) > 0:
-                return False, state, residual, np.nan, steps
+        renewed, guessed = not fresh, False
+        if renewed:
+            if not assembled_definite(system, state, hessian, 0.0):
+                guessed = steps == 0 and _definite_without_forces(system, state, hessian)
+                if not guessed:
+                    return False, state, residual, np.nan, steps
             fresh, turned = True, 0.0
         solve(system, hessian, state.gradient, step)
         turned += largest_turn(system, hessian, step)
@@ -66,19 +69,52 @@ def nearby(system, q, tolerance):
         evaluate(system, trial)
         steps += 1
         before, residual = residual, residual_of(system, trial)
-        if not residual < _LESS * before and before < _ROUNDED * tolerance:
-            residual = before
-            break
-        if not (turned < _NEAR and residual < _LESS * before) or steps == _FEW:
+        if not residual < _LESS * before:
+            if before < _ROUNDED * tolerance:
+                residual = before
+                break
+            if renewed or steps == _FEW:
+                return False, state, residual, np.nan, steps
+            residual, fresh = before, False  # the forces were others where it was factorized
+            continue
+        if not turned < _NEAR or steps == _FEW:
             return False, state, residual, np.nan, steps
-        fresh = residual < max(_QUICK * before, tolerance)
+        fresh = residual < max(_QUICK * before, tolerance) and not guessed
+        if guessed:
+            turned = np.inf  # whether the DLO is stable there is not known from it
         state, trial = trial, state
+    if not check:
+        return True, state, residual, np.nan, steps
+    stability = _stability(system, state, hessian, turned)
+    return stability > _STABLE, state, residual, stability, steps
+
+
+@kernel
+def _stability(system, state, hessian, turned):
+    """Return the smallest eigenvalue, about; -inf if there is a negative one.
+
+    Args:
+        turned: rad since the Hessian was factorized, at most
+    """
     stability, doubt = -np.inf, _PER_TURN * turned
-    if doubt < _DOUBT:  # the Hessian is of where it was factorized last
+    if doubt < _DOUBT:
         stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
     if not stability > _STABLE + doubt:
-        assemble(system, state, hessian)
-        if factorize(system, hessian, 0.0) > 0:
-            return False, state, residual, np.nan, steps
+        if not assembled_definite(system, state, hessian, 0.0):
+            return -np.inf
         stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
-    return stability > _STABLE, state, residual, stability, steps
+    return stability
+
+
+@kernel
+def _definite_without_forces(system, state, hessian):
+    """Do what `assembled_definite` does, but leave out what forces do as the DLO turns.
+
+    Where a motion is guessed not quite as long as the DLO is, inertia gives forces along it that
+    are many times larger than the true ones, and may seem to make it buckle. One step without
+    them (Gauss and Newton's) leads to where they are about right. They are forgotten.
+    """
+    for k in range(state.pull.shape[0]):
+        for i in range(3):
+            state.pull[k, i] = 0.0
+    return assembled_definite(system, state, hessian, 0.0)

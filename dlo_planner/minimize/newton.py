@@ -26,8 +26,9 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import dot
 from dlo_planner.minimize.leash import Leash, left, no_leash
 from dlo_planner.minimize.linear import (
-    assemble,
+    assembled_definite,
     factorize,
+    is_definite,
     largest_turn,
     new_hessian,
     solve,
@@ -40,6 +41,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arrays import put_sum, scaled_by
 
 LARGEST_TURN = 0.8  # rad per step, of any node
+_LEAST_SHIFT = 1e-3
 FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
 _NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
@@ -48,9 +50,9 @@ _IDLE = 20           # steps in a row whose gain drowns in rounding errors and t
 _OFTEN = 3           # steps in a row that an obstacle cuts
 _CLOSER = 4          # halvings of the way that is left to it
 _UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
-_HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
+HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
 _TRACE = 1e-100      # an unknown as small has no effect at any scale
-_WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
+WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
 
 
 def newton(system: System, q: Floats, tolerance: float, max_iterations: int,
@@ -161,14 +163,14 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
         arrived = residual < tolerance or stalled or iterations >= max_iterations
         if arrived and not check:
             break
-        if arrived and shifted == 0.0 and turn < _HARDLY:
+        if arrived and shifted == 0.0 and turn < HARDLY:
             # After so small a step the factorization before it tells a stable shape as well.
             stability, mode = lowest_mode(system, hessian, 0.0, 1e-4)
-            if stability > _WELL_STABLE:
+            if stability > WELL_STABLE:
                 break
-        assemble(system, state, hessian)
-        if arrived or factorize(system, hessian, shift) > 0:
-            shift = safe_shift(system, hessian, 0.0 if arrived else shift)
+        shift = 0.0 if arrived else shift
+        if not assembled_definite(system, state, hessian, shift):
+            shift = safe_shift(system, hessian, max(_LEAST_SHIFT, 4.0 * shift))
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift, 1e-4)
             break
@@ -183,7 +185,7 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
                 continue
         its_turn, gain = _newton_step(system, hessian, state, step)
         if (check and shift > 0.0 and gain < _UNTOLD * noise
-                and factorize(system, hessian, _NEARLY) > 0):
+                and not assembled_definite(system, state, hessian, _NEARLY)):
             stalled = True  # rounding errors hide the way down from a saddle: its mode has to tell
             continue
         turn, shifted = its_turn, shift
@@ -233,9 +235,10 @@ def without_traces(q, out):
 @kernel
 def safe_shift(system, hessian, shift):
     """Factorize with the first shift in a growing row that leaves no negative pivot."""
-    while factorize(system, hessian, shift) > 0:
-        shift = max(1e-3, 4.0 * shift)
+    while not is_definite(system, hessian, shift):
+        shift = max(_LEAST_SHIFT, 4.0 * shift)
         if shift > 1e12:
+            factorize(system, hessian, shift)  # to its end, whatever it is
             break
     return shift
 

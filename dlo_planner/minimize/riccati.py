@@ -10,6 +10,7 @@ from dlo_planner.ritz.matrix3 import (
     added,
     applied,
     matrix,
+    outer,
     plus,
     put_matrix,
     put_vector,
@@ -17,23 +18,30 @@ from dlo_planner.ritz.matrix3 import (
     transposed_applied,
     transposed_times,
     vector,
+    without_trace,
 )
+from dlo_planner.ritz.matrix3 import cross as crossed
+from dlo_planner.ritz.second_order import element_blocks
 
 TINY = 1e-16  # of a pivot of zero, as rounding errors leave them: less would overflow further on
 
 
-@kernel
-def _inverse3(a):
-    """Return the inverse of the symmetric 3 x 3 `a` (9 numbers), and how many pivots are <= 0."""
+@kernel(error_model='numpy', forceinline=True)
+def inverse3(a):
+    """Return the inverse of a symmetric matrix (9 numbers), and how many pivots are <= 0.
+
+    Args:
+        a: (6 numbers) its entries 00, 11, 22, 01, 02, 12
+    """
     d0 = a[0] if a[0] != 0.0 else TINY
     i0 = 1.0 / d0
-    l10, l20 = a[3] * i0, a[6] * i0
-    d1 = a[4] - l10 * a[3]
+    l10, l20 = a[3] * i0, a[4] * i0
+    d1 = a[1] - l10 * a[3]
     d1 = d1 if d1 != 0.0 else TINY
     i1 = 1.0 / d1
-    middle = a[7] - l20 * a[3]
+    middle = a[5] - l20 * a[3]
     l21 = middle * i1
-    d2 = a[8] - l20 * a[6] - l21 * middle
+    d2 = a[2] - l20 * a[4] - l21 * middle
     d2 = d2 if d2 != 0.0 else TINY
     i2 = 1.0 / d2
     low = l10 * l21 - l20
@@ -43,9 +51,17 @@ def _inverse3(a):
     return inverse, (d0 <= 0) + (d1 <= 0) + (d2 <= 0)
 
 
+@kernel(forceinline=True)
+def _less(value, coupling, gain):
+    """Return the symmetric matrix value - coupling^T gain."""
+    less = transposed_times(coupling, gain)
+    xy, xz, yz = value[3] - less[3], value[6] - less[6], value[7] - less[7]
+    return (value[0] - less[0], xy, xz, xy, value[4] - less[4], yz, xz, yz, value[8] - less[8])
+
+
 @kernel
-def factorize_turns(hessian, shift):
-    """Factorize where only rotations count."""
+def factorize_turns(hessian, shift, most):
+    """Factorize where only rotations count; give up where more than `most` pivots are negative."""
     negative = 0
     value = ZERO  # second derivative of the cost to go by theta
     jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
@@ -56,18 +72,54 @@ def factorize_turns(hessian, shift):
         carried = transposed_times(jacobian, value)
         coupling = added(matrix(crosses[e]), carried)
         p = times(carried, jacobian)
-        inverse, below = _inverse3((d[0] + p[0] + shift, p[3], p[6],
-                                    d[3] + p[3], d[4] + p[4] + shift, p[7],
-                                    d[6] + p[6], d[7] + p[7], d[8] + p[8] + shift))
+        inverse, below = inverse3((d[0] + p[0] + shift, d[4] + p[4] + shift, d[8] + p[8] + shift,
+                                    d[3] + p[3], d[6] + p[6], d[7] + p[7]))
         negative += below
+        if negative > most:
+            break
         gain = times(inverse, coupling)
         put_matrix(inverse, inverses[e])
         put_matrix(gain, gains[e])
-        less = transposed_times(coupling, gain)
-        xy, xz, yz = value[3] - less[3], value[6] - less[6], value[7] - less[7]
-        value = (value[0] - less[0], xy, xz, xy, value[4] - less[4], yz,
-                 xz, yz, value[8] - less[8])
+        value = _less(value, coupling, gain)
     return negative
+
+
+@kernel
+def factorize_dead_loads(system, state, hessian, shift):
+    """Return whether all pivots of H + shift I are positive, where nothing but dead loads acts.
+
+    What `second_order` and `factorize_turns` do is one sweep here: the second derivative by
+    rotations of what lies beyond an element is that of the loads and the cost to go, taken as one.
+    The blocks themselves, `cross` and `diagonal`, are not filled; the latter has, at the beginning,
+    the second derivatives by each element's own strain.
+    """
+    lengths, scale, pull, strains = system.lengths, system.scale, state.pull, state.strains
+    rotations, positions, diagonals = state.rotations, state.positions, hessian.diagonal
+    jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
+    value, first = ZERO, ZERO
+    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for k in range(lengths.size):
+        e = lengths.size - 1 - k
+        d = diagonals[e]
+        force = plus(force, vector(pull[e + 1]))
+        turned, coupling, p = element_blocks(
+            lengths[e], vector(strains[e]), vector(scale[e]), matrix(rotations[e]), force, moment,
+            added(value, without_trace(first)))
+        inverse, below = inverse3((d[0, 0] + p[0] + shift, d[1, 1] + p[1] + shift,
+                                    d[2, 2] + p[2] + shift, d[0, 1] + p[3], d[0, 2] + p[4],
+                                    d[1, 2] + p[5]))
+        put_matrix(turned, jacobians[e])
+        if below > 0:
+            return False
+        gain = times(inverse, coupling)
+        put_matrix(inverse, inverses[e])
+        put_matrix(gain, gains[e])
+        value = _less(value, coupling, gain)
+        along = (positions[e + 1, 0] - positions[e, 0], positions[e + 1, 1] - positions[e, 1],
+                 positions[e + 1, 2] - positions[e, 2])
+        first = added(first, outer(force, along))
+        moment = plus(moment, crossed(along, force))
+    return True
 
 
 @kernel
@@ -91,8 +143,8 @@ def solve_turns(hessian, right, out):
 
 
 @kernel
-def factorize_twists(hessian, shift):
-    """Factorize where displacements count as well."""
+def factorize_twists(hessian, shift, most):
+    """Factorize where displacements count as well; give up as `factorize_turns`."""
     wide = 6
     negative = 0
     value = np.zeros((wide, wide))  # second derivative of the cost to go by theta
@@ -118,9 +170,12 @@ def factorize_twists(hessian, shift):
                 pivot[i, j] = total
                 pivot[j, i] = total
             pivot[i, i] += shift
-        inverted, below = _inverse3(matrix(pivot))
+        inverted, below = inverse3((pivot[0, 0], pivot[1, 1], pivot[2, 2], pivot[0, 1],
+                                     pivot[0, 2], pivot[1, 2]))
         put_matrix(inverted, inverse)
         negative += below
+        if negative > most:
+            break
         for i in range(3):
             for k in range(wide):
                 gain[i, k] = (inverse[i, 0] * coupling[0, k] + inverse[i, 1] * coupling[1, k]

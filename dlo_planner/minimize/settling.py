@@ -8,8 +8,7 @@ set of points that may touch is looked at anew, and the limits of friction follo
 found. What is judged is the residual with these limits: friction has no potential. Points that are
 chosen anew each time may alternate without an end: by turns they are kept, too (`exchange`).
 
-Where the DLO bears already, shape and forces are sought at once first (`minimize.bearing`). What
-that finds is judged like any other minimum, and is mostly the last.
+Where the DLO bears already, shape and forces are sought at once first (`minimize.resting`).
 """
 
 import numpy as np
@@ -17,9 +16,8 @@ import numpy as np
 from dlo_planner.energy.contact import Contacts
 from dlo_planner.energy.effects import row_count
 from dlo_planner.energy.hold import violation as hold_violation
-from dlo_planner.energy.system import hinged, new_state
+from dlo_planner.energy.system import hinged
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.bearing import borne, carried
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.exchange import exchanged
 from dlo_planner.minimize.friction import with_friction
@@ -33,9 +31,8 @@ from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.minimize.watching import watching
 
-_ROUNDS = 100
+ROUNDS = 100
 _TURN = 12          # rounds in which points are chosen anew, then as many in which they are kept
-_FEW, _SOON = 12, 40  # rounds and steps in which a DLO that goes on bearing has to come to rest
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
 _STIFFER = 10.0
 _MOST_STIFFER = 1e2
@@ -43,57 +40,12 @@ _CLOSE = 1e3        # times what is exact: a violation that the forces' laws are
 _OUTSIDE = 1e6      # the same: a DLO that is deeper inside an obstacle is on its way out
 _MOST_KICKS = 10
 _COARSER = 10.0     # times the tolerance: the springs' rounding errors leave no more of it
-_STALLED = 100.0    # the same, where Newton's method has found no better point
+STALLED = 100.0    # the same, where Newton's method has found no better point
 _HELPS = 0.5        # an error that falls less in a round asks for smaller steps of the multipliers
 _SHARES = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.125, 0.125, 0.0)  # after so many rounds in vain
 _SHORT = 1e3        # times the tolerance: a residual that Newton's method did not bring down
 _PATIENCE = 80      # Newton steps in a round, before it is looked at what touches
 _NEWS = 3           # rounds in a row that go without multipliers, because of what has just touched
-_ON_A_WAY = 20      # steps: who allows no more wants no equilibrium
-
-
-@kernel
-def touch_down(system, q, tolerance, exact, max_iterations, check, previous):
-    """Do as `settle` does, but seek shape and forces at once before, where the DLO bears."""
-    steps = 0
-    if not is_held(system) and max_iterations > _ON_A_WAY:
-        bears, start, loaded, steps = borne(system, q, tolerance, exact, previous)
-        if bears:
-            state, residual, stability, iterations, kicks, loaded, violation = settle(
-                loaded, start, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
-            steps += iterations
-            if kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
-                                     exact):
-                return state, residual, stability, steps, kicks, loaded, violation
-    state, residual, stability, iterations, kicks, system, violation = settle(
-        system, q, tolerance, exact, max_iterations, check, previous, _ROUNDS)
-    return state, residual, stability, iterations + steps, kicks, system, violation
-
-
-@kernel
-def bear_on(system, base, slid, strains, twist, tolerance, exact, max_iterations, previous):
-    """Return whether a DLO that bears goes on bearing, and what `settle` returns from there.
-
-    Args:
-        system, base, slid, strains, twist: as of `carried`; others as of `constrained_newton`
-    """
-    follows, q = carried(system, base, slid, strains, twist)
-    if follows:
-        bears, q, loaded, steps = borne(system, q, tolerance, exact, previous)
-        if bears:
-            state, residual, stability, iterations, kicks, loaded, violation = settle(
-                loaded, q, tolerance, exact, min(_SOON, max_iterations), bears, previous, _FEW)
-            bears = kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
-                                          exact)
-            return bears, state, residual, stability, iterations + steps, kicks, loaded, violation
-    return False, new_state(system), np.inf, np.nan, 0, 0, system, np.inf
-
-
-@kernel
-def _rests(system, state, residual, stability, violation, tolerance, exact):
-    """Whether nothing is left to be done, and the shape stands; a stability of nan is not known."""
-    return (violation < exact and not stability <= -HELD_NEUTRAL
-            and residual < max(tolerance * _STALLED, gradient_noise(system, state)))
 
 
 @kernel
@@ -120,7 +72,7 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
         system = touching_system(system, contacts, system.effects.contact.scene)
         state, residual, table, violation = truth(system, q)
         violation = max(violation, _off_its_grip(system, state))
-        enough = residual < max(tolerance * (_COARSER if steps else _STALLED),
+        enough = residual < max(tolerance * (_COARSER if steps else STALLED),
                                 gradient_noise(system, state))
         good = violation < exact and enough
         if iterations >= max_iterations or good and not check:

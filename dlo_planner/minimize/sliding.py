@@ -5,7 +5,8 @@
 import numpy as np
 
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_forces import eliminated, linearize, unit_load
+from dlo_planner.minimize.contact_forces import linearize, unit_load
+from dlo_planner.minimize.elimination import decomposed, substituted
 from dlo_planner.minimize.linear import solve
 from dlo_planner.minimize.touching import touching
 from dlo_planner.ritz.kinematics import point_inside
@@ -49,7 +50,10 @@ def add_sliding(system, state, hessian, answers):
     for p in range(size):
         for r in range(size):
             matrix[p, r] -= k * np.sum(across[p] * response[r])
+    order = np.empty(size, dtype=np.int64)
+    if decomposed(matrix, order) == 0:
+        return
     for i in range(6):
-        eliminated(matrix.copy(), change[i])
+        substituted(matrix, order, change[i])
         for p in range(size):
             answers[i] -= change[i, p] * response[p]

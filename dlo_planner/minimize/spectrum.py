@@ -15,11 +15,14 @@ from dlo_planner.energy.system import unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import add_to, dot
 from dlo_planner.minimize.linear import solve
+from dlo_planner.ritz.arrays import scaled_by
 
 _STEPS = 40
-_ROUGH = 1e-2  # of the tolerance: how exactly it is looked whether it still grows
 _EXACT = 1e-11
 _QUIET = 3       # steps in a row without growth: one alone may be a rest on the way
+_REFINED = 8     # Newton steps at most for an eigenvalue of Lanczos' matrix
+_EIGEN = 1e-13   # its relative accuracy
+_LEAST = 1e-200  # a divisor at least
 _MODE_BELOW = 1e-3  # nobody asks for the mode of a shape that is well stable
 
 
@@ -40,30 +43,22 @@ def lowest_mode(system, hessian, shift, tolerance):
     diagonal = np.empty(steps)
     side = np.empty(steps)
     preferred(system, vectors[0])
-    top, quiet = 0.0, 0
+    top, last, quiet = 0.0, 1.0, 0
     used = steps
     for k in range(steps):
-        image = vectors[k + 1]
+        image, before = vectors[k + 1], vectors[max(k - 1, 0)]
         solve(system, hessian, vectors[k], image)
         diagonal[k] = dot(image, vectors[k])
-        add_to(image, -diagonal[k], vectors[k])
-        if k:
-            add_to(image, -side[k - 1], vectors[k - 1])
-        side[k] = np.sqrt(dot(image, image))
-        if side[k] < 1e-13 * abs(diagonal[k]):
-            used = k + 1
-            break
-        for e in range(m):
-            for i in range(3):
-                image[e, i] /= side[k]
+        side[k] = _orthogonalized(image, diagonal[k], vectors[k], side[k - 1] if k else 0.0, before)
         stable = top * (shift + _MODE_BELOW) < 1.0
         near = tolerance if stable else _EXACT  # of a shape that falls, the mode is wanted as well
-        previous, top = top, _largest_eigenvalue(diagonal, side, k + 1, top, _ROUGH * near)
+        previous = top
+        top, last = largest_eigenvalue(diagonal, side, k + 1, top, last)
         quiet = quiet + 1 if top - previous < near * top else 0
-        if quiet == _QUIET:
+        if quiet == _QUIET or side[k] < 1e-13 * abs(diagonal[k]):
             used = k + 1
             break
-    top = _largest_eigenvalue(diagonal, side, used, 0.0, 1e-13)
+        scaled_by(1.0 / side[k], image)
     mode = np.zeros((m, 3))
     value = 1.0 / top - shift
     if value < _MODE_BELOW:
@@ -101,32 +96,85 @@ def preferred(system, vector):
 
 
 @kernel
-def _largest_eigenvalue(diagonal, side, size, least, tolerance):
-    """Return the largest eigenvalue of a symmetric tridiagonal matrix, by bisection.
+def _orthogonalized(image, part, vector, other_part, other):
+    """Take parts of two others (m, 3) from a vector (m, 3); return its length."""
+    x, y, z = 0.0, 0.0, 0.0  # three sums: each addition waits for the one before
+    for e in range(image.shape[0]):
+        a = image[e, 0] - part * vector[e, 0] - other_part * other[e, 0]
+        b = image[e, 1] - part * vector[e, 1] - other_part * other[e, 1]
+        c = image[e, 2] - part * vector[e, 2] - other_part * other[e, 2]
+        image[e, 0], image[e, 1], image[e, 2] = a, b, c
+        x += a * a
+        y += b * b
+        z += c * c
+    return np.sqrt(x + y + z)
+
+
+@kernel
+def largest_eigenvalue(diagonal, side, size, before, last):
+    """Return the largest eigenvalue of a symmetric tridiagonal matrix, and `last` of it.
 
     Args:
         diagonal, side: of the matrix; size: rows of it
-        least: what it is not below, as that of a smaller part of the matrix
-        tolerance: relative
+        before, last: of the matrix without its last row: its largest eigenvalue, and the square of
+            the last entry of the eigenvector
+
+    A row that is added raises it by no less than in the plane of that eigenvector and the new axis.
+    From there Newton's method finds it, and bisection where it does not.
     """
-    low = high = max(diagonal[0], least)
+    if size == 1:
+        return diagonal[0], 1.0
+    half, square = 0.5 * (diagonal[size - 1] - before), side[size - 2] ** 2 * last
+    root = np.sqrt(half * half + square)
+    value, rise = before + (half + root if half > 0.0 else square / max(root - half, _LEAST)), 1.0
+    for _ in range(_REFINED):
+        pivot, rise = _last_pivot(diagonal, side, size, value)
+        change = pivot / rise
+        value -= change
+        if abs(change) < _EIGEN * abs(value):
+            break
+    near = _EIGEN * abs(value)
+    if _exceeded(diagonal, side, size, value - near) and not _exceeded(diagonal, side, size,
+                                                                       value + near):
+        return value, 1.0 / rise
+    value = _bisected(diagonal, side, size)
+    return value, 1.0 / _last_pivot(diagonal, side, size, value)[1]
+
+
+@kernel
+def _last_pivot(diagonal, side, size, value):
+    """Return the last pivot of `value` I - T, and its derivative by `value`, 1 at least."""
+    pivot, rise = value - diagonal[0], 1.0
+    for k in range(1, size):
+        ratio = side[k - 1] / (pivot if abs(pivot) > _LEAST else _LEAST)
+        pivot, rise = value - diagonal[k] - ratio * side[k - 1], 1.0 + ratio * ratio * rise
+    return pivot, rise
+
+
+@kernel
+def _exceeded(diagonal, side, size, value):
+    """Whether an eigenvalue lies above `value`: one positive pivot of T - value I (Sylvester)."""
+    pivot = 1.0
+    for k in range(size):
+        pivot = diagonal[k] - value - (side[k - 1] ** 2 / pivot if k else 0.0)
+        if pivot > 0:
+            return True
+        if pivot == 0:
+            pivot = -_LEAST
+    return False
+
+
+@kernel
+def _bisected(diagonal, side, size):
+    """Return the largest eigenvalue of a symmetric tridiagonal matrix, by bisection."""
+    low = high = diagonal[0]
     for k in range(size):
         low = max(low, diagonal[k])
         radius = (side[k - 1] if k else 0.0) + (side[k] if k < size - 1 else 0.0)
         high = max(high, diagonal[k] + radius)
-    while high - low > tolerance * abs(high):
+    while high - low > _EIGEN * abs(high):
         middle = 0.5 * (low + high)
-        # one positive pivot of the matrix minus the middle: the eigenvalue lies above it
-        above = False
-        pivot = 1.0
-        for k in range(size):
-            pivot = diagonal[k] - middle - (side[k - 1] ** 2 / pivot if k else 0.0)
-            if pivot > 0:
-                above = True
-                break
-            if pivot == 0:
-                pivot = -1e-300
-        if above:
+        if _exceeded(diagonal, side, size, middle):
             low = middle
         else:
             high = middle

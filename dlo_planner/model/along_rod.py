@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,17 +58,14 @@ class AlongRod(Value):
 
     def mean_natural_strains(self, s: ArrayLike) -> Floats:
         """Return the means (N, 3) of the stress-free strains between nodes `s` (N + 1,), 1/m."""
-        s = _mesh(s)
-        return np.hstack([self._means(name, s) for name in _NATURAL])
+        return self._means(_NATURAL, _mesh(s))
 
     def mean_stiffnesses(self, s: ArrayLike) -> Floats:
         """Return GJ, EI_n and EI_b (N, 3) with the compliance of the parts between nodes, N m^2.
 
         Their inverses are the means of the inverses, which is exact under a constant moment.
         """
-        s = _mesh(s)
-        return np.hstack([1 / self._means(name, s) if callable(getattr(self, name))
-                          else self._means(name, s) for name in _STIFF])
+        return self._means(_STIFF, _mesh(s))
 
     def node_masses(self, s: ArrayLike) -> Floats:
         """Return the masses (N + 1,) in kg at the nodes `s` that represent the rod's own mass.
@@ -106,11 +104,17 @@ class AlongRod(Value):
                                           breaks_of(content), InvalidRod)
         return FrozenDict(profiles)
 
-    def _means(self, name: str, s: Floats) -> Floats:
-        if name in self._profiles:
-            result: Floats = self._profiles[name].means(s)
-            return result
-        return np.tile(getattr(self, name), (len(s) - 1, 1))
+    def _means(self, names: tuple[str, str], s: Floats) -> Floats:
+        """Return means (N, 3) of what has one component and of what has two."""
+        values = np.empty((len(s) - 1, 3))
+        values[:, :1], values[:, 1:] = (self._mean(name, s) for name in names)
+        return values
+
+    def _mean(self, name: str, s: Floats) -> Any:
+        if not callable(getattr(self, name)):
+            return getattr(self, name)
+        means = self._profiles[name].means(s)
+        return 1 / means if name in _STIFF else means
 
     def _one(self, name: str) -> Callable[[float], Floats]:
         """Return the function of s for which the Profile of a quantity stands."""

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,9 @@ from dlo_planner.model.value import Value
 
 GRIPS = ('clamped', 'pinned', 'sleeve', 'aligned')
 _SLACK = 1e-9  # of the length
+_SHARES = {'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}
+_ALL = np.eye(6)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FarEnd(Value):
@@ -56,8 +60,7 @@ class FarEnd(Value):
     @property
     def share(self) -> Floats:
         """Weights (3,) of the end's axes in its rotation; 0 for an axis that is free."""
-        return np.array({'pinned': (0.0, 0.0, 0.0), 'aligned': (1.0, 0.0, 0.0)}.get(
-            self.grip, (0.5, 0.5, 0.5)))
+        return np.array(_SHARES.get(self.grip, (0.5, 0.5, 0.5)))
 
 
 def held_rows(grip: str, rotation: Floats) -> Floats:
@@ -72,11 +75,15 @@ def held_rows(grip: str, rotation: Floats) -> Floats:
     rotation : ndarray, shape (3, 3)
         Rotation of its pose.
     """
-    across = rotation.T[1:]
-    turns = {'pinned': across[:0], 'aligned': across}.get(grip, np.eye(3))
-    moves = across if grip == 'sleeve' else np.eye(3)
-    rows = np.zeros((len(turns) + len(moves), 6))
-    rows[:len(turns), :3], rows[len(turns):, 3:] = turns, moves
+    if grip == 'clamped':
+        return _ALL.copy()
+    if grip == 'pinned':
+        return _ALL[3:].copy()
+    rows = np.zeros((5, 6))
+    if grip == 'aligned':
+        rows[:2, :3], rows[2:, 3:] = rotation.T[1:], _ALL[3:, 3:]
+    else:
+        rows[:3, :3], rows[3:, 3:] = _ALL[:3, :3], rotation.T[1:]
     return rows
 
 
@@ -85,7 +92,7 @@ def distance(far_end: FarEnd, gripper: Pose) -> float:
     away = far_end.pose.position - gripper.position
     if far_end.grip == 'sleeve':  # it may slide to where this is shortest
         away = away - (away @ far_end.pose.direction) * far_end.pose.direction
-    return float(np.linalg.norm(away))
+    return sqrt(away @ away)
 
 
 def within_reach(far_end: FarEnd | None, gripper: Pose, length: float,

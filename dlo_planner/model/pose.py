@@ -109,10 +109,7 @@ class Pose(Value):
         rotation = rotation - 0.5 * rotation @ drift
         if off > _HARDLY:
             rotation = rotation - 0.5 * rotation @ (rotation.T @ rotation - _UNIT)
-        pose = object.__new__(cls)
-        put(pose, position=vector('Pose.position', position, 3), rotation=rotation)
-        pose.position.flags.writeable = rotation.flags.writeable = False
-        return pose
+        return pose_of(vector('Pose.position', position, 3), rotation)
 
     def __getattr__(self, name: str) -> Floats:
         """Make the quaternion of a pose that came from axes."""
@@ -174,12 +171,26 @@ class Pose(Value):
         return Pose.from_rotation(-self.rotation.T @ self.position, self.rotation.T)
 
 
+def pose_of(position: Floats, rotation: Floats) -> Pose:
+    """Return the Pose of a position (3,), m, and a rotation (3, 3): nothing is to be judged."""
+    pose = object.__new__(Pose)
+    put(pose, position=position, rotation=rotation)
+    position.flags.writeable = rotation.flags.writeable = False
+    return pose
+
+
+def shifted(pose: Pose, displacement: Floats) -> Pose:
+    """Return a Pose with its origin displaced by (3,) m."""
+    position, other = pose.position + displacement, object.__new__(Pose)
+    position.flags.writeable = False
+    put(other, **{**pose.__dict__, 'position': position})
+    return other
+
+
 def angle_between(one: Floats, other: Floats) -> float:
     """Return the angle in rad between two orientations (3, 3), as exact near 0 as near pi."""
-    turn = one.T @ other
-    twice_sine = math.hypot(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0],
-                            turn[1, 0] - turn[0, 1])
-    return math.atan2(twice_sine, turn[0, 0] + turn[1, 1] + turn[2, 2] - 1)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (one.T @ other).tolist()  # numbers are quicker
+    return math.atan2(math.hypot(zy - yz, xz - zx, yx - xy), xx + yy + zz - 1)
 
 
 def displaced(pose: Pose, twist: Floats) -> Pose:

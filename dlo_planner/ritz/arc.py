@@ -21,63 +21,59 @@ from dlo_planner.kernels import kernel
 from dlo_planner.ritz.matrix3 import Matrix, Vector
 
 # Below this angle^2 the closed forms lose digits (up to eight of them in the second derivatives);
-# ten terms of the power series in a^2 are exact to 1e-17 there, and need no sine.
-_SMALL, _TERMS = 1.0, 10
-_TINY = 4e-3  # of the usual element, a few degrees: five terms are enough
-
-
-def _series() -> list[tuple[float, ...]]:
-    """Return 7 tuples of _TERMS coefficients of a^(2k), in c0, c1, c2, d1, d2, dd1, dd2."""
-    k = range(_TERMS + 2)
-    rows = [[(-1.0) ** n / factorial(2 * n + m) for n in k] for m in (1, 2, 3)]
-    first = [[2 * (n + 1) * row[n + 1] for n in k[:-1]] for row in rows[1:]]
-    second = [[2 * (n + 1) * row[n + 1] for n in k[:-2]] for row in first]
-    return [tuple(row[:_TERMS]) for row in rows + first + second]
-
-
-_C0, _C1, _C2, _D1, _D2, _DD1, _DD2 = _series()
+# seven terms of the power series in a^2 are exact to 1e-16 there, and need no sine.
+_SMALL, _TERMS = 1.0, 7
+_TINY = 1.5e-2  # of the usual element, up to seven degrees: four terms are enough
+_1_6, _1_24, _1_120 = 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0
+_S6, _S7 = (tuple((-1.0) ** n / factorial(2 * n + k) for n in range(_TERMS)) for k in (6, 7))
 
 
 @kernel
 def _power_series(c, a2):
-    low = (c[3] + c[4] * a2) * a2 + c[2]
+    value = ((c[3] * a2 + c[2]) * a2 + c[1]) * a2 + c[0]
     if a2 >= _TINY:
-        high = (((c[9] * a2 + c[8]) * a2 + c[7]) * a2 + c[6]) * a2 + c[5]
-        low = ((c[4] + high * a2) * a2 + c[3]) * a2 + c[2]
-    return (low * a2 + c[1]) * a2 + c[0]
+        high = ((c[6] * a2 + c[5]) * a2 + c[4]) * a2 + c[3]
+        value = ((high * a2 + c[2]) * a2 + c[1]) * a2 + c[0]
+    return value
 
 
-@kernel
+@kernel(error_model='numpy', forceinline=True)
 def coefficients(a2):
-    """Return c0 = sin a / a, c1, c2 of the angle squared `a2`."""
+    """Return S1 ... S7 of the angle squared `a2`: S1 = sin a / a, S2 = c1, S3 = c2 and so on.
+
+    These are Stumpff's functions, S_k = 1 / k! - a^2 / (k + 2)! + a^4 / (k + 4)! - ... (Danby,
+    Fundamentals of Celestial Mechanics, ch. 6.9). Each follows from the next but one,
+    S_k = 1 / k! - a^2 S_(k + 2), and loses no digits on the way. Their derivatives are sums of
+    them: D S_k = k S_(k + 2) - S_(k + 1) with D = (1 / a) d/da.
+    """
     if a2 < _SMALL:
-        return _power_series(_C0, a2), _power_series(_C1, a2), _power_series(_C2, a2)
+        s6, s7 = _power_series(_S6, a2), _power_series(_S7, a2)
+        s4, s5 = _1_24 - a2 * s6, _1_120 - a2 * s7
+        s2, s3 = 0.5 - a2 * s4, _1_6 - a2 * s5
+        return 1.0 - a2 * s3, s2, s3, s4, s5, s6, s7
     a = np.sqrt(a2)
-    c0 = np.sin(a) / a
-    return c0, 2 * (np.sin(0.5 * a) / a) ** 2, (1 - c0) / a2
+    s1, s2 = np.sin(a) / a, 2 * (np.sin(0.5 * a) / a) ** 2
+    s3, s4 = (1 - s1) / a2, (0.5 - s2) / a2
+    s5, s6 = (_1_6 - s3) / a2, (_1_24 - s4) / a2
+    return s1, s2, s3, s4, s5, s6, (_1_120 - s5) / a2
 
 
 @kernel
-def first_slopes(a2, c):
-    """Return d1 = D c1 and d2 = D c2, with D = (1 / a) d/da, of c = `coefficients`."""
-    if a2 < _SMALL:
-        return _power_series(_D1, a2), _power_series(_D2, a2)
-    return (c[0] - 2 * c[1]) / a2, (c[1] - 3 * c[2]) / a2
+def first_slopes(s):
+    """Return d1 = D c1 and d2 = D c2, with D = (1 / a) d/da, of s = `coefficients`."""
+    return 2 * s[3] - s[2], 3 * s[4] - s[3]
 
 
 @kernel
-def second_slopes(a2, c, d):
-    """Return D d1 and D d2, with D = (1 / a) d/da, of c = `coefficients`, d = `first_slopes`."""
-    if a2 < _SMALL:
-        return _power_series(_DD1, a2), _power_series(_DD2, a2)
-    # D c0 = c2 - c1 follows from c0 = 1 - a^2 c2 and the lines above
-    return (c[2] - c[1] - 4 * d[0]) / a2, (d[0] - 5 * d[1]) / a2
+def second_slopes(s):
+    """Return D d1 and D d2, with D = (1 / a) d/da, of s = `coefficients`."""
+    return s[3] - 5 * s[4] + 8 * s[5], s[4] - 7 * s[5] + 15 * s[6]
 
 
 @kernel
 def rotation_and_chord(x, y, z, h):
     """Return exp(phi^) (9 numbers) and h J(phi) e1 (3 numbers) for the vector phi = (x, y, z)."""
-    c0, c1, c2 = coefficients(x * x + y * y + z * z)
+    c0, c1, c2, _, _, _, _ = coefficients(x * x + y * y + z * z)
     diagonal = 1 - c1 * (x * x + y * y + z * z)
     xy, xz, yz = c1 * x * y, c1 * x * z, c1 * y * z
     turn = (diagonal + c1 * x * x, xy - c0 * z, xz + c0 * y,
@@ -90,15 +86,13 @@ def rotation_and_chord(x, y, z, h):
 @kernel
 def jacobians(x: float, y: float, z: float, h: float) -> tuple[Matrix, Matrix]:
     """Return J(phi) and d(h J(phi) e1) / dphi, 9 numbers each, for phi = (x, y, z)."""
-    a2 = x * x + y * y + z * z
-    c = coefficients(a2)
-    return jacobians_with(x, y, z, h, c, first_slopes(a2, c))
+    return jacobians_with(x, y, z, h, coefficients(x * x + y * y + z * z))
 
 
-@kernel
-def jacobians_with(x, y, z, h, c, d):
-    """Return what `jacobians` does, of c = `coefficients` and d = `first_slopes`."""
-    _, c1, c2 = c
+@kernel(forceinline=True)
+def jacobians_with(x, y, z, h, c):
+    """Return what `jacobians` does, of c = `coefficients`."""
+    c1, c2, d = c[1], c[2], first_slopes(c)
     diagonal = 1 - c2 * (x * x + y * y + z * z)
     xy, xz, yz = c2 * x * y, c2 * x * z, c2 * y * z
     rotation_jacobian = (diagonal + c2 * x * x, xy - c1 * z, xz + c1 * y,
@@ -126,8 +120,7 @@ def slope(x: float, y: float, z: float, h: float, force: Vector, moment: Vector)
     """
     a2 = x * x + y * y + z * z
     c = coefficients(a2)
-    d1, d2 = first_slopes(a2, c)
-    _, c1, c2 = c
+    c1, c2, (d1, d2) = c[1], c[2], first_slopes(c)
     b0, b1, b2 = force
     a0, a1, a_2 = moment
     along = x * b0 + y * b1 + z * b2
@@ -151,17 +144,15 @@ def second_derivatives(x, y, z, h, force, moment):
     as derivatives of the potential): d2/dphi2 of b . h J(phi) e1, plus the part of the rotation's
     second variation that comes from dJ/dphi, i.e. the quadratic form a . (dJ[d] d).
     """
-    a2 = x * x + y * y + z * z
-    c = coefficients(a2)
-    return second_derivatives_with(x, y, z, h, force, moment, c, first_slopes(a2, c))
+    c = coefficients(x * x + y * y + z * z)
+    return second_derivatives_with(x, y, z, h, force, moment, c)
 
 
-@kernel
-def second_derivatives_with(x, y, z, h, force, moment, c, d):
-    """Return what `second_derivatives` does, of c = `coefficients` and d = `first_slopes`."""
+@kernel(forceinline=True)
+def second_derivatives_with(x, y, z, h, force, moment, c):
+    """Return what `second_derivatives` does, of c = `coefficients`."""
     a2 = x * x + y * y + z * z
-    c2, (d1, d2) = c[2], d
-    dd1, dd2 = second_slopes(a2, c, d)
+    c2, (d1, d2), (dd1, dd2) = c[2], first_slopes(c), second_slopes(c)
     b0, b1, b2 = h * force[0], h * force[1], h * force[2]
     a0, a1, a_2 = moment
     # b . J e1 = b0 + c1 alpha + c2 beta

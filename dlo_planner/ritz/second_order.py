@@ -12,7 +12,6 @@ import numpy as np
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import (
     coefficients,
-    first_slopes,
     jacobians_with,
     second_derivatives,
     second_derivatives_with,
@@ -64,26 +63,18 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
         if beside:
             moment = plus_at_node(attached, e + 1, moment)
             first = _first_at_node(attached, e + 1, first)
-        x, y, z = h * strains[e, 0], h * strains[e, 1], h * strains[e, 2]
-        c = coefficients(x * x + y * y + z * z)
-        d = first_slopes(x * x + y * y + z * z, c)
-        rotation_jacobian, chord_jacobian = jacobians_with(x, y, z, h, c, d)
-        frame = matrix(rotations[e])
-        w0, w1, w2 = h * scale[e, 0], h * scale[e, 1], h * scale[e, 2]
-        turned = columns_scaled(times(frame, rotation_jacobian), w0, w1, w2)
-        shifted = columns_scaled(times(frame, chord_jacobian), w0, w1, w2)
-        # first - trace I: the Hessian of a dead load by rotations
-        rolled = transposed_times(turned, without_trace(first))
+        turned, coupling, pivot = element_blocks(h, vector(strains[e]), vector(scale[e]),
+                                                 matrix(rotations[e]), force, moment,
+                                                 without_trace(first))
         put_matrix(turned, twist_jacobian[e])
-        f0, f1, f2 = force
-        for j in range(3):
-            s0, s1, s2 = shifted[j], shifted[3 + j], shifted[6 + j]
-            cross[e, j, 0] = rolled[3 * j] + s1 * f2 - s2 * f1
-            cross[e, j, 1] = rolled[3 * j + 1] + s2 * f0 - s0 * f2
-            cross[e, j, 2] = rolled[3 * j + 2] + s0 * f1 - s1 * f0
-        own = second_derivatives_with(x, y, z, h, transposed_applied(frame, force),
-                                      transposed_applied(frame, moment), c, d)
-        _put_diagonal(own, times(rolled, turned), (w0, w1, w2), diagonal[e])
+        across, own = cross[e], diagonal[e]
+        across[0, 0], across[0, 1], across[0, 2] = coupling[0], coupling[1], coupling[2]
+        across[1, 0], across[1, 1], across[1, 2] = coupling[3], coupling[4], coupling[5]
+        across[2, 0], across[2, 1], across[2, 2] = coupling[6], coupling[7], coupling[8]
+        own[0, 0], own[1, 1], own[2, 2] = pivot[0], pivot[1], pivot[2]
+        own[0, 1] = own[1, 0] = pivot[3]
+        own[0, 2] = own[2, 0] = pivot[4]
+        own[1, 2] = own[2, 1] = pivot[5]
         along = (positions[e + 1, 0] - positions[e, 0], positions[e + 1, 1] - positions[e, 1],
                  positions[e + 1, 2] - positions[e, 2])
         first = added(first, outer(force, along))
@@ -95,15 +86,45 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
     put_matrix(_transposed(without_trace(first)), base)
 
 
-@kernel
-def _put_diagonal(own, both, w, out):
-    """Fill out (3, 3) with own (9 numbers), scaled by w (3), and both (9), made symmetric."""
-    out[0, 0] = w[0] * w[0] * own[0] + both[0]
-    out[1, 1] = w[1] * w[1] * own[4] + both[4]
-    out[2, 2] = w[2] * w[2] * own[8] + both[8]
-    out[0, 1] = out[1, 0] = w[0] * w[1] * own[1] + 0.5 * (both[1] + both[3])
-    out[0, 2] = out[2, 0] = w[0] * w[2] * own[2] + 0.5 * (both[2] + both[6])
-    out[1, 2] = out[2, 1] = w[1] * w[2] * own[5] + 0.5 * (both[5] + both[7])
+@kernel(forceinline=True)
+def element_blocks(h, strain, scale, frame, force, moment, rolling):
+    """Return what the strain of one element does to all that lies beyond it.
+
+    Args:
+        h: length, m; strain, scale: (3 numbers); frame: (9 numbers) rotation at its beginning
+        force, moment: (3 numbers) of the loads beyond, about its far end, as derivatives of the
+            potential
+        rolling: (9 numbers) second derivative of the potential by rotations of all that lies
+            beyond: of dead loads first - trace I, of their first moment
+
+    Returns
+    -------
+        turned: (9 numbers) world rotation of all that lies beyond, per scaled strain
+        coupling: (9 numbers) turned^T rolling, and the lever of the force
+        pivot: (6 numbers: 00, 11, 22, 01, 02, 12) second derivative by the scaled strain
+    """
+    x, y, z = h * strain[0], h * strain[1], h * strain[2]
+    c = coefficients(x * x + y * y + z * z)
+    rotation_jacobian, chord_jacobian = jacobians_with(x, y, z, h, c)
+    w0, w1, w2 = h * scale[0], h * scale[1], h * scale[2]
+    turned = times(frame, columns_scaled(rotation_jacobian, w0, w1, w2))
+    s = times(frame, columns_scaled(chord_jacobian, w0, w1, w2))
+    rolled = transposed_times(turned, rolling)
+    f0, f1, f2 = force
+    coupling = (rolled[0] + s[3] * f2 - s[6] * f1, rolled[1] + s[6] * f0 - s[0] * f2,
+                rolled[2] + s[0] * f1 - s[3] * f0,
+                rolled[3] + s[4] * f2 - s[7] * f1, rolled[4] + s[7] * f0 - s[1] * f2,
+                rolled[5] + s[1] * f1 - s[4] * f0,
+                rolled[6] + s[5] * f2 - s[8] * f1, rolled[7] + s[8] * f0 - s[2] * f2,
+                rolled[8] + s[2] * f1 - s[5] * f0)
+    own = second_derivatives_with(x, y, z, h, transposed_applied(frame, force),
+                                  transposed_applied(frame, moment), c)
+    both = times(rolled, turned)
+    pivot = (w0 * w0 * own[0] + both[0], w1 * w1 * own[4] + both[4], w2 * w2 * own[8] + both[8],
+             w0 * w1 * own[1] + 0.5 * (both[1] + both[3]),
+             w0 * w2 * own[2] + 0.5 * (both[2] + both[6]),
+             w1 * w2 * own[5] + 0.5 * (both[5] + both[7]))
+    return turned, coupling, pivot
 
 
 @kernel

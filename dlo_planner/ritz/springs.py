@@ -8,7 +8,16 @@ from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import jacobians
 from dlo_planner.ritz.attached import last_point
 from dlo_planner.ritz.kinematics import part_of_element
-from dlo_planner.ritz.matrix3 import columns_scaled, matrix, put_matrix, times
+from dlo_planner.ritz.matrix3 import (
+    applied,
+    columns_scaled,
+    matrix,
+    plus,
+    put_matrix,
+    times,
+    vector,
+)
+from dlo_planner.ritz.matrix3 import cross as crossed
 
 
 @kernel
@@ -29,6 +38,10 @@ def widened(displaced, lengths, strains, scale, rotations, positions, weight, at
     if displaced is None:
         return
     if not displaced:
+        return
+    if attached is None:
+        _widened_by_weights(lengths, strains, scale, rotations, positions, weight, twist_jacobian,
+                            cross, diagonal)
         return
     beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
     rolled = np.empty((3, 6))
@@ -66,6 +79,46 @@ def widened(displaced, lengths, strains, scale, rotations, positions, weight, at
         if place >= 0:
             place = _springs_inside(attached, place, e, h, strains, scale, rotations, positions,
                                     beyond, cross, diagonal)
+
+
+@kernel
+def _widened_by_weights(lengths, strains, scale, rotations, positions, weight, twist_jacobian,
+                        rolled, diagonal):
+    """Do what `widened` does where springs act on nodes alone, the same in all directions.
+
+    A twist (turn, shift) of what lies beyond sees  sum of weight |turn x place + shift|^2 / 2, that
+    is the total weight, the first and the second moments of the weights.
+    """
+    total, first = 0.0, (0.0, 0.0, 0.0)
+    xx = yy = zz = xy = xz = yz = 0.0  # of the tensor of inertia
+    for k in range(lengths.size):
+        e = lengths.size - 1 - k
+        h, w, place = lengths[e], weight[e + 1], vector(positions[e + 1])
+        x, y, z = place
+        total, first = total + w, plus(first, (w * x, w * y, w * z))
+        xx, yy, zz = xx + w * (y * y + z * z), yy + w * (x * x + z * z), zz + w * (x * x + y * y)
+        xy, xz, yz = xy - w * x * y, xz - w * x * z, yz - w * y * z
+        inertia = (xx, xy, xz, xy, yy, yz, xz, yz, zz)
+        _, chord_jacobian = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
+        moved = columns_scaled(times(matrix(rotations[e]), chord_jacobian), h * scale[e, 0],
+                               h * scale[e, 1], h * scale[e, 2])
+        twist, out, own = twist_jacobian[e], rolled[e], diagonal[e]
+        for j in range(3):
+            turn = (twist[0, j], twist[1, j], twist[2, j])
+            shift = plus((moved[j], moved[3 + j], moved[6 + j]), crossed(place, turn))
+            twist[3, j], twist[4, j], twist[5, j] = shift
+            moment = plus(applied(inertia, turn), crossed(first, shift))
+            force = plus(crossed(turn, first), (total * shift[0], total * shift[1],
+                                              total * shift[2]))
+            for i in range(3):
+                out[j, i] += moment[i]
+            out[j, 3], out[j, 4], out[j, 5] = force
+            for i in range(j + 1):
+                both = (moment[0] * twist[0, i] + moment[1] * twist[1, i] + moment[2] * twist[2, i]
+                        + force[0] * twist[3, i] + force[1] * twist[4, i] + force[2] * twist[5, i])
+                own[j, i] += both
+                if i < j:
+                    own[i, j] += both
 
 
 @kernel

@@ -4,8 +4,10 @@
 
 import numpy as np
 import pytest
+from kirchhoff import true_rod
 
-from dlo_planner import Box, DirectSimulator, FarEnd, Pose, Rod
+from dlo_planner import Box, DirectSimulator, FarEnd, PointLoad, Pose, Rod
+from dlo_planner.direct import statics
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 
@@ -76,3 +78,57 @@ def test_a_mesh_that_was_found_at_once_is_fine_enough():
         assert off < accuracy
         assert shape.error_estimate < accuracy
         assert len(shape.element_strains) < 20 * 48
+        if len(shape.element_strains) > 60:  # and no finer than it has to be
+            assert shape.error_estimate > 0.4 * accuracy
+
+
+@pytest.mark.parametrize('tip_mass', [0.0, 1.0])
+def test_the_last_mesh_is_the_second_and_the_shape_is_foreseen_there(tip_mass, monkeypatch):
+    wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, tip_mass=tip_mass)
+    searches, search = [], statics.hang
+    monkeypatch.setattr(statics, 'hang', lambda *given: searches.append(1) or search(*given))
+    simulator = DirectSimulator(wire, accuracy=1e-6)
+    shape = simulator.solve(LEVEL)
+    same, lazy = simulator.discretization(LEVEL, shape) is shape.mesh, shape.__dict__.copy()
+    assert shape.converged and len(searches) == 2 and shape.iterations <= 2
+    assert same and 'error_estimate' not in lazy
+    assert 0.3e-6 < shape.error_estimate < 0.8e-6
+
+
+@pytest.mark.parametrize('rod', [
+    Rod(1.0, 1.5, (1.0, 2.0), 0.6, natural_curvature=(1.0, -0.5), natural_twist=0.5),
+    Rod(1.0, 0.2, 0.3, 0.2, tip_mass=0.3)])
+def test_it_is_kept_beside_kirchhoffs_equations(rod):
+    gripper = Pose((0, 0, 1), (0.1, -0.2, 0.1, 0.9))
+    shape = DirectSimulator(rod, accuracy=1e-5).solve(gripper)
+    error = np.linalg.norm(shape.positions - true_rod(rod, gripper, shape), axis=1).max()
+    assert shape.converged and error < 1e-5
+    assert 0.3 < error / shape.error_estimate < 1.2
+
+
+@pytest.mark.parametrize('force', [(0.0, 0.0, 0.0), (3.0, 4.0, 10.0)])
+def test_point_masses_get_nodes_and_the_error_is_foreseen_there(force, monkeypatch):
+    # a mass between two nodes is shared by them, which bends its element otherwise
+    rod = Rod(1.0, 0.2, 1.0, 0.7, point_masses=[(0.313, 1.5), (0.7071, 0.5)])
+    loads = [PointLoad(force=force, s=0.57)]
+    searches, search = [], statics.hang
+    monkeypatch.setattr(statics, 'hang', lambda *given: searches.append(1) or search(*given))
+    shape = DirectSimulator(rod, accuracy=1e-5, point_loads=loads).solve(LEVEL)
+    assert shape.converged and len(searches) == 2
+    assert np.isin([0.313, 0.7071], shape.s).all()
+    fine = DirectSimulator(rod, accuracy=2e-8, point_loads=loads).solve(LEVEL)
+    off = np.linalg.norm(fine.positions_at(shape.s) - shape.positions, axis=1).max()
+    assert off < 1e-5
+    assert 0.3 < off / shape.error_estimate < 1.2
+
+
+def test_a_shape_that_hardly_stands_is_looked_at_on_a_finer_mesh():
+    # upright, just below the load at which it buckles: errors are magnified
+    rod = Rod(1.0, 7.6 / 9.81, 1.0, 0.8, natural_curvature=(0.05, 0.0))
+    up = Pose.looking_along((0, 0, 0), (0, 0, 1))
+    shape = DirectSimulator(rod, accuracy=1e-6).solve(up)
+    assert shape.converged and 0.0 < shape.stability < 0.1
+    assert 'error_estimate' in shape.__dict__ and shape.error_estimate < 1e-6
+    fine = DirectSimulator(rod, basis='local', n_elements=6000).solve(up, shape)
+    off = np.linalg.norm(fine.positions_at(shape.s) - shape.positions, axis=1).max()
+    assert off < 1e-6

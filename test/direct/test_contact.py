@@ -17,6 +17,7 @@ from dlo_planner import (
     Pose,
     Rod,
     Sheet,
+    Sphere,
 )
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.scene import build_scene
@@ -217,3 +218,15 @@ def test_sheets_need_a_thickness_of_the_dlo():
 def test_a_gripper_in_the_floor_is_no_answer(wire, level):
     simulator = DirectSimulator(wire, basis='local', obstacles=[Plane((0, 0, 1.2), (0, 0, 1))])
     assert not simulator.solve(level).converged
+
+
+@pytest.mark.parametrize('floor', [Plane((0, 0, 0), (0, 0, 1)), Sphere((0, 0, -0.3), 0.3),
+                                   Box(Pose((0, 0, -0.1), LEVEL), (0.4, 0.4, 0.2))])
+@pytest.mark.parametrize('depth', [-4e-4, 1e-4, 8e-3])
+def test_a_gripper_just_below_the_surface_is_no_answer(wire, floor, depth):
+    # the first free node is outside: nothing else tells that the DLO begins inside
+    simulator = DirectSimulator(wire, basis='local', n_elements=32, obstacles=[floor])
+    above = simulator.solve(Pose.looking_along((0, 0, 0.2), (0, 0, 1)))
+    shape = simulator.track([Pose.looking_along((0, 0, -depth), (0.3, 0, 1))], initial=above)[0]
+    assert shape.converged == (depth < 0)
+    assert shape.violation == pytest.approx(max(depth, 0.0), abs=1e-12)

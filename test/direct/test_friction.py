@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Box, DirectSimulator, Plane, Pose, Rod
+from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
+from dlo_planner.direct.bearing import corrected_by
 from dlo_planner.direct.sensitivity import Sensitivity
 
 THIN = 5e-4
@@ -206,3 +207,17 @@ def test_an_estimate_that_ends_elsewhere_is_no_estimate(wire):
         shape, other = simulator.solve(gripper, shape), fine.solve(gripper, other)
         away = np.abs(shape.positions - other.positions[::2]).max()
         assert shape.error_estimate > 0.02 * away or away < 1e-4
+
+
+@pytest.mark.parametrize('obstacle', [Capsule((0.55, -0.5, 0.72), (0.55, 0.5, 0.72), 0.03, 0.3),
+                                      Plane((0, 0, 0.75), (0, 0, 1), 0.3)])
+def test_one_step_on_halved_elements_tells_what_all_steps_do_where_it_slides(wire, obstacle):
+    simulator = DirectSimulator(wire, basis='local', n_elements=24, obstacles=[obstacle])
+    places = [(0, 0, 1.05), (0, 0, 0.99), (0, 0, 0.97), (-0.03, 0.02, 0.97), (-0.05, 0.03, 0.97)]
+    slid = []
+    for shape in simulator.track([Pose(place, LEVEL) for place in places]):
+        assert corrected_by(shape.mesh, shape, shape.history) == pytest.approx(
+            shape.error_estimate, rel=0.03)
+        slid.append(any(np.linalg.norm(contact.friction) > 0.299 * contact.force
+                        for contact in shape.contacts))
+    assert sum(slid) >= 3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Capsule, DirectSimulator, GraspedInside, Pose, Rod
+from dlo_planner import Box, Capsule, DirectSimulator, GraspedInside, Pose, Rod
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 UP = Pose.looking_along((0, 0, 0), (0, 0, 1))
@@ -78,3 +78,18 @@ def test_a_load_that_varies_is_that_of_the_whole():
     alone = DirectSimulator(Rod(0.5, 0.0, 1.0, 0.7), basis='local', gravity=(0, 0, 0),
                             load=lambda s: (0, 0, -1.0 if s > 0.2 else 0.0)).solve(LEVEL)
     np.testing.assert_allclose(on.positions, alone.positions, atol=1e-12)
+
+
+def test_losses_and_violations_are_those_of_both_parts():
+    yields = Rod(1.0, 0.3, 0.05, 0.04, yield_curvature=0.5, hardening=0.1)
+    shape = GraspedInside(yields, 0.4, basis='local').solve(LEVEL)
+    back, on = shape.parts
+    assert 0 < back.dissipated < on.dissipated
+    assert shape.dissipated == back.dissipated + on.dissipated
+    thick = Rod(1.0, 0.1, 0.5, 0.4, radius=0.01)
+    for x in (-0.35, 0.35):  # a block in which one of the parts lies, and cannot get out
+        block = Box(Pose((x, 0, 1), (0, 0, 0, 1)), (0.3, 2.0, 2.0))
+        shape = GraspedInside(thick, 0.5, basis='local', n_elements=16,
+                              obstacles=[block]).solve(LEVEL)
+        assert not shape.converged
+        assert shape.violation == max(part.violation for part in shape.parts) > 0.01

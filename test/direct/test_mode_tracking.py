@@ -54,6 +54,23 @@ def test_a_bend_that_turns():
         np.testing.assert_allclose(product, modes.overlap, atol=1e-9)  # signs too
 
 
+def test_a_sideways_mode_keeps_its_sign_all_the_way_round():
+    # by itself a mode has the sign that makes its largest displacement, in world axes, positive
+    rod = Rod(**ROD, bending_stiffness=(0.06, 0.2))
+    ways = [Pose((0, 0, 0), Rotation.from_euler('z', a).as_quat())
+            for a in np.linspace(0, 2 * np.pi, 25)]
+    shapes = DirectSimulator(rod).track(ways)
+    tracked = modes_along(shapes, 2)
+    for before, modes in zip(tracked, tracked[1:], strict=False):
+        product = np.einsum('k,mki,mki->m', modes.masses, before.displacements,
+                            modes.displacements)
+        assert (product > 0.9).all()
+    alone = [shape.modes(2).displacements for shape in shapes]
+    assert any(np.vdot(one[k], other[k]) < 0 for one, other in zip(alone, alone[1:], strict=False)
+               for k in range(2))
+    np.testing.assert_allclose(tracked[-1].displacements, tracked[0].displacements, atol=1e-6)
+
+
 def test_twins_are_turned_together():
     """A round DLO that hangs straight: any plane is one of vibration."""
     simulator = DirectSimulator(Rod(**ROD, bending_stiffness=0.06))

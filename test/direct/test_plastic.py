@@ -299,3 +299,15 @@ def test_a_dead_moment_bends_by_the_curve_of_each_part(model, ratio):
     back = free.solve(HERE, shape)  # a set belongs to the rod, whatever acts on it
     np.testing.assert_allclose(back.element_strains[:, 1],
                                np.where(middle < 0.5, first - moment, -0.4), rtol=3e-3)
+
+
+def test_a_set_keeps_its_turn_on_another_mesh():
+    rod = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)
+    shape = DirectSimulator(rod, basis='local', n_elements=32).solve(Pose.identity())
+    past = shape.history
+    turn = np.diff(past.s) @ past.left['set']
+    assert abs(turn).max() > 0.01
+    for elements in (64, 47):
+        finer = DirectSimulator(rod, basis='local', n_elements=elements).mesh
+        again = finer.past(past).left['set']
+        np.testing.assert_allclose(np.diff(finer.s) @ again, turn, rtol=0, atol=1e-12)

@@ -49,7 +49,7 @@ def test_what_is_carried_along_is_the_derivative_of_the_shape(bearing):
     simulator, shape = bearing
     position, mesh = shape.gripper.position, simulator.mesh
     past = past_of(mesh, shape, None)
-    slid = np.zeros(past.left['point_element'].size, dtype=bool)
+    slid = np.zeros_like(past.left['point_slid'])
     errors = []
     for step in (2e-3, 1e-3):
         twist = np.array([0, 0.5, 0, 1, 0, -1]) * step

@@ -12,7 +12,9 @@ from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.system import new_state
 from dlo_planner.minimize.linear import (
     assemble,
+    assembled_definite,
     factorize,
+    is_definite,
     largest_turn,
     multiply,
     new_hessian,
@@ -20,7 +22,7 @@ from dlo_planner.minimize.linear import (
     solve_held,
 )
 from dlo_planner.minimize.newton import newton
-from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.minimize.spectrum import largest_eigenvalue, lowest_mode
 
 
 def matrix_of(system, hessian, state):
@@ -63,6 +65,46 @@ def test_solution_and_inertia_are_those_of_the_dense_matrix(problem, shift, rng)
     out = np.empty_like(right)
     solve(system, hessian, right, out)
     np.testing.assert_allclose(out.ravel(), np.linalg.solve(dense, right.ravel()), atol=1e-9)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+@pytest.mark.parametrize('gravity', [(0.0, 0.0, -9.81), (2.0, -3.0, -9.0), (0.0, 0.0, 0.0)])
+def test_one_sweep_finds_what_assembling_and_factorizing_do(basis, gravity, curly, rng):
+    mesh = Discretization(Surroundings(curly, np.array(gravity)),
+                          np.sort(np.append([0.0, 1.3], rng.uniform(0.1, 1.2, 12))), basis, 6)
+    system = mesh.system(Rotation.from_rotvec(rng.normal(size=3)).as_matrix())
+    for size in (0.03, 0.3, 1.0):
+        state = new_state(system)
+        state.q[:] = size * rng.normal(size=state.q.shape)
+        evaluate(system, state)
+        at_once, apart = new_hessian(system), new_hessian(system)
+        assemble(system, state, apart)
+        dense = matrix_of(system, apart, state)
+        lowest = np.linalg.eigvalsh(dense)[0]
+        for shift in (max(0.0, 0.1 - lowest), 0.5 - lowest, -0.1 - lowest):
+            definite = lowest + shift > 0
+            assert assembled_definite(system, state, at_once, shift) == definite
+            assert is_definite(system, apart, shift) == definite
+            if definite:
+                right, out = rng.normal(size=state.q.shape), np.empty_like(state.q)
+                solve(system, at_once, right, out)
+                np.testing.assert_allclose(
+                    (dense + shift * np.eye(len(dense))) @ out.ravel(), right.ravel(), atol=1e-9)
+            else:  # it is filled, for other shifts
+                assert is_definite(system, at_once, 0.1 - lowest)
+
+
+def test_largest_eigenvalue_grows_row_by_row(rng):
+    for _ in range(60):
+        size = rng.integers(2, 25)
+        diagonal = rng.normal(size=size) * 10 ** rng.uniform(-3, 3)
+        side = np.abs(rng.normal(size=size)) * 10 ** rng.uniform(-14, 3, size=size)
+        top, last = 0.0, 1.0
+        for k in range(size):
+            top, last = largest_eigenvalue(diagonal, side, k + 1, top, last)
+            matrix = (np.diag(diagonal[:k + 1]) + np.diag(side[:k], 1) + np.diag(side[:k], -1))
+            values = np.linalg.eigvalsh(matrix)
+            assert top == pytest.approx(values[-1], abs=1e-12 * np.abs(values).max())
 
 
 def test_lowest_mode_is_the_dense_one(problem):

@@ -46,3 +46,22 @@ def test_it_does_not_take_a_saddle_for_a_minimum(rng):
     # straight up, far above the load at which it buckles: an equilibrium, but no minimum
     system, q = drawn(rng, DOWN, strength=0.0, stiffness=0.01)
     assert not nearby(system, np.zeros_like(q), 1e-10)[0]
+
+
+def test_it_gets_along_with_a_guess_that_is_too_short(rng):
+    # inertia pushes along the DLO, with forces at which it would buckle
+    system, q = drawn(rng, strength=1e6)
+    place = (1 - 1e-3) * system.anchor.place
+    system = system._replace(anchor=Anchor(place, system.anchor.weight))
+    found, state, _, stability, steps = nearby(system, q, 1e-9)
+    true = newton(system, q, 1e-9, 100, True)
+    assert found and steps < true.iterations
+    np.testing.assert_allclose(state.positions, true.state.positions, rtol=0, atol=1e-9)
+    assert stability == pytest.approx(true.stability, rel=0.02)
+
+
+def test_it_does_not_look_at_stability_if_not_asked(rng):
+    system, q = drawn(rng, strength=1e3)
+    found, state, _, stability, _ = nearby(system, q, 1e-10, False)
+    assert found and np.isnan(stability)
+    np.testing.assert_array_equal(state.q, nearby(system, q, 1e-10)[1].q)

@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A step of a DLO between two grips that move a little: most steps of one that is held so.
+
+One kernel finds it (`minimize.holding`). Where it does not, grips are brought to their places in
+parts (`direct.leading`), and every guard of `minimize.held` watches the way.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.state import State
+from dlo_planner.direct.statics import estimated, held_nearby
+
+if TYPE_CHECKING:
+    from dlo_planner.direct.discretization import Discretization
+    from dlo_planner.direct.history import History
+    from dlo_planner.model.far_end import FarEnd
+    from dlo_planner.model.pose import Pose
+
+
+def holding_on(mesh: Discretization, gripper: Pose, initial: Shape | None,
+               far_end: FarEnd, past: History) -> tuple[Shape, int] | None:
+    """Return the Shape next to `initial` in grips that moved a little, and 0 kicks; else None.
+
+    Parameters
+    ----------
+    mesh : Discretization
+    gripper : Pose
+        Pose of the gripper after the step.
+    initial : Shape or None
+        Shape before.
+    far_end : FarEnd
+        What holds the far end after the step.
+    past : History
+        What `initial` leaves to the step, on this mesh.
+    """
+    if (initial is None or not mesh.hangs or initial.far_end is None
+            or initial.far_end.grip != far_end.grip):
+        return None
+    found = held_nearby(mesh, gripper, far_end, mesh.start_from(initial), past.left['hold'])
+    if found is None:
+        return None
+    (strains, frames, positions, wrenches, force, elastic, energy, residual, stability, steps,
+     missed) = found
+    after = past.followed(positions, frames[:, :, 0].copy(), hold=force)
+    shape = Shape(gripper, mesh.s, positions, frames, strains, energy, elastic, wrenches[0],
+                 residual, stability, steps, True, violation=missed, far_end=far_end,
+                 far_wrench=wrenches[1],
+                 state=State.made(mesh, after, past, partial(
+                     estimated, mesh, gripper, strains, positions - gripper.position, past,
+                     far_end)))
+    return shape, 0

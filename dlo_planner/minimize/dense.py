@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The Hessian of a series, of few unknowns: all of it, and LDL^T, see `linear`."""
+
+import numpy as np
+
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.riccati import TINY
+
+# The width of the blocks is written out in the calls, so that the compiler, which inlines this
+# function, sees constant loops and unrolls them.
+
+
+@kernel
+def project_all(basis, hessian, displaced):
+    """Fill hessian.dense (3 m, 3 m) from its blocks; `displaced` as of a Hessian."""
+    if displaced is None:
+        _project(basis, hessian, 3)
+        return
+    if displaced:
+        _project(basis, hessian, 6)
+    else:
+        _project(basis, hessian, 3)
+
+
+@kernel(inline='always')
+def _project(basis, hessian, wide):
+    """Fill hessian.dense (3 m, 3 m), unknown (j, i) at row 3 j + i, in O(N m^2).
+
+    Inner loops run over the terms, which lie side by side: the compiler makes vectors of them.
+    """
+    n, m = basis.shape
+    prefix = np.zeros((3 * wide, m))  # sum over e < f of turning_e basis_e
+    rows = np.empty((n, 9 * m))
+    jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
+    for f in range(n):
+        jacobian, cross, diagonal = jacobians[f], crosses[f], diagonals[f]
+        for a in range(3):
+            for b in range(3):
+                own, at = 0.5 * diagonal[a, b], (3 * a + b) * m
+                for j in range(m):
+                    total = own * basis[f, j]
+                    for k in range(wide):
+                        total += cross[a, k] * prefix[3 * k + b, j]
+                    rows[f, at + j] = total
+        for k in range(wide):
+            for b in range(3):
+                turning = jacobian[k, b]
+                for j in range(m):
+                    prefix[3 * k + b, j] += turning * basis[f, j]
+    half, dense = basis.T @ rows, hessian.dense
+    for k in range(m):
+        for j in range(m):
+            for a in range(3):
+                for b in range(3):
+                    dense[3 * k + a, 3 * j + b] = (half[k, (3 * a + b) * m + j]
+                                                   + half[j, (3 * b + a) * m + k])
+
+
+@kernel
+def factorize_dense(hessian, shift, most):
+    """Factorize; give up where more than `most` pivots are negative; return how many are."""
+    dense, factor = hessian.dense, hessian.factor
+    n = dense.shape[0]
+    negative = 0
+    scaled = np.empty(n)
+    for i in range(n):
+        # row i of L D, then of L; rows are contiguous
+        for j in range(i):
+            total = dense[i, j]
+            for k in range(j):
+                total -= scaled[k] * factor[j, k]
+            scaled[j] = total
+        pivot = dense[i, i] + shift
+        for j in range(i):
+            factor[i, j] = scaled[j] / factor[j, j]
+            pivot -= scaled[j] * factor[i, j]
+        if pivot == 0.0:
+            pivot = TINY
+        factor[i, i] = pivot
+        negative += pivot <= 0
+        if negative > most:
+            break
+    return negative
+
+
+@kernel
+def solve_dense(factor, right, out):
+    """Fill out (m, 3) with the solution for right (m, 3)."""
+    n = factor.shape[0]
+    flat = np.empty(n)
+    for i in range(n):
+        total = right[i // 3, i % 3]
+        for k in range(i):
+            total -= factor[i, k] * flat[k]
+        flat[i] = total
+    for i in range(n):
+        flat[i] /= factor[i, i]
+    for i in range(n - 1, -1, -1):
+        value = flat[i]
+        out[i // 3, i % 3] = value
+        for k in range(i):
+            flat[k] -= factor[i, k] * value
