@@ -22,6 +22,7 @@ from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _AT_ONCE = 64  # gripper poses in one piece of work
+_LOOP = 512    # of one that takes a few hundredths of a second
 _MOST = 100_000
 
 
@@ -123,7 +124,11 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
     if rods is not None and len(grippers) != len(rods):
         raise InvalidTask(f'grippers has {len(grippers)} entries: expected one Pose for each of '
                           f'{len(rods)} rods, or one for all')
-    shapes = map(simulator, grippers, rods=rods, progress=progress, deadline=deadline)
+    instance('simulator', simulator, DirectSimulator)
+    # one loop fills the arrays of all, where nothing is long
+    quick = simulator.mesh.hangs and simulator.method == 'newton'
+    chunk = _LOOP if quick else _AT_ONCE
+    shapes = map(simulator, grippers, rods=rods, chunk=chunk, progress=progress, deadline=deadline)
     assert isinstance(shapes, Shapes)  # there are no motions in it
     return shapes
 
@@ -197,7 +202,7 @@ class _Count:
 def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Sequence[Columns],
             s: Floats | None = None) -> Shapes:
     s = simulator.mesh.s if s is None else s
-    arrays = stacked(rows or [columns([], s)])
+    arrays = rows[0] if len(rows) == 1 else stacked(rows or [columns([], s)])
     if simulator.surroundings.pinned:
         grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))
                     for gripper, frames in zip(grippers, arrays['frames'], strict=True)]

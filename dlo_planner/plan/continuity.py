@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from dlo_planner.direct.continuation import shape_change
@@ -49,7 +51,7 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
         Length of the DLO, m.
     """
     turn = angle_between(one[0], other[0])
-    shift = float(np.linalg.norm(other[1] - one[1])) / length
+    shift = math.hypot(*(other[1] - one[1]).tolist()) / length
     return length * max(0.0, turn - largest_turn(step), shift - largest_shift(step))
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -75,15 +76,26 @@ def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None) -
     normal : ndarray, shape (3,), or None
         Along which it should pass; None: along any.
     """
-    return waypoint_at(shape.moved(center - shape.frame_at(s)[1]), center, s, normal)
+    axes, position = shape.frame_at(s)
+    displacement = center - position
+    return _waypoint(shape.moved(displacement), axes, position + displacement, center, s, normal)
 
 
 def waypoint_at(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:
     """Return the Waypoint of a Shape that should pass `center` at `s`, where it is."""
-    axes, position = shape.frame_at(s)
+    return _waypoint(shape, *shape.frame_at(s), center, s, normal)
+
+
+def _waypoint(shape: Shape, axes: Floats, position: Floats, center: Floats, s: float,
+              normal: Floats | None) -> Waypoint:
+    """Return the Waypoint of a Shape with these `axes` (3, 3) and this `position` (3,) at `s`."""
     angle = 0.0
     if normal is not None:
         along = axes[:, 0] @ normal
-        angle = float(np.arctan2(np.linalg.norm(axes[:, 0] - along * normal), along))
-    return Waypoint(shape, angle, float(np.linalg.norm(position - center)),
-                    ((center, s, normal),))
+        angle = math.atan2(length_of(axes[:, 0] - along * normal), along)
+    return Waypoint(shape, angle, length_of(position - center), ((center, s, normal),))
+
+
+def length_of(v: Floats) -> float:
+    """Return the length of a vector (3,): for one, quicker than `np.linalg.norm`."""
+    return math.hypot(*v.tolist())

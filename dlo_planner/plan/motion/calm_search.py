@@ -17,7 +17,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.surface import Surface
 from dlo_planner.plan.motion.calm import LegTask, calm_law, margin, predicted
-from dlo_planner.plan.motion.in_motion import InMotion, in_motion, least_clearance
+from dlo_planner.plan.motion.in_motion import InMotion, in_motion, least_clearance, step_error
 from dlo_planner.plan.motion.leg_tasks import leg_tasks
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import TimedPath
@@ -94,10 +94,11 @@ class CalmSearch:
         what, least, duration = '', np.inf, np.inf
         for _ in range(_ROUNDS):
             timed, known = self._timed(aim, slower)
-            motion = self._moved(timed)
+            motions = self._moved(timed)
+            motion = _worst(motions)
             name, used = self._used(motion)
             if used <= 1:
-                return timed, motion, self._margin(timed, motion)
+                return timed, self._with_error(timed, motions), self._margin(timed, motion)
             if not what or used < least:
                 what, least, duration = name, used, timed.duration
             if timed.duration > _SLOWEST * self.fastest.duration:
@@ -135,10 +136,15 @@ class CalmSearch:
                     states = before.waited(states, np.ptp(leg.knots))
         return TimedPath(self.fastest.path, tuple(laws), self.fastest.limits), known
 
-    def _moved(self, timed: TimedPath) -> InMotion:
-        motions = [in_motion(simulator, self.plan, timed, self._first, self.obstacles,
-                             self.progress) for simulator in self._simulators]
-        return motions[0] if len(motions) == 1 else motions[0].worse(motions[1])
+    def _moved(self, timed: TimedPath) -> list[InMotion]:
+        return [in_motion(simulator, self.plan, timed, self._first, self.obstacles,
+                          self.progress) for simulator in self._simulators]
+
+    def _with_error(self, timed: TimedPath, motions: Sequence[InMotion]) -> InMotion:
+        """Return the worst of motions by each simulator, the errors of their steps in it."""
+        return _worst([replace(motion, error_estimate=motion.error_estimate + step_error(
+            simulator, self.plan, timed, self._first, motion, self.progress))
+            for simulator, motion in zip(self._simulators, motions, strict=True)])
 
     def _used(self, motion: InMotion) -> tuple[str, float]:
         """Return the name of the figure that uses most of the tolerance, and the part it uses."""
@@ -172,3 +178,7 @@ class CalmSearch:
         worst = max(motion.departure, np.nan_to_num(self._missed(motion)))
         return min(margin(task, law, 2 * self.tolerance * max(
             1.0, predicted(task, law) / worst)) for task, law in known)
+
+
+def _worst(motions: Sequence[InMotion]) -> InMotion:
+    return motions[0] if len(motions) == 1 else motions[0].worse(motions[1])

@@ -117,6 +117,9 @@ class ContactFamily:
         pull[self._node] -= force * self.frame[:, 2]
         system = system._replace(pull=pull)
         state, base = hanging(system, self._end)
+        if not np.isfinite(base).all():
+            raise InvalidTask(f'forces: {force:g} N bends the DLO beyond all numbers; expected '
+                              f'some {self.scale[1]:.2g} N or less')
         gripper = Pose.from_rotation(self.place - state.positions[self._node], base)
         touching = self._mesh.system(base, gripper.position)
         touching.contacts.node[self._body, self._node] = force

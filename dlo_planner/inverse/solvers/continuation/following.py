@@ -23,6 +23,7 @@ from dlo_planner.plan.continuity import excess, refusal_for_leap
 
 _LONGEST_STEP = 1 / 16   # of the length
 _SHORTEST_STEP = 1 / 1024
+_AHEAD = 4.0             # steps ahead that a trend is believed for
 _SHARES = 1.0, 0.5, 0.0  # of a roll
 
 
@@ -36,16 +37,33 @@ class Passing(NamedTuple):
         The gripper's origin from the first center, m.
     second : float or None
         Arc length at a second center, m. None if there is none.
+    depth : float
+        Its depth, m; nan: not known.
+    since : (Shape, float) or None
+        The Shape that it was followed from, and its depth, m. None: not known.
     """
 
     shape: Shape
     place: Floats
     second: float | None = None
+    depth: float = float('nan')
+    since: tuple[Shape, float] | None = None
 
     @property
     def gripper(self) -> tuple[Floats, Floats]:
         """The gripper's rotation (3, 3) and its position (3,) from the first center."""
         return self.shape.gripper.rotation, self.place
+
+    def trend(self, depth: float) -> tuple[Shape, float] | None:
+        """Return the Shape before on the same mesh, and how many such steps it is to `depth` (m).
+
+        None if it is not known, or not a few steps on.
+        """
+        if self.since is None or self.since[0].s is not self.shape.s:
+            return None
+        shape, begun = self.since
+        ahead = (depth - self.depth) / (self.depth - begun) if self.depth != begun else 0.0
+        return (shape, ahead) if 0.0 < ahead <= _AHEAD else None
 
 
 class Condition(Protocol):

@@ -25,7 +25,7 @@ from dlo_planner.minimize.linear import (
     new_hessian,
     solve,
 )
-from dlo_planner.minimize.newton import safe_shift
+from dlo_planner.minimize.newton import HARDLY, WELL_STABLE, safe_shift
 from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
@@ -87,13 +87,16 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
     miss = _miss(here, state, element, fraction, across, reference, axis, part, tangent)
     merit = _merit(here, state, miss)
     converged = False
-    iterations = 0
+    iterations, negative, size = 0, 1, np.inf
     while True:
         residual = residual_of(here, state)
-        assemble(here, state, hessian)
-        negative = factorize(here, hessian, 0.0)
         misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), dot(tangent, normal))
         converged = residual < tolerance and misaligned < tolerance
+        stale = converged and negative == 0 and size < HARDLY
+        if stale:
+            break
+        assemble(here, state, hessian)
+        negative = factorize(here, hessian, 0.0)
         if converged or iterations >= max_iterations:
             break
         iterations += 1
@@ -140,9 +143,26 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         merit, miss = new_merit, new_miss
         state, trial = trial, state
         here, there = there, here
-    shift = safe_shift(here, hessian, 1e-3) if negative > 0 else 0.0
-    stability, _ = lowest_mode(here, hessian, shift, 1e-4)
+    stability = _stability(here, state, hessian, negative, stale)
     return state, here.base, residual, misaligned, stability, iterations, converged
+
+
+@kernel
+def _stability(system: System, state: State, hessian: Hessian, negative: int, stale: bool) -> Any:
+    """Return the smallest eigenvalue of the Hessian, factorized with `negative` eigenvalues.
+
+    One that is `stale` by a tiny step tells a stable shape as well.
+    """
+    stability = -np.inf
+    if stale:
+        stability, _ = lowest_mode(system, hessian, 0.0, 1e-4)
+    if not stability > WELL_STABLE:
+        if stale:
+            assemble(system, state, hessian)
+            negative = factorize(system, hessian, 0.0)
+        shift = safe_shift(system, hessian, 1e-3) if negative > 0 else 0.0
+        stability, _ = lowest_mode(system, hessian, shift, 1e-4)
+    return stability
 
 
 @kernel

@@ -24,6 +24,8 @@ from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot
 from dlo_planner.ritz.kinematics import part_of_element, point_inside
+from dlo_planner.ritz.matrix3 import matrix, put_vector, times_transposed
+from dlo_planner.ritz.rotation import rotation_vector
 
 _LARGEST_TURN = 0.6   # rad per step, of the gripper and of any node
 _LARGEST_SHIFT = 0.1  # of the length per step, of an arc length
@@ -32,15 +34,18 @@ _SINGULAR = 1e-14
 
 
 @kernel
-def aligned_hanging(system: System, base: Floats, strains: Floats, element: int, fraction: float,
+def aligned_hanging(system: System, base: Floats, strains: Floats, earlier_base: Floats,
+                    earlier: Floats, ahead: float, element: int, fraction: float,
                     normal: Floats, reference: Floats, axis: Floats, tolerance: float,
                     max_iterations: int) -> tuple[tuple[Any, ...], Floats, bool]:
     """Find the equilibrium whose tangent inside `element` is `normal`.
 
     Args:
         system: System without obstacles, far end, plasticity; its `base` is not used
-        base: (3, 3), read-only, where the gripper's rotation starts
-        strains: (N, 3), read-only, where the search starts, 1/m
+        base: (3, 3), read-only, rotation of the gripper before
+        strains: (N, 3), read-only, strains before, 1/m
+        earlier_base, earlier: the same once more before
+        ahead: how many times that change the search starts ahead of where the DLO was before
         element, fraction, normal, reference, axis, tolerance, max_iterations: as `aligned_newton`
 
     Returns:
@@ -48,13 +53,36 @@ def aligned_hanging(system: System, base: Floats, strains: Floats, element: int,
         base: (3, 3) rotation of the gripper; converged
     """
     here = turned_system(system, base.copy(), system.origin)
-    q = np.empty((unknown_count(system), 3))
-    unknowns_of(here, strains.copy(), q)
+    q, begin = np.empty((unknown_count(system), 3)), strains.copy()
+    if ahead > 0.0:
+        turn = np.empty(3)
+        put_vector(rotation_vector(times_transposed(matrix(here.base), matrix(earlier_base))), turn)
+        turn *= ahead
+        if np.sqrt(dot(turn, turn)) < _LARGEST_TURN:
+            turn_by(base.copy(), turn, here.base)
+            for e in range(begin.shape[0]):
+                for i in range(3):
+                    begin[e, i] += ahead * (strains[e, i] - earlier[e, i])
+    unknowns_of(here, begin, q)
     state, turned, residual, _, stability, iterations, converged = aligned_newton(
         here, q, element, fraction, normal, reference, axis, tolerance, max_iterations)
     wrench, elastic, energy = outcome(system, state)
     return (state.strains, state.rotations, state.positions, wrench, elastic, energy, residual,
-            stability, iterations, 0), turned, converged
+            stability, iterations, 0), _orthonormal(turned), converged
+
+
+@kernel
+def _orthonormal(rotation: Floats) -> Floats:
+    """Return the rotation (3, 3) nearest to one that is it but for rounding (Newton's method)."""
+    out = 1.5 * rotation
+    for i in range(3):
+        for j in range(3):
+            drift = 0.0
+            for k in range(3):
+                drift += rotation[k, i] * rotation[k, j]
+            for k in range(3):
+                out[k, j] -= 0.5 * rotation[k, i] * drift
+    return out
 
 
 @kernel
@@ -65,7 +93,9 @@ def two_points_hanging(system: System, base: Floats, strains: Floats, s: Floats,
     """Find the equilibrium with x(second) - x(first) = `way`.
 
     Args:
-        system, base, strains, tolerance, max_iterations: as in `aligned_hanging`
+        system, tolerance, max_iterations: as in `aligned_hanging`
+        base: (3, 3), read-only, where the gripper's rotation starts
+        strains: (N, 3), read-only, where the search starts, 1/m
         s: (N + 1,), read-only, of the nodes, m; way: (3,), read-only, m
         first, second: arc lengths, m; first_free: whether the first one is sought, else the second
         axis: (3,) unit vector about which the gripper is to turn by `roll`, rad

@@ -8,6 +8,7 @@ away, the step goes towards it as far as the ball allows.
 """
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,17 +16,26 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.penalty import Residuals
+from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
 
 _ITERATIONS = 25
 _STILL = 1e-9     # rad, and of the length: a step that ends the search
 _ENOUGH = 1e-6    # relative decrease of the penalty that ends it as well
+_HARDLY, _SMALL = 1e-8, 1e-4  # the same, and a part of what is within reach: not worth a step
 _HALVINGS = 6
 
 
-def nearest_within(simulator: DirectSimulator, penalties: Sequence[Residuals], before: Shape,
-                   turn: float, shift: float) -> Shape | None:
+class Near(NamedTuple):
+    """A Shape, and its Sensitivity if that is known already."""
+
+    shape: Shape
+    sensitivity: Sensitivity | None = None
+
+
+def nearest_within(simulator: DirectSimulator, penalties: Sequence[Residuals], begin: Near,
+                   turn: float, shift: float) -> Near | None:
     """Return the Shape of least penalty whose gripper is within reach, or None.
 
     Parameters
@@ -33,7 +43,7 @@ def nearest_within(simulator: DirectSimulator, penalties: Sequence[Residuals], b
     simulator : DirectSimulator
     penalties : sequence of Residuals
         Values with `residuals` and `slopes`, see `inverse.penalties`.
-    before : Shape
+    begin : Near
         Shape where the step begins.
     turn : float
         Angle by which the gripper may turn, rad, about.
@@ -41,12 +51,16 @@ def nearest_within(simulator: DirectSimulator, penalties: Sequence[Residuals], b
         Distance by which it may be displaced, about, m.
     """
     scale = np.array([turn] * 3 + [shift] * 3)
-    shape, x, right = before, np.zeros(6), _residuals(penalties, before)
+    shape, sensitivity = before, _ = begin
+    x, right = np.zeros(6), _residuals(penalties, before)
     value = float(right @ right)
     for _ in range(_ITERATIONS):
-        sensitivity = Sensitivity(shape)
+        sensitivity = sensitivity or Sensitivity(shape)
         rows = np.vstack([penalty.slopes(shape, sensitivity) for penalty in penalties]) * scale
         step = _step_within_ball(rows, right, x)
+        left = rows @ step + right
+        if value - left @ left < _HARDLY * value and np.abs(step).max() < _SMALL:
+            break  # it is there
         for _ in range(_HALVINGS):
             trial = simulator.solve(displaced(before.gripper, scale * (x + step)), shape)
             ahead = _residuals(penalties, trial)
@@ -55,36 +69,47 @@ def nearest_within(simulator: DirectSimulator, penalties: Sequence[Residuals], b
                 break
             step = 0.5 * step
         else:
-            return shape if shape is not before else None
+            return Near(shape, sensitivity) if shape is not before else None
         done = (np.abs(step).max() < _STILL / turn
                 or value - new < _ENOUGH * value and np.abs(step).max() < 1e-3)
-        shape, x, value, right = trial, x + step, new, ahead
+        shape, x, value, right, sensitivity = trial, x + step, new, ahead, None
         if done:
-            return shape
-    return shape
+            break
+    return Near(shape, sensitivity)
 
 
 def _residuals(penalties: Sequence[Residuals], shape: Shape) -> Floats:
     return np.concatenate([penalty.residuals(shape) for penalty in penalties])
 
 
-def _step_within_ball(rows: Floats, right: Floats, x: Floats) -> Floats:
+@kernel
+def _step_within_ball(rows: Floats, right: Floats, x: Floats) -> Any:
     """Return the step (6,) that minimizes |rows step + right| with |x + step| <= 1.
 
-    The multiplier of the constraint is found by bisection.
+    The multiplier of the constraint is found by bisection, along the axes of the quadratic form.
     """
-    left, square = rows.T @ right, rows.T @ rows
-    weak = 1e-12 * max(np.trace(square), 1e-300) * np.eye(6)
+    square = np.dot(rows.T, rows)
+    large = max(np.trace(square), 1e-300)
+    sizes, axes = np.linalg.eigh(square + 1e-12 * large * np.eye(6))
+    slope, where = np.dot(axes.T, np.dot(rows.T, right)), np.dot(axes.T, x)
+    if _reach(sizes, slope, where, 0.0) <= 1.0:
+        return np.dot(axes, -slope / sizes)
+    low, high = 0.0, large
+    while _reach(sizes, slope, where, high) > 1.0:
+        high *= 10.0
+    for _ in range(60):
+        middle = 0.5 * (low + high) if low > 0.0 else 0.01 * high
+        if _reach(sizes, slope, where, middle) > 1.0:
+            low = middle
+        else:
+            high = middle
+    return np.dot(axes, (-slope - high * where) / (sizes + high))
 
-    def step(multiplier: float) -> Floats:
-        return np.linalg.solve(square + weak + multiplier * np.eye(6), -left - multiplier * x)
 
-    if np.linalg.norm(x + step(0.0)) <= 1:
-        return step(0.0)
-    low, high = 0.0, max(np.trace(square), 1e-300)
-    while np.linalg.norm(x + step(high)) > 1:
-        high *= 10
-    for _ in range(40):
-        middle = 0.5 * (low + high) if low else 0.01 * high
-        low, high = (middle, high) if np.linalg.norm(x + step(middle)) > 1 else (low, middle)
-    return step(high)
+@kernel
+def _reach(sizes: Floats, slope: Floats, where: Floats, multiplier: float) -> Any:
+    """Return how far from the middle of the ball a step with this multiplier ends."""
+    total = 0.0
+    for i in range(sizes.size):
+        total += ((sizes[i] * where[i] - slope[i]) / (sizes[i] + multiplier)) ** 2
+    return np.sqrt(total)

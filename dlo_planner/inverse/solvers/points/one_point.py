@@ -17,10 +17,12 @@ from dlo_planner.inverse.solvers.points.coupled import aligned_hanging
 from dlo_planner.inverse.solvers.points.nested import nested_alignment
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, pose_of
+from dlo_planner.model.value import freeze
 
 _MAX_ITERATIONS = 60
 _ORIGIN = np.zeros(3)
+freeze(_ORIGIN)
 
 
 class Aligned:
@@ -47,20 +49,28 @@ class Aligned:
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:
         """Return the Passing at `depth`; see `following.Condition`."""
-        reference = before.shape.gripper.rotation
+        reference, trend = before.shape.gripper.rotation, before.trend(depth)
         if roll:
+            trend = None
             reference = Rotation.from_rotvec(
                 roll * self.axis(before.shape)).as_matrix() @ reference
-        return self.from_guess(before.shape, depth, reference, final)
+        passing = self.from_guess(before.shape, depth, reference, final, trend)
+        return passing and passing._replace(since=(before.shape, before.depth))
 
-    def from_guess(self, guess: Shape, depth: float, reference: Floats,
-                   final: bool = True) -> Passing | None:
-        """Return the Passing near a Shape, not turned about the free axis since `reference`."""
+    def from_guess(self, guess: Shape, depth: float, reference: Floats, final: bool = True,
+                   trend: tuple[Shape, float] | None = None) -> Passing | None:
+        """Return the Passing near a Shape, not turned about the free axis since `reference`.
+
+        Parameters
+        ----------
+        trend : (Shape, float) or None, optional
+            What `Passing.trend` returns; the search begins as far ahead.
+        """
         align = self._align if final else aligned_shape
         s = self.simulator.rod.length - depth
-        shape = align(self.simulator, guess, s, self.normal, reference)
+        shape = align(self.simulator, guess, s, self.normal, reference, trend)
         return None if shape is None else Passing(
-            shape, shape.gripper.position - shape.frame_at(s)[1])
+            shape, shape.gripper.position - shape.frame_at(s)[1], depth=depth)
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
@@ -73,7 +83,7 @@ def _angle(one: Floats, other: Floats) -> float:
 
 
 def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Floats,
-                  reference: Floats) -> Shape | None:
+                  reference: Floats, trend: tuple[Shape, float] | None = None) -> Shape | None:
     """Return the Shape whose tangent at `s` is `normal`, by `aligned_newton`, or None.
 
     Parameters
@@ -82,22 +92,24 @@ def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Fl
         Shape near it.
     reference : ndarray, shape (3, 3)
         Gripper rotation since which it does not turn freely.
+    trend : (Shape, float) or None, optional
+        As of `Passing.trend`.
     """
     discretization = guess.state.mesh
     assert discretization is not None  # a guess is made on one
     for _ in range(6):
-        shape = aligned_on(discretization, guess, s, normal, reference)
+        shape = aligned_on(discretization, guess, s, normal, reference, trend)
         if shape is None:
             return None
         better = simulator.discretization(shape.gripper, shape)
         if better is discretization:
             return shape
-        discretization, guess = better, shape
+        discretization, guess, trend = better, shape, None
     return shape
 
 
 def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: Floats,
-               reference: Floats) -> Shape | None:
+               reference: Floats, trend: tuple[Shape, float] | None = None) -> Shape | None:
     """Return what `aligned_shape` returns, on a Discretization."""
     element = min(int(np.searchsorted(discretization.s, s, side='right')) - 1,
                   discretization.s.size - 2)
@@ -105,12 +117,15 @@ def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: F
     goal = (element, fraction, np.array(normal), np.array(reference, order='C'),
             free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
     if discretization.hangs:
-        solution, base, converged = aligned_hanging(discretization.static, guess.gripper.rotation,
-                                                    discretization.start_from(guess), *goal)
+        begin = discretization.start_from(guess)
+        earlier, ahead = trend or (guess, 0.0)
+        before = earlier.element_strains if trend and discretization.has_nodes(guess.s) else begin
+        solution, base, converged = aligned_hanging(
+            discretization.static, guess.gripper.rotation, begin, earlier.gripper.rotation, before,
+            ahead if before is not begin else 0.0, *goal)
         if not converged:
             return None
-        hanging: Shape = found_hanging(discretization, Pose.from_rotation(_ORIGIN, base), solution)
-        return hanging
+        return found_hanging(discretization, pose_of(_ORIGIN, base), solution)
     system = discretization.system(guess.gripper.rotation)
     q = np.empty((discretization.n_unknowns, 3))
     unknowns_of(system, discretization.strains_from(guess.s, guess.element_strains), q)
@@ -123,8 +138,9 @@ def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: F
 
 
 def _nested(simulator: DirectSimulator, guess: Shape, s: float, normal: Floats,
-            reference: Floats) -> Shape | None:
+            reference: Floats, trend: tuple[Shape, float] | None = None) -> Shape | None:
     """Return the aligned Shape by the paper's nested minimization, or None."""
+    del trend
     shape = nested_alignment(simulator, guess, s, normal, reference)
     aligned = _angle(shape.at(s).direction, normal) < 1e-8
     return shape if shape.converged and aligned else None

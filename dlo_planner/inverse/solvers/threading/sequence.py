@@ -22,7 +22,7 @@ from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
 from dlo_planner.inverse.penalty import Residuals
 from dlo_planner.inverse.solvers.continuation.quick import quick_simulator, thinned
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
-from dlo_planner.inverse.solvers.points.nearest import nearest_within
+from dlo_planner.inverse.solvers.points.nearest import Near, nearest_within
 from dlo_planner.inverse.solvers.threading.one_cutout import thread
 from dlo_planner.inverse.solvers.threading.through_depths import Threading
 from dlo_planner.model.arrays import Floats
@@ -90,6 +90,8 @@ def thread_sequence(simulator: DirectSimulator, cutouts: tuple[CutOut, ...], wei
     """
     task = CutoutSequence(cutouts, weights, depths, start, demands)
     quick = quick_simulator(simulator)
+    if quick is simulator and is_axisymmetric(simulator.rod):
+        return _thread(simulator, task)  # all rolls are alike
     few = replace(task, depths=thinned(depths, _COMPARED), demands=demands.silent(quick))
     best: CutoutSequence | None = None
     least, refused = np.inf, None
@@ -135,9 +137,10 @@ def _thread(simulator: DirectSimulator, task: CutoutSequence) -> Plan:
     begin = thread(simulator, Threading(
         task.cutouts[0], np.zeros(1), task.start, None,
         PlanRequirements(demands.speeds, demands.progress.silent())))
-    shape, depth = begin.shapes[0], 0.0
+    near, depth = Near(begin.shapes[0]), 0.0
     for target in task.depths:
-        shape, depth = _follow(simulator, task, shape, depth, target)
+        near, depth = _follow(simulator, task, near, depth, target)
+        shape = near.shape
         if depth < target:
             raise builder.refusal('equilibrium', target - depth, 'no stable shape was found that '
                                   f'is nearest to the centers beyond depth {depth:g} m')
@@ -196,13 +199,13 @@ class _NotRolled:
         return self.weight * np.append(self.before.direction, np.zeros(3))[None]
 
 
-def _follow(simulator: DirectSimulator, task: CutoutSequence, shape: Shape, depth: float,
-            goal: float) -> tuple[Shape, float]:
+def _follow(simulator: DirectSimulator, task: CutoutSequence, near: Near, depth: float,
+            goal: float) -> tuple[Near, float]:
     """Return the Shape nearest to the centers at the depth `goal`, and how far it came, m.
 
     Parameters
     ----------
-    shape : Shape
+    near : Near
         Shape at `depth`, m.
     """
     length = simulator.rod.length
@@ -210,25 +213,25 @@ def _follow(simulator: DirectSimulator, task: CutoutSequence, shape: Shape, dept
     while True:
         task.demands.progress.check()
         target = min(goal, depth + step)
-        nearest = _nearest(simulator, _penalties(task, target, length), shape, target - depth)
+        nearest = _nearest(simulator, _penalties(task, target, length), near, target - depth)
         if nearest is not None:
-            shape, depth = nearest, target
+            near, depth = nearest, target
             if depth == goal:
                 break
         elif step > _SHORTEST_STEP * length and target > depth:
             step /= 2
         else:
             break
-    return shape, depth
+    return near, depth
 
 
-def _nearest(simulator: DirectSimulator, penalties: list[Residuals], shape: Shape,
-             step: float) -> Shape | None:
-    """Return the Shape that follows `shape` after a step in depth (m), or None.
+def _nearest(simulator: DirectSimulator, penalties: list[Residuals], near: Near,
+             step: float) -> Near | None:
+    """Return the Shape that follows another one after a step in depth (m), or None.
 
     The nearest shape may be far from the present one: then the DLO goes towards it by one step.
     """
-    length = shape.s[-1]
+    length = near.shape.s[-1]
     turn, shift = largest_turn(step / length), largest_shift(step / length) * length
-    free = _NotRolled(shape.gripper, _FREE * length)
-    return nearest_within(simulator, [*penalties, free], shape, _PART * turn, _PART * shift)
+    free = _NotRolled(near.shape.gripper, _FREE * length)
+    return nearest_within(simulator, [*penalties, free], near, _PART * turn, _PART * shift)

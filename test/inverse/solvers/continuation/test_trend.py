@@ -1,0 +1,38 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A search begins where the way so far leads: fewer steps, the same shapes."""
+
+import numpy as np
+import pytest
+
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
+from dlo_planner.inverse.solvers.continuation.following import Passing
+
+CUTOUT = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0)))
+
+
+@pytest.mark.parametrize('options', [{'basis': 'local', 'n_elements': 64}, {'n_elements': 64}, {}])
+@pytest.mark.parametrize('bent', [(0.0, 0.0), (0.5, -0.8)])
+def test_plans_are_the_same_with_fewer_steps(options, bent, monkeypatch):
+    rod = Rod(1.0, 0.1, (0.3, 0.5), 0.4, natural_curvature=bent)
+    inverse, depths = InverseSimulator(DirectSimulator(rod, **options)), np.linspace(0, 0.8, 41)
+    ahead = inverse.thread(CUTOUT, depths=depths)
+    monkeypatch.setattr(Passing, 'trend', lambda passing, depth: None)
+    from_before = inverse.thread(CUTOUT, depths=depths)
+    for one, other in zip(ahead.grippers, from_before.grippers, strict=True):
+        np.testing.assert_allclose(one.matrix, other.matrix, atol=1e-9)
+    np.testing.assert_allclose(ahead.stability, from_before.stability, rtol=1e-3)
+    steps = [sum(shape.iterations for shape in plan.shapes) for plan in (ahead, from_before)]
+    assert steps[0] < steps[1]
+
+
+def test_a_trend_is_believed_for_a_few_steps_on():
+    shape = DirectSimulator(Rod(1.0, 0.1, 0.3, 0.2), basis='local', n_elements=8).solve(CUTOUT.pose)
+    later = Passing(shape, np.zeros(3), depth=0.3, since=(shape, 0.2))
+    assert later.trend(0.4) == (shape, pytest.approx(1.0))
+    assert later.trend(0.35) == (shape, pytest.approx(0.5))
+    for depth in (0.3, 0.25, 0.9):  # nowhere, back, too far
+        assert later.trend(depth) is None
+    assert later._replace(since=None).trend(0.4) is None
+    assert later._replace(since=(shape, float('nan'))).trend(0.4) is None
+    assert later._replace(since=(shape, 0.3)).trend(0.4) is None
