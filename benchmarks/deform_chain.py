@@ -81,8 +81,11 @@ def _forces(x, h, stiffness, springs, force):
 
 
 @numba.njit(cache=False)
-def _run(x, ends, h, node_mass, stiffness, springs, drag, substeps, dt):
-    """Return (frames, n, 3) of points x (n, 3), the outer two at each end along ends."""
+def _run(x, ends, h, node_mass, stiffness, springs, drag, squared, substeps, dt):
+    """Return (frames, n, 3) of points x (n, 3), the outer two at each end along ends.
+
+    drag: 1/s, of the velocity; squared: 1/m, of its square
+    """
     frames, n = len(ends), len(x)
     out = np.empty((frames, n, 3))
     out[0] = x
@@ -94,8 +97,9 @@ def _run(x, ends, h, node_mass, stiffness, springs, drag, substeps, dt):
             _forces(x, h, stiffness, springs, force)
             for i in range(2, n - 2):
                 force[i, 2] -= 9.81 * node_mass
+                slowed = drag + squared * np.sqrt(v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2)
                 for j in range(3):
-                    v[i, j] += step * (force[i, j] / node_mass - drag * v[i, j])
+                    v[i, j] += step * (force[i, j] / node_mass - slowed * v[i, j])
                     x[i, j] += step * v[i, j]
             for end, i in enumerate((0, 1, n - 2, n - 1)):
                 for j in range(3):
@@ -114,8 +118,9 @@ def _hung(x, length):
     return x + sag * dip
 
 
-def by_chain(seed, frames, length, mass, stiffness, drag, markers=12):
-    """Return a recording (frames, markers, 3), m, of a straight cable; drag: 1/s."""
+def by_chain(seed, frames, length, mass, stiffness, drag, markers=12, springs=_SPRINGS,
+             squared=0.0):
+    """Return a recording (frames, markers, 3), m, of a straight cable; drag: 1/s; squared: 1/m."""
     pieces = 4 * (markers - 3)
     h = length / pieces
     held = grips(seed, frames, length, h)
@@ -125,10 +130,10 @@ def by_chain(seed, frames, length, mass, stiffness, drag, markers=12):
     x = _hung(x, length)
     x = np.concatenate([held[0, :1], x, held[0, 3:]])
     for calm in (300.0, 8.0):  # 1/s: it creeps off the parabola first
-        x = _run(x, settle, h, mass * h, stiffness, _SPRINGS, calm, _SUBSTEPS, DT)[-1]
+        x = _run(x, settle, h, mass * h, stiffness, springs, calm, squared, _SUBSTEPS, DT)[-1]
     ramp = np.clip(np.arange(frames) * DT, 0, 1)[:, None, None]  # it begins to move smoothly
     held = held[0] + ramp**2 * (3 - 2 * ramp) * (held - held[0])
-    way = _run(x, held, h, mass * h, stiffness, _SPRINGS, drag, _SUBSTEPS, DT)
+    way = _run(x, held, h, mass * h, stiffness, springs, drag, squared, _SUBSTEPS, DT)
     inner = 1 + 4 * np.arange(markers - 2)
     assert np.abs(way).max() < 10 * length
     return way[:, [0, *inner, pieces + 2]], held

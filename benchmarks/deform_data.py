@@ -28,6 +28,7 @@ _LEAD = 50                # frames before the first one, in which the grippers b
 _REACH = 0.999            # of the length: the largest distance of the ends that is simulated
 _FLOOR = 2e-3 + 1e-6      # m: their evaluation lifts markers that are below it
 _N_AXIS = np.array([0.0, 0.6, 0.8])  # the axis n at time 0, as in their code, across the tangent
+_HARDLY = 0.05            # share of a component that smoothing keeps, and less is nothing
 _EVERY = 25               # frames between two that the lengths are taken from
 _ALLOWED = {('builtins', name) for name in ('list', 'tuple', 'float', 'int')} | {
     (f'numpy.{core}.{module}', name) for core in ('core', '_core')
@@ -85,9 +86,15 @@ class Recording:
     markers: Array
 
     @cached_property
+    def noise(self) -> float:
+        """Standard deviation of a coordinate of a marker, m: what smoothing takes away."""
+        every = [smoothed(one).noise for one in self.markers.swapaxes(0, 1)]
+        return float(np.sqrt(np.mean(np.square(every))))
+
+    @cached_property
     def _places(self) -> tuple[Array, Array]:
         """(frames, 3) each: where the cable leaves either gripper, less the noise."""
-        return _smoothed(self.markers[:, 1]), _smoothed(self.markers[:, -2])
+        return smoothed(self.markers[:, 1]).values, smoothed(self.markers[:, -2]).values
 
     @cached_property
     def _turned(self) -> tuple[list[Rotation], list[Rotation]]:
@@ -96,8 +103,14 @@ class Recording:
         The two markers of a gripper are near each other: what is smoothed is their difference,
         which moves less than they do, and bears more smoothing.
         """
-        return (carried(_smoothed(self.markers[:, 1] - self.markers[:, 0])),
-                carried(_smoothed(self.markers[:, -1] - self.markers[:, -2])))
+        near, far = self.directions
+        return carried(near.values), carried(far.values)
+
+    @cached_property
+    def directions(self) -> tuple['Smooth', 'Smooth']:
+        """From the first marker of either gripper to its second, less the noise."""
+        return (smoothed(self.markers[:, 1] - self.markers[:, 0]),
+                smoothed(self.markers[:, -1] - self.markers[:, -2]))
 
     def held(self, length: float, frames: range | None = None, lead: bool = True
              ) -> tuple[list[Pose], list[FarEnd]]:
@@ -137,9 +150,11 @@ class Recording:
     def arcs(self) -> Array:
         """Return (k, markers - 3) arc lengths between neighboring markers in frames, m.
 
-        Along a cubic spline through the markers, which leaves the grippers straight.
+        Along a cubic spline through the markers, which leaves the grippers straight. Their noise
+        would make it longer: they are smoothed over time first.
         """
-        return np.array([_spline_lengths(frame) for frame in self.markers[::_EVERY]])
+        smooth = np.stack([smoothed(one).values for one in self.markers.swapaxes(0, 1)], axis=1)
+        return np.array([_spline_lengths(frame) for frame in smooth[::_EVERY]])
 
 
 def arc_lengths(found: list[Recording]) -> Array:
@@ -163,7 +178,23 @@ def _spline_lengths(frame: Array) -> Array:
     return np.asarray(halves * (speeds @ weights))
 
 
-def _smoothed(values: Array) -> Array:
+@dataclass(frozen=True)
+class Smooth:
+    """Values less their noise.
+
+    Attributes:
+        values: (frames, 3)
+        noise: standard deviation of what was taken away
+        doubts: (k, frames) by what each component of `values` may still be off: k independent
+            amounts, each with this standard deviation (posterior of the smoothing)
+    """
+
+    values: Array
+    noise: float
+    doubts: Array
+
+
+def smoothed(values: Array) -> Smooth:
     """Return values (frames, 3) without their noise, as much of it as they show themselves.
 
     Those that minimize |smooth - values|^2 + weight |third differences of smooth|^2, the weight by
@@ -174,8 +205,12 @@ def _smoothed(values: Array) -> Array:
     parts = modes.T @ values
     kept = 1 / (1 + _WEIGHTS[:, None] * roughness)
     left = ((1 - kept) ** 2) @ np.sum(parts**2, axis=1)
-    best = np.argmin(left / np.maximum(np.sum(1 - kept, axis=1), 1e-100) ** 2)
-    return np.asarray(modes @ (kept[best, :, None] * parts))
+    gone = np.maximum(np.sum(1 - kept, axis=1), 1e-100)
+    best = np.argmin(left / gone**2)
+    noise = float(np.sqrt(left[best] / (gone[best] * values.shape[1])))
+    some = kept[best] > _HARDLY
+    return Smooth(modes @ (kept[best, :, None] * parts), noise,
+                  noise * np.sqrt(kept[best, some, None]) * modes.T[some])
 
 
 @lru_cache(maxsize=8)

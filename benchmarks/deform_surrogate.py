@@ -90,7 +90,8 @@ def recorded(number: int, noise: float, effort: deform.Effort, trained: bool
 
 
 HEADS = ['cable', 'engine', 'w L^3 / EI', 'found', 'damping a, b', 'found', 'covered',
-         'error [mm]', 'free markers [mm]', 'not predicted', 'fit [s]', 'prediction of 5 s [s]']
+         'misfit / noise', 'error [mm]', 'free markers [mm]', 'not predicted', 'fit [s]',
+         'prediction of 5 s [s]']
 
 
 def covered(made: Made, cable: deform.Cable) -> tuple[float, Array]:
@@ -118,7 +119,7 @@ def line(number: int, cable: deform.Cable, score: deform.Score) -> list[str]:
         cable.fit.values['damping'], cable.fit.deviations['damping'], strict=True))
     return [str(number), 'MuJoCo' if made.bends else 'discrete rod', f'{made.softness:g}',
             f'{softness(cable):.1f} ± {spread:.1f}', f'{made.damping[0]:g}, {made.damping[1]:g}',
-            damping, f'{(off <= _COVERED).sum()} of {off.size}',
+            damping, f'{(off <= _COVERED).sum()} of {off.size}', f'{cable.unexplained:.2f}',
             f'{1e3 * np.nanmean(score.errors):.2f}', f'{1e3 * np.nanmean(score.free):.2f}',
             f'{score.failed} of {len(score.names)}', f'{cable.seconds:.0f}',
             f'{np.median(score.seconds):.1f}']
@@ -160,9 +161,9 @@ def main(arguments: list[str] | None = None) -> int:
         data[str(number)] = {**deform.as_json(cable, score), 'softness': CABLES[number].softness,
                              'off_deviations': covered(CABLES[number], cable)[1].tolist()}
         print(' | '.join(lines[-1]), flush=True)
-    if given.output and lines:
-        report.write(given.output, 'deform_surrogate', '# Cables of other engines',
-                     report.markdown(HEADS, lines), data)
+        if given.output:
+            report.write(given.output, 'deform_surrogate', '# Cables of other engines',
+                         report.markdown(HEADS, lines), data)
     return 1 if failed else 0
 
 

@@ -4,10 +4,10 @@
 
 The model: an observed point is a point of the DLO plus noise, independent and alike along all axes;
 the gripper's pose is known but for a normal error, another one at each observation; what is sought
-may be known beforehand, within a normal error too. The most likely values are found by least
-squares, the noise (unless it is known) from what is left, by the number of residuals that nothing
-was fitted to. To first order, deviations are then those of repeated experiments; in a motion,
-residuals that go together widen them (`identify.together`).
+may be known beforehand, within a normal error too, and so are other causes that displace points of
+a motion. The most likely values are found by least squares, the noise (unless known) from what is
+left, by the number of residuals that nothing was fitted to. To first order, deviations are those of
+repeated experiments; in a motion, residuals that go together widen them (`identify.together`).
 """
 
 from __future__ import annotations
@@ -102,11 +102,8 @@ class Fit(Value):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the n numbers in `values`, e.g. 'natural_curvature[0]'."""
-        out = []
-        for name, value in self.values.items():
-            size = np.size(value)
-            out += [name] if np.ndim(value) == 0 else [f'{name}[{k}]' for k in range(size)]
-        return tuple(out)
+        return tuple(f'{name}[{k}]' if np.ndim(value) else name
+                     for name, value in self.values.items() for k in range(np.size(value)))
 
     @property
     def covariance(self) -> Floats:
@@ -151,7 +148,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
         What varies along the DLO is scaled as a whole.
     motions : iterable of ObservedMotion, optional
         ObservedMotions, simulated in even parts of their dt, 16 at most, the last halving of which
-        changed the points by less than 1e-4 of the length.
+        changed points by less than 1e-4 of the length, or 1/5 of the noise that is given.
     knots : array_like, optional
         Arc lengths, m: natural curvature and twist are sought there, and are straight between. If
         None, they are constant along the rod.
@@ -187,9 +184,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
         The deadline is over.
     """
     unknowns = Unknowns(instance('rod', rod, Rod), parameters, knots)
-    observations, motions = _judged(rod, observations, motions, options)
-    if 'damping' in unknowns.names and not motions:
-        raise InvalidTask('parameters: expected motions where damping is to be found')
+    observations, motions = _judged(unknowns, observations, motions, options)
     noise = None if noise is None else number('noise', noise, above=0)
     prior = instance('prior', prior, Uncertainty, optional=True) or Uncertainty()
     _judge_prior(prior, unknowns)
@@ -223,7 +218,7 @@ def _found(observed: Observed, errors: Errors, steps: Progress,
     poses = np.zeros(observed.size - unknowns.size)
     stiff, first = np.append(unknowns.stiff, poses), np.append(unknowns.begin, poses)
     if begin is not None:
-        observed.choose_steps(begin)
+        observed.choose_steps(begin, errors.of_steps)
         return errors.settled(errors.minimum(begin))
     if not observed.at(first).any:
         raise NotConverged('rod: no equilibrium was found for any observation with the first guess')
@@ -236,7 +231,7 @@ def _found(observed: Observed, errors: Errors, steps: Progress,
         steps.done(len(searches), len(starts) + 1)
     best = min(searches, key=lambda search: search.cost)
     found, statistics = errors.settled(
-        errors.minimum(best.x) if observed.choose_steps(best.x) else best)
+        errors.minimum(best.x) if observed.choose_steps(best.x, errors.of_steps) else best)
     steps.done(len(starts) + 1, len(starts) + 1)
     return found, statistics
 
@@ -259,17 +254,20 @@ def _exact(shapes: Iterable[Shape], rod: Rod) -> bool:
     return all(shape.error_estimate <= _EXACT * rod.length for shape in shapes if shape.converged)
 
 
-def _judged(rod: Rod, observations: Iterable[Observation], motions: Iterable[ObservedMotion],
-            options: Mapping[str, Any]) -> _Seen:
+def _judged(unknowns: Unknowns, observations: Iterable[Observation],
+            motions: Iterable[ObservedMotion], options: Mapping[str, Any]) -> _Seen:
     """Return observations and motions as tuples; raise InvalidTask naming what is wrong."""
     motions = items('motions', motions, ObservedMotion)
     observations = items('observations', observations, Observation, least=0 if motions else 1)
     both: dict[str, tuple[Observation | ObservedMotion, ...]] = {
         'observations': observations, 'motions': motions}
+    length = unknowns.rod.length
     for kind, seen in both.items():
         for index, one in enumerate(seen):
-            if one.s is not None and ((one.s < 0) | (one.s > rod.length)).any():
-                raise InvalidTask(f'{kind}[{index}].s: expected 0 to the length {rod.length:g} m')
+            if one.s is not None and ((one.s < 0) | (one.s > length)).any():
+                raise InvalidTask(f'{kind}[{index}].s: expected 0 to the length {length:g} m')
+    if 'damping' in unknowns.names and not motions:
+        raise InvalidTask('parameters: expected motions where damping is to be found')
     known_options(options)
     # sensitivities, which guide the search, are by the components
     choice('strains', options.get('strains', 'components'), ('components',))

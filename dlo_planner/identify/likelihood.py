@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from dlo_planner.identify.observed import Misfits, Observed
+from dlo_planner.identify.observed import EXACTLY, Misfits, Observed
 from dlo_planner.identify.together import spread_together
 from dlo_planner.model.arrays import Floats
 
@@ -21,6 +21,10 @@ _GAIN = 1e-2  # of the cost of one residual: a step that gains less moves by 1/1
 _STEP = 1e-4  # of the unknowns: differences of motions tell no shorter step
 _ROUNDS, _SETTLED = 30, 1e-3  # of the noise
 _FIRST_NOISE, _NO_NOISE = 1e-2, 1e-10  # of the length: taken at first; what rounding leaves
+# SciPy's first step is as long as the unknowns are. From zeros it would be about one deviation of
+# one of them, and many steps would go by until it has grown
+_REACH = 0.3
+_HIDDEN = 0.2  # of the noise: what moves a point by less at most is hidden by it
 _MEDIAN = 0.6744897501960817  # of the size of a standard normal number
 
 # rho(z) of z = (distance / scale)^2 and its first two derivatives, as in SciPy's least_squares
@@ -41,7 +45,7 @@ class Statistics:
     Attributes
     ----------
     deviations : ndarray, shape (n,)
-        Deviations of the unknowns, infinite where nothing is known.
+        Deviations of the parameters, infinite where nothing is known.
     correlations : ndarray, shape (n, n)
         Correlations of their errors; 0 between what is known and what is not.
     noise : float
@@ -98,6 +102,11 @@ class Errors:
         self._first = noise or _FIRST_NOISE * observed.rod.length
         self._weighed = bool(self._prior.any()) or loss is not LOSSES['linear']
 
+    @property
+    def of_steps(self) -> float:
+        """Error that steps of motions may have, of the length: what the noise hides."""
+        return max(EXACTLY, _HIDDEN * (self._given or 0.0) / self._observed.rod.length)
+
     def settled(self, found: OptimizeResult) -> tuple[OptimizeResult, Statistics]:
         """Return SciPy's result and the Statistics where noise and unknowns fit each other."""
         length = self._observed.rod.length
@@ -125,10 +134,12 @@ class Errors:
         step, gain = small, small
         if self._observed.motions:
             step, gain = _STEP, _GAIN / self._observed.at(x).counts.sum()
-        return least_squares(lambda x: self._residuals(x, size), x,
-                             lambda x: self._slopes(x, size), x_scale='jac', xtol=step,
-                             ftol=gain, gtol=1e-12, max_nfev=_EVALUATIONS,
-                             bounds=self._observed.bounds)
+        found = least_squares(lambda x: self._residuals(x - _REACH, size), x + _REACH,
+                              lambda x: self._slopes(x - _REACH, size), x_scale='jac', xtol=step,
+                              ftol=gain, gtol=1e-12, max_nfev=_EVALUATIONS,
+                              bounds=tuple(bound + _REACH for bound in self._observed.bounds))
+        found.x = found.x - _REACH
+        return found
 
     def _residuals(self, x: Floats, noise: float) -> Floats:
         """Return the residuals, whose squares add up to what is minimized."""
@@ -183,9 +194,11 @@ class Errors:
         inverse, unknown = self._inverse(stiff * plain + prior)
         fitted = np.trace(inverse @ (stiff * plain))
         spread = 1.0 if self._loss is LOSSES['linear'] else force / max(count - fitted, 1.0)
-        pulls = spread_together(self._pulls(x, noise), spread * plain)
-        covariance = inverse @ (pulls + prior) @ inverse
-        return Statistics(*_told(covariance, unknown), float(noise))
+        # only of the parameters: instants are too few to tell how all else goes together
+        to = inverse[:self._observed.n_parameters]
+        pulls = spread_together([one @ to.T for one in self._pulls(x, noise)],
+                                spread * to @ plain @ to.T)
+        return Statistics(*_told(pulls + to @ prior @ to.T, unknown[:len(to)]), float(noise))
 
     def _pulls(self, x: Floats, noise: float) -> list[Floats]:
         """Return (k, n) of each motion: by what its instants pull the unknowns."""

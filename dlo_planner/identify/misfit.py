@@ -137,6 +137,31 @@ def in_motion(one: ObservedMotion, x: Floats,
                   shape, True)
 
 
+def with_others(misfit: Misfit, displacements: Floats, amounts: Floats, where: slice) -> Misfit:
+    """Return the Misfit where points are displaced by other causes in addition.
+
+    Parameters
+    ----------
+    displacements : ndarray, shape (j, k, m, 3)
+        Of each cause, in m.
+    amounts : ndarray, shape (j,)
+        Of each cause.
+    where : slice
+        Slice of the unknowns that are these amounts.
+    """
+    if not misfit.converged:
+        return misfit
+    by_amount = displacements.reshape(len(displacements), *misfit.away.shape)
+
+    def slopes() -> Floats:
+        out = misfit.slopes()
+        out[:, :, where] = -by_amount.transpose(1, 2, 0)
+        return out
+
+    return Misfit(misfit.away - np.tensordot(amounts, by_amount, 1), misfit.counts, slopes,
+                  misfit.shape, True)
+
+
 def seen_in(motion: Motion, times: Floats, s: Floats) -> Floats:
     """Return positions (k, m, 3) of the points at arc lengths `s` (m,) in a Motion at `times` (k,).
 

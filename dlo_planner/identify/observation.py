@@ -77,6 +77,10 @@ class ObservedMotion(Value):
     far_ends : iterable of FarEnd or None
         What holds the far end at the n times, all with the same grip, or what `FarEnd.of` takes.
         If None, it is free.
+    displacements : ndarray, shape (j, k, m, 3), or None
+        What else may have moved the points, m: how far each of j causes moves them if it has its
+        standard deviation (a gripper that was not quite where its poses say, a vibration from
+        before the first pose). A fit finds how much of each there was; causes are independent.
 
     Raises
     ------
@@ -91,6 +95,7 @@ class ObservedMotion(Value):
     s: Floats
     initial: Shape | None = None
     far_ends: Iterable[Any] | None = None
+    displacements: Floats | None = None
 
     def __post_init__(self) -> None:
         grippers = tuple(poses(self.grippers, 2))
@@ -109,6 +114,9 @@ class ObservedMotion(Value):
                               f'rows as ObservedMotion.times, {times.size}, with as many points as '
                               f'ObservedMotion.s, {s.size}')
         put(self, grippers=grippers, dt=dt, times=times, s=s, points=points, far_ends=far_ends)
+        if self.displacements is not None:
+            put(self, displacements=array('ObservedMotion.displacements', self.displacements,
+                                          (None, *points.shape)))
         super().__post_init__()
 
     def _checked_ends(self, count: int) -> tuple[FarEnd, ...] | None:

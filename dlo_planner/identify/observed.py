@@ -23,6 +23,7 @@ from dlo_planner.identify.misfit import (
     in_motion,
     nowhere,
     seen_in,
+    with_others,
 )
 from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.identify.uncertain import mesh_of
@@ -77,7 +78,7 @@ class Misfits:
 
 
 class Observed:
-    """Observations as a function of unknowns x (n,): parameters first, then errors of the poses.
+    """Observations as a function of unknowns x (n,): parameters, errors of poses, displacements.
 
     Errors of each pose are in standard deviations; that of a motion is the same all along.
 
@@ -100,7 +101,11 @@ class Observed:
         self.observations, self.motions = observations, motions
         self._pose, self._options, self._progress = pose, options, progress
         self.n_parameters = unknowns.size
-        self.size = unknowns.size + len(pose) * (len(observations) + len(motions))
+        causes = [0 if one.displacements is None else len(one.displacements) for one in motions]
+        ends = unknowns.size + len(pose) * (len(observations) + len(motions)) + np.cumsum(
+            [0, *causes])
+        self._displaced = [slice(*both) for both in zip(ends[:-1], ends[1:], strict=True)]
+        self.size = int(ends[-1])
         free = np.full(self.size - unknowns.size, np.inf)
         self.bounds = np.append(unknowns.lower, -free), np.append(unknowns.upper, free)
         self.precision = _IN_MOTION if motions else _AT_REST
@@ -210,8 +215,12 @@ class Observed:
         lower = self.bounds[0]
         columns = [(k, self._central and x[k] - MOVED >= lower[k]) for k in range(x.size)
                    if k < self.n_parameters or where.start <= k < where.stop]
-        return in_motion(one, x, partial(self._seen, index, one), columns, x.size,
-                         self.rod.length)
+        misfit = in_motion(one, x, partial(self._seen, index, one), columns, x.size,
+                           self.rod.length)
+        if one.displacements is None:
+            return misfit
+        others = self._displaced[index]
+        return with_others(misfit, one.displacements, x[others], others)
 
     def _seen(self, index: int, one: ObservedMotion, x: Floats) -> tuple[Floats | None, Shape]:
         """Return where the points of a motion are at x, (k, m, 3) or None; and its last Shape."""

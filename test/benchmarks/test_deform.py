@@ -10,10 +10,11 @@ import pickle
 import numpy as np
 import pytest
 
-from benchmarks import deform
+from benchmarks import deform, deform_doubt
 from benchmarks.deform_chain import by_chain, save
-from benchmarks.deform_data import DT, Recording, arc_lengths, load, recordings
-from dlo_planner import Rod
+from benchmarks.deform_data import DT, Recording, arc_lengths, load, recordings, smoothed
+from benchmarks.deform_doubt import doubted
+from dlo_planner import DirectSimulator, Rod
 
 LENGTH, MASS, DRAG, MARKERS = 0.9, 0.03, 0.8, 12
 STIFFNESS = MASS * 9.81 * LENGTH**3 / 60
@@ -131,7 +132,7 @@ def test_the_error_is_that_of_their_evaluation(recorded):
     np.testing.assert_allclose(score.errors, score.free * (MARKERS - 4) / MARKERS)
     assert score.free.max() < 5e-4
     cable = _cable()
-    fit = type('Fit', (), {'misfit': 1e-3})
+    fit = type('Fit', (), {'misfit': 1e-3, 'noise': 5e-4})
     cells = deform.line(5, deform.Cable(cable.rod, cable.s, fit, cable.effort, 2.0), score)
     assert len(cells) == len(deform.HEADS)
     assert cells[2] == '-'
@@ -146,3 +147,40 @@ def test_markers_below_the_floor_are_lifted_as_theirs():
     assert lifted[0, 3].tolist() == [1.0, 1.0, 1.0]
     assert lifted[0, 4].tolist() == [0.0, 0.0, 2e-3 + 1e-6]
     assert DT == 0.01
+
+
+def test_noise_does_not_make_the_cable_longer(recorded):
+    rng = np.random.default_rng(0)
+    noisy = [Recording('', recorded + 1e-3 * rng.standard_normal(recorded.shape)) for _ in range(4)]
+    off = arc_lengths(noisy) - arc_lengths([Recording('', recorded)])
+    assert np.abs(off).max() < 3e-4  # each frame by itself: 1.2e-3
+    assert noisy[0].noise == pytest.approx(1e-3, rel=0.1)
+    assert Recording('', recorded).noise < 2e-5
+
+
+def test_smoothing_says_how_far_it_may_be_off():
+    rng, t = np.random.default_rng(1), np.linspace(0, 3, 300)
+    true = np.column_stack([np.sin(2 * t), np.cos(3 * t), np.sin(3 * t + 1)])
+    found = smoothed(true + 0.05 * rng.standard_normal(true.shape))
+    assert found.noise == pytest.approx(0.05, rel=0.1)
+    expected = np.sqrt(np.sum(found.doubts**2, axis=0).mean())
+    assert np.sqrt(np.mean((found.values - true) ** 2)) == pytest.approx(expected, rel=0.4)
+
+
+def test_what_is_left_in_doubt_covers_what_was_off(recorded):
+    cable, rng = _cable(), np.random.default_rng(2)
+    direct, frames = DirectSimulator(cable.rod, basis='local', n_elements=20), range(0, 100, 4)
+    noisy = recorded.copy()
+    noisy[:, [0, -1]] += 1e-3 * rng.standard_normal((len(noisy), 2, 3))
+    one = Recording('', noisy)
+    motion = deform._motion(one, frames, cable.s)
+    columns = doubted(motion, one, frames, direct).displacements
+    assert columns.shape[1:] == motion.points.shape
+    assert 20 < len(columns) < 150
+    away = (motion.points - deform_doubt._seen(direct, motion)).ravel()
+    flat = columns.reshape(len(columns), -1).T
+    amounts = np.linalg.lstsq(np.vstack([flat / 1e-3, np.eye(len(columns))]),
+                              np.append(away / 1e-3, np.zeros(len(columns))), rcond=None)[0]
+    assert np.abs(away).max() > 3e-3           # the grippers are turned by their noise
+    assert np.abs(away - flat @ amounts).max() < 1e-3
+    assert np.abs(amounts).max() < 4

@@ -34,8 +34,9 @@ def test_a_cable_of_mujoco_begins_at_rest_where_it_hangs(monkeypatch):
 def test_a_row_says_what_is_covered():
     made = deform_surrogate.CABLES[2]
     cable = deform_surrogate.known(2, None)
-    fit = type('Fit', (), {'values': {'damping': (1.4, 1e-3)}, 'deviations': {
-        'damping': (0.1, 1e-4), 'bending_stiffness': (0.02 * made.rod.stiffness[1],) * 2}})
+    fit = type('Fit', (), {
+        'misfit': 2e-3, 'noise': 1e-3, 'values': {'damping': (1.4, 1e-3)}, 'deviations': {
+            'damping': (0.1, 1e-4), 'bending_stiffness': (0.02 * made.rod.stiffness[1],) * 2}})
     cable = deform_surrogate.deform.Cable(cable.rod, cable.s, fit, None, 1.0)
     spread, off = deform_surrogate.covered(made, cable)
     assert spread == pytest.approx(0.02 * made.softness)

@@ -67,6 +67,15 @@ def test_coverage(case, repeats):
     assert 0.7 < np.sqrt(np.mean(errors**2)) < 1.4
 
 
+def test_the_noise_found_counts_what_was_fitted_to_it():
+    # nine numbers, four of them used up: without that the noise would be a third too small
+    rod, rng, s = Rod(1.0, 0.07, 0.02, 0.015), np.random.default_rng(0), [0.4, 0.7, 1.0]
+    exact = DirectSimulator(rod).solve(POSES[1]).positions_at(s)
+    found = [fit_rod(rod, [Observation(POSES[1], exact + 1e-3 * rng.normal(size=(3, 3)), s)],
+                     ('bending_stiffness', 'natural_curvature')).noise for _ in range(12)]
+    assert 0.75e-6 < np.mean(np.square(found)) < 1.3e-6
+
+
 @pytest.mark.parametrize('known', [True, False])
 def test_slopes_against_differences(known, rng):
     guess = Rod(1.0, 0.07, (0.025, 0.04), 0.02)

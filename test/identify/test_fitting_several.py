@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several unknowns at once, held far ends, natural strains along s, motions: true or not told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -268,7 +270,9 @@ def test_between_its_instants_a_motion_goes_on_cubics():
     ({'grippers': [LEVEL]}, 'grippers'), ({'dt': 0}, 'dt'), ({'times': [0.0, 9.0]}, 'times'),
     ({'points': np.zeros((2, 2, 3))}, 'points'), ({'s': [-1.0]}, 's'), ({'initial': 3}, 'initial'),
     ({'far_ends': [LEVEL]}, 'far_ends'), ({'far_ends': 3}, 'far_ends'),
-    ({'far_ends': [LEVEL, (1, 0, 1), LEVEL]}, 'one grip')])
+    ({'far_ends': [LEVEL, (1, 0, 1), LEVEL]}, 'one grip'),
+    ({'displacements': np.zeros((2, 1, 3))}, 'displacements'),
+    ({'displacements': np.full((1, 2, 1, 3), np.nan)}, 'displacements')])
 def test_nonsense_motions_are_named(change, named):
     with pytest.raises(InvalidTask, match=named):
         ObservedMotion(**{'grippers': [LEVEL] * 3, 'dt': 0.1, 'times': [0.0, 0.2],
@@ -278,3 +282,21 @@ def test_nonsense_motions_are_named(change, named):
 def test_a_far_end_that_makes_no_sense_is_named():
     with pytest.raises(InvalidTask, match='far_end'):
         Observation(LEVEL, [[0.1, 0, 1]], [0.1], 'there')
+
+
+def test_what_else_displaces_points_is_found_and_not_taken_for_stiffness(rng):
+    rod, guess = Rod(1.0, 0.07, 0.05, 0.04), Rod(1.0, 0.07, 0.06, 0.04)
+    clean = shaken(rod, rng, noise=0.0)
+    turned = [Pose(pose.position, (Rotation.from_quat(pose.quaternion)
+                                   * Rotation.from_rotvec([0, 0.02, 0])).as_quat())
+              for pose in SHAKEN]
+    there = DirectSimulator(rod, **COARSE).simulate(turned, STEP)
+    cause = seen_in(there, clean.times, clean.s) - clean.points
+    noise = 1e-3 * rng.normal(size=clean.points.shape)
+    off = replace(clean, points=clean.points + 1.5 * cause + noise)
+    told = replace(off, displacements=[cause, 1e-3 * rng.normal(size=cause.shape)])
+    plain, fit = (fit_rod(guess, motions=[one], parameters=['bending_stiffness'], **COARSE)
+                  for one in (off, told))
+    assert abs(errors(plain, bending_stiffness=0.05)).max() > 3
+    assert abs(errors(fit, bending_stiffness=0.05)).max() < 3
+    assert fit.noise == pytest.approx(1e-3, rel=0.15) and plain.noise > 1.5e-3
