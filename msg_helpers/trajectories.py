@@ -1,24 +1,28 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectory -> trajectory_msgs/MultiDOFJointTrajectory."""
+"""Trajectories and stamped poses <-> trajectory_msgs/MultiDOFJointTrajectory."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Quaternion, Transform, Twist, Vector3
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
-from dlo_planner.model.checks import instance, integer
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import instance, integer, items, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.trajectory import Trajectory
 from msg_helpers.poses import header
 
 _NANOSECONDS = 10**9
 _MOST = 100_000  # points
+_LATEST = 2**31 - 1  # s that a stamp holds
 
 
 def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: str,
@@ -63,6 +67,62 @@ def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: 
             times, poses, quaternions, velocities, spins, accelerations, turns, strict=True)]
     return MultiDOFJointTrajectory(header=top, joint_names=['gripper'],
                                    points=points)
+
+
+def poses_ahead(times: ArrayLike, poses: Sequence[Pose], frame_id: str,
+                stamp: float) -> MultiDOFJointTrajectory:
+    """Return poses at times after a stamp, each by itself.
+
+    Parameters
+    ----------
+    times : array_like, shape (n,)
+        Seconds after the stamp, ascending.
+    poses : sequence of Pose
+        The n poses.
+    frame_id : str
+        Frame id of the poses.
+    stamp : float
+        Seconds on the clock of ROS.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    """
+    times = row('times', times, minimum=0)
+    poses = items('poses', poses, Pose)
+    if len(times) != len(poses):
+        raise InvalidTask(f'poses has {len(poses)} entries: expected {len(times)}, as times')
+    nanoseconds = round(number('stamp', stamp, minimum=0, maximum=_LATEST) * _NANOSECONDS)
+    top = header(frame_id, Time(sec=nanoseconds // _NANOSECONDS,
+                                nanosec=nanoseconds % _NANOSECONDS))
+    return MultiDOFJointTrajectory(
+        header=top, joint_names=['gripper'],
+        points=[MultiDOFJointTrajectoryPoint(
+            transforms=[Transform(translation=_vector(pose.position),
+                                  rotation=_quaternion(pose.quaternion))],
+            time_from_start=_duration(time))
+            for time, pose in zip(times, poses, strict=True)])
+
+
+def stamped_poses(msg: MultiDOFJointTrajectory) -> tuple[Floats, list[Pose]]:
+    """Return the times (n,) in s on the clock of ROS and the n Poses of `poses_ahead`.
+
+    Raises
+    ------
+    InvalidTask
+        A point has no pose, or one that is none.
+    """
+    instance('msg', msg, MultiDOFJointTrajectory)
+    if not all(point.transforms for point in msg.points):
+        raise InvalidTask('msg.points: expected a transform in each')
+    begin = msg.header.stamp.sec + 1e-9 * msg.header.stamp.nanosec
+    times = [begin + point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
+             for point in msg.points]
+    ways = [point.transforms[0] for point in msg.points]
+    return np.array(times), [Pose(
+        [getattr(way.translation, axis) for axis in 'xyz'],
+        [getattr(way.rotation, axis) for axis in 'xyzw']) for way in ways]
 
 
 def _vector(values: Iterable[float]) -> Vector3:

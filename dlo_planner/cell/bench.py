@@ -20,7 +20,8 @@ from dlo_planner.model.checks import callback, items
 from dlo_planner.progress import OnProgress
 
 HEAD = ('task', 'hole radius [mm]', 'room [mm]', 'threaded', 'depth [m]', 'of [m]',
-        'largest miss [mm]', 'promised [mm]', 'touched', 'largest force [N]', 'time [s]', 'refused')
+        'largest miss [mm]', 'promised [mm]', 'chain [mm]', 'touched', 'largest force [N]',
+        'time [s]', 'refused')
 
 
 def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING_UNKNOWN,
@@ -74,8 +75,9 @@ def rows(tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> list[tuple[Any, 
                           f'{len(outcomes)}')
     return [(task.name, _round(1e3 * task.radius), _round(1e3 * task.room),
              _answer(outcome.threaded), _round(outcome.depth), _round(task.depth),
-             _round(1e3 * outcome.miss), _round(1e3 * outcome.promised), _answer(outcome.touched),
-             _round(outcome.force), _round(outcome.time), outcome.refused)
+             _round(1e3 * outcome.miss), _round(1e3 * outcome.promised),
+             _round(1e3 * outcome.chain_error), _answer(outcome.touched), _round(outcome.force),
+             _round(outcome.time), outcome.refused)
             for task, outcome in zip(tasks, outcomes, strict=True)]
 
 

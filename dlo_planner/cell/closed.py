@@ -110,8 +110,9 @@ class _Looking:
     Attributes
     ----------
     promised
-        The largest miss that is expected, m: that of the simulated motion plus the 95 % bound of
-        the estimate; nan before the DLO enters.
+        The largest miss that is expected, m: the 95 % bound of the estimate, what the simulated
+        motion adds, and by how much the DLO may still swing from the motion to the standoff; nan
+        before the DLO enters.
     """
 
     def __init__(self, driver: Looking, task: Task) -> None:
@@ -123,7 +124,7 @@ class _Looking:
         self._estimate = self._observer.begin()
         self._loop = ClosedLoop((1 - _FOR_MOTION) * task.room, driver.look, driver.period)
         self._motion: Steered | None = None
-        self._began = 0.0
+        self._began, self._left = 0.0, 0.0  # s; m of swing that the last motion leaves
         self._correction: Correction | None = None
         self._sent: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
 
@@ -166,8 +167,9 @@ class _Looking:
         way, _ = ways(here, _STANDOFF * here.rod.length)
         there = truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE)
         tolerance = max(_LEAST_TOLERANCE, _FOR_MOTION * self._task.room)
-        self._go(Trajectory(there, self._driver.limits, tolerance=tolerance), there.shapes[-1],
-                 time)
+        trajectory = Trajectory(there, self._driver.limits, tolerance=tolerance)
+        self._left = 0.0 if trajectory.motion is None else trajectory.motion.departure
+        self._go(trajectory, there.shapes[-1], time)
 
     def _aim(self) -> float:
         """Plan the way from the standoff to the depth; return the 95 % bound of its miss, m."""
@@ -185,8 +187,8 @@ class _Looking:
         room = self._task.room
         tolerance = max(_FOR_MOTION * room, 0.5 * (room - bound))
         trajectory = Trajectory(self._plan, self._driver.limits, tolerance=tolerance)
-        moves = np.nan if trajectory.motion is None else trajectory.motion.position_error
-        self.promised = moves + bound
+        moves = np.nan if trajectory.motion is None else trajectory.motion.bound
+        self.promised = moves + bound + self._left
         self._go(trajectory, self._plan.shapes[-1], time)
 
     def _estimated(self) -> Task:

@@ -53,7 +53,7 @@ class _Replayed:
     def __init__(self, motion: Trajectory | Sequence[Pose]) -> None:
         self.promised = np.nan
         if isinstance(motion, Trajectory):
-            self.promised = motion.motion.position_error if motion.motion else np.nan
+            self.promised = motion.motion.bound if motion.motion else np.nan
             motion = sampled(motion)
         self._poses = iter(motion)
 

@@ -4,13 +4,17 @@
 
 python -m dlo_planner.cell.node --ros-args -p dlo:='wire 1.5' -p unknown:=much
 
-It follows a planner's `gripper_command`, and publishes what a real cell would: the gripper's pose
-and the points of the DLO that its tracker sees. What came of the task is on `~/outcome`.
+It follows a planner's `gripper_commands_ahead`, which it takes at their stamps as the controller of
+a robot does, or `gripper_command`. It publishes what a real cell would: the gripper's pose and the
+points of the DLO that its tracker sees. What came of the task is on `~/outcome`.
+
+The plant's time is the clock's, from the beginning on: where the machine is late, what is published
+comes late, but nothing else happens than if it were in time. With `clock` the plant's time is on
+/clock, for nodes with use_sim_time: it goes on as fast as this machine can, and never gets lost.
 """
 
 import signal
 import sys
-from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from threading import Event, Lock, Thread
@@ -28,13 +32,15 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
-from scipy.spatial.transform import Rotation
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.cell.camera import BAD, GOOD, Viewer
 from dlo_planner.cell.passage import Passage
 from dlo_planner.cell.plant import Plant
+from dlo_planner.cell.robot import Robot
 from dlo_planner.cell.run import STEP
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, UNCERTAIN, VERY_UNCERTAIN
@@ -44,19 +50,19 @@ from msg_helpers.clouds import cloud_msg
 from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
 from msg_helpers.paths import plan_path
 from msg_helpers.poses import pose_from_stamped, pose_stamped_msg
+from msg_helpers.trajectories import stamped_poses
 
 UNKNOWNS = {'nothing': (NOTHING_UNKNOWN, GOOD), 'much': (UNCERTAIN, GOOD),
             'more': (VERY_UNCERTAIN, BAD)}
 TOUCH = 0.05   # N, below which nobody minds
 _FRAME = 'world'
 _PERIOD = 0.01  # s between two poses
-_LAG = 0.03     # s, of each of two stages by which the robot follows its commands
-_BEHIND = 0.05  # s that are caught up with; what is later than that is lost
+_PATIENCE = 5.0  # s for which simulated time waits for a planner that is late
+_BEHIND = 0.4   # s that are caught up with; what is later than that is lost
 _SLOW = 0.5     # s that are lost, from which on nothing of a motion can be told
 _TOLD = 0.5     # s between outcomes and pictures of the DLO
 _HEARD = 0.2    # s, after which a signal is heard at the latest
 _STOP = 5.0     # N, at which a robot stops
-_REMEMBERED = 100
 _NODES = 65     # of the DLO as it is published
 _RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
@@ -68,7 +74,8 @@ _PARAMETERS = {
     'radius': (0.005, 'Of the hole, m; 0: drawn.'),
     'unknown': ('much', 'What the planner does not know: nothing | much | more.'),
     'seed': (0, 'Of what is unknown and of the camera\'s errors.'),
-    'damping': (0.005, 'Ratio, of the slowest vibration.')}
+    'damping': (0.005, 'Ratio, of the slowest vibration.'),
+    'clock': (False, 'Whether it publishes its time on /clock, for nodes with use_sim_time.')}
 
 
 class CellNode(Node):
@@ -90,7 +97,6 @@ class CellNode(Node):
                                   f'{", ".join(UNKNOWNS)}')
         self.task = draw_task(values['task'], values['dlo'], values['radius'] or None)
         self._values, self._lock, self._over = values, Lock(), Event()
-        self._wanted: Pose | None = None   # the last command, a Pose
         self._begin()
         planner = values['planner'].rstrip('/')
         self._pose_out = self.create_publisher(PoseStamped, f'{planner}/gripper_pose',
@@ -99,11 +105,16 @@ class CellNode(Node):
                                                 qos_profile_sensor_data)
         self._shape_out = self.create_publisher(Path, '~/shape', _LATCHED)
         self._cutout_out = self.create_publisher(PoseStamped, '~/cutout', _LATCHED)
+        self._clock_out = self.create_publisher(Clock, '/clock', _RELIABLE) if (
+            values['clock']) else None
         self._outcome_out = self.create_publisher(DiagnosticStatus, '~/outcome', _LATCHED)
         self.create_subscription(PoseStamped, f'{planner}/gripper_command', self._on_command,
                                  _RELIABLE)
+        self.create_subscription(MultiDOFJointTrajectory, f'{planner}/gripper_commands_ahead',
+                                 self._on_ahead, _RELIABLE)
         self.create_service(Trigger, '~/restart', self._on_restart)
-        self._cutout_out.publish(pose_stamped_msg(self.task.cutout.pose, _FRAME, self._now()))
+        self._cutout_out.publish(pose_stamped_msg(self.task.cutout.pose, _FRAME,
+                                                  self._stamped(self._plant.time)))
         self._thread = Thread(target=self._run, name='plant', daemon=True)
         self._thread.start()
 
@@ -116,18 +127,22 @@ class CellNode(Node):
                             step=STEP, damping=self._values['damping'])
         self._viewer, self._broken = Viewer(camera, rng), ''
         self._worst: Passage | None = None  # of the largest miss
-        self._gripper = self._behind = self.task.start
-        # (plant's time, ns of the clock)
-        self._clock_of: deque[tuple[float, int]] = deque(maxlen=_REMEMBERED)
-        self._due, self._lost = monotonic(), 0.0
+        self._robot = Robot(self.task.start)
+        self._due, self._lost, self._told_at = monotonic(), 0.0, -np.inf
+        # ns of the clock at the plant's time 0: nothing is stamped by when it was computed
+        self._zero = self.get_clock().now().nanoseconds
 
     def _on_command(self, msg: PoseStamped) -> None:
         with suppress(DloPlannerError), self._lock:
-            self._wanted = pose_from_stamped(msg, _FRAME, 'gripper_command')
+            self._robot.follow(pose_from_stamped(msg, _FRAME, 'gripper_command'))
+
+    def _on_ahead(self, msg: MultiDOFJointTrajectory) -> None:
+        with suppress(DloPlannerError), self._lock:
+            self._told_at = monotonic()
+            self._robot.follow_ahead(*stamped_poses(msg))
 
     def _on_restart(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
-            self._wanted = None
             self._begin()
         response.success, response.message = True, 'the DLO hangs at rest at the start pose'
         return response
@@ -144,19 +159,29 @@ class CellNode(Node):
         told = -np.inf
         while not self._over.wait(max(self._due - monotonic(), 0.0)):
             with self._lock:
-                lost = max(monotonic() - _BEHIND - self._due, 0.0)
+                behind = _BEHIND if self._clock_out is None else 0.0
+                lost = max(monotonic() - behind - self._due, 0.0)
                 self._due += _PERIOD + lost
-                self._lost += lost
+                if self._waits():
+                    continue
+                if self._clock_out is None:
+                    self._lost += lost
+                    self._zero += round(1e9 * lost)
                 self._step()
                 if monotonic() - told >= _TOLD:
                     told = monotonic()
                     self._tell()
 
+    def _waits(self) -> bool:
+        """Return whether simulated time stands still until the planner has told more."""
+        return (self._clock_out is not None and self._robot.waits(self._next)
+                and monotonic() - self._told_at < _PATIENCE)
+
     def _step(self) -> None:
         plant, broken = self._plant, self._broken
         try:
             if not broken:
-                plant.move(self._followed(), _PERIOD)
+                plant.move(self._robot.moved(self._next, _PERIOD), _PERIOD)
         except NotConverged as error:
             self._broken = str(error)
         if plant.largest_forces.max(initial=0.0) > _STOP:
@@ -164,31 +189,26 @@ class CellNode(Node):
         passage = plant.passage(self.task.cutout)
         if passage.depth > 0 and (self._worst is None or passage.miss > self._worst.miss):
             self._worst = passage
-        now = self.get_clock().now().nanoseconds
-        self._clock_of.append((plant.time, now))
-        self._pose_out.publish(pose_stamped_msg(plant.commanded, _FRAME, _stamp(now)))
+        if self._clock_out is not None:
+            self._clock_out.publish(Clock(clock=self._stamped(plant.time)))
+        self._pose_out.publish(pose_stamped_msg(plant.commanded, _FRAME,
+                                                self._stamped(plant.time)))
         for image in self._viewer.images(plant, self.task.cutout):
             self._cloud_out.publish(cloud_msg(image.points, _FRAME, self._stamped(image.stamp)))
 
-    def _followed(self) -> Pose:
-        """Return where the gripper is to be next: it follows its commands smoothly, and late."""
-        if self._wanted is not None:
-            share = 1 - np.exp(-_PERIOD / _LAG)
-            self._behind = nearer(self._behind, self._wanted, share)
-            self._gripper = nearer(self._gripper, self._behind, share)
-        return self._gripper
+    @property
+    def _next(self) -> float:
+        """Time of the clock at the end of the next period, s."""
+        return float(1e-9 * self._zero + self._plant.time + _PERIOD)
 
     def _stamped(self, time: float) -> Time:
-        """Return the stamp of a time of the plant, which may be late against the clock."""
-        times = np.array([plant_time for plant_time, _ in self._clock_of])
-        last = self._clock_of[-1][1]
-        before = np.array([one - last for _, one in self._clock_of], dtype=float)  # ns, no rounding
-        error = max(time - times[-1], 0.0)  # a camera's stamps may be in the future
-        return _stamp(last + round(np.interp(time, times, before) + 1e9 * error))
+        """Return the stamp of a time of the plant."""
+        return _stamp(self._zero + round(1e9 * time))
 
     def _tell(self) -> None:
         plant, task = self._plant, self.task
-        self._shape_out.publish(plan_path(seen(plant), np.zeros(_NODES), _FRAME, self._now()))
+        self._shape_out.publish(plan_path(seen(plant), np.zeros(_NODES), _FRAME,
+                                          self._stamped(plant.time)))
         depth, force = plant.passage(task.cutout).depth, plant.largest_forces.max(initial=0.0)
         worst = self._worst or Passage(0.0, np.nan, np.nan, np.nan)
         threaded = depth > 0.99 * task.depth and worst.miss < task.radius
@@ -205,16 +225,6 @@ class CellNode(Node):
             'room [m]': float(task.room),
             'largest force [N]': float(force), 'touched': bool(force > TOUCH),
             'lost [s]': float(self._lost)}))
-
-    def _now(self) -> Time:
-        return self.get_clock().now().to_msg()
-
-
-def nearer(one: Pose, other: Pose, share: float) -> Pose:
-    """Return the Pose that is by a share of the way from one to another."""
-    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
-    return Pose.from_rotation(one.position + share * (other.position - one.position),
-                              Rotation.from_rotvec(share * turn).as_matrix() @ one.rotation)
 
 
 def seen(plant: Plant) -> list[Pose]:

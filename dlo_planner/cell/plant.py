@@ -84,6 +84,8 @@ class Plant:
         (3,) Hz, slowest vibrations about the shape at the beginning.
     damping : float
         Damping ratio of the slowest vibration; least_damping: the least possible one.
+    lag : float
+        The damping in s, in proportion to the stiffness, as the second number of `Rod.damping`.
 
     Raises
     ------
@@ -242,7 +244,7 @@ class Plant:
         rate = np.pi * self.frequencies[0]
         self.least_damping = rate * 0.5 * self._step
         self.damping = max(ratio, self.least_damping)
-        self._lag = self.damping / rate
+        self.lag = self.damping / rate
 
     def _step_is(self, seconds: float) -> None:
         """Set the step of time. The engine's own damping, of a whole step, is part of the damping.
@@ -250,7 +252,7 @@ class Plant:
         What is left may be negative: stable while both together are half a step at least.
         """
         self._model.opt.timestep = seconds
-        self._model.dof_damping[6:] = (self._lag - seconds) * self._stiffness
+        self._model.dof_damping[6:] = (self.lag - seconds) * self._stiffness
 
     def _advance(self, place: Floats, quaternion: Floats, twist: Floats) -> None:
         """Make one step; the gripper comes to a place and has a twist (6,) on the way there."""

@@ -3,7 +3,7 @@
 """One run of a driver in the plant, and its outcome."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,11 +13,15 @@ from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, Unknowns
 from dlo_planner.errors import DeadlineExceeded, Infeasible, NotConverged
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
 
 TOUCH = 0.05      # N: a larger contact force counts as a touch
 STEP = 2e-3       # s, of the plant
+CELLS = 80        # of the plant
+_FINER = 1.4      # times as many cells as the plant that runs once more
 _LOOKED_AT = 5    # periods of control between two measurements of the miss
 _SHORT = 0.005    # of the length, by which the depth may fall short
 _LONGEST = 300.0  # s, of a run
@@ -42,13 +46,17 @@ class Outcome(Value):
         Length of the DLO beyond the sheet at the end, m.
     miss : float
         Largest distance from the center of the hole, in its plane, of the DLO that crosses it,
-        every 20 ms, m; nan if it never did.
+        every 20 ms, m; nan if it never did. Without a camera, extrapolated to a DLO that is no
+        chain, see `run`.
     force : float
         Largest contact force on the DLO, N.
     time : float
         Duration of the motion, s.
     promised : float
         The largest miss that the driver expected, m; nan if it does not say.
+    chain_error : float
+        By how much the extrapolation moved the DLO in the hole, m: the error of the plant's chain
+        there; nan with a camera.
     """
 
     seed: int
@@ -59,6 +67,7 @@ class Outcome(Value):
     force: float = 0.0
     time: float = 0.0
     promised: float = np.nan
+    chain_error: float = np.nan
 
     @property
     def touched(self) -> bool:
@@ -70,6 +79,13 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
         camera: Camera | None = None, damping: float = 0.005, step: float = STEP,
         watch: Callable[[Plant], object] | None = None) -> Outcome:
     """Return the Outcome of a Task.
+
+    The plant is a chain, whose error is of second order in the length of its cells. Without a
+    camera the same motion is run once more with a coarser chain, and the place where the DLO
+    crosses the hole is extrapolated from both (Richardson) at each time. With a camera the driver
+    reacts to the chain that it sees: there it is the DLO.
+
+    The driver knows the damping, as the rod's: it is not among the Unknowns.
 
     Parameters
     ----------
@@ -97,32 +113,84 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     truth = instance('unknowns', unknowns, Unknowns).draw(rng)
     viewer = None if camera is None else Viewer(instance('camera', camera, Camera), rng)
     try:
-        command = driver(task)
-        plant = Plant(task.rod, task.start, [task.sheet], truth=truth, step=step, damping=damping)
+        plant, coarser = (Plant(task.rod, task.start, [task.sheet], truth=truth, cells=cells,
+                                step=step, damping=damping)
+                          for cells in (CELLS, round(CELLS / _FINER)))
+        command = driver(replace(task, rod=replace(task.rod, damping=(0.0, plant.lag))))
     except _REFUSALS as error:
         return Outcome(seed, _reason(error))
-    misses, refused = _drive(plant, command, task, viewer, watch)
-    passage, miss = plant.passage(task.cutout), max(misses, default=np.nan)
+    driven = _drive(plant, command, task, viewer, watch)
+    moved, refused = np.nan, driven.refused
+    if viewer is None and not refused:
+        again = _drive(coarser, _Again(driven.poses), task, None, None)
+        driven, moved = _extrapolated(driven, again)
+    passage, miss = plant.passage(task.cutout), driven.miss
     threaded = (passage.depth > task.depth - _SHORT * task.rod.length
                 and miss < task.radius and not refused)
-    return Outcome(seed, refused, bool(threaded), passage.depth, float(miss),
+    return Outcome(seed, refused, bool(threaded), passage.depth, miss,
                    float(plant.largest_forces[0]), plant.time,
-                   float(getattr(command, 'promised', np.nan)))
+                   float(getattr(command, 'promised', np.nan)), moved)
+
+
+@dataclass(frozen=True)
+class _Driven:
+    """What happened: the poses of all periods, and where the hole was crossed.
+
+    Attributes
+    ----------
+    poses : list of Pose
+    crossings : dict
+        Period -> (2,) coordinates in the plane of the hole, m.
+    refused : str
+        Why the driver gave up.
+    """
+
+    poses: list[Pose]
+    crossings: dict[int, Floats]
+    refused: str = ''
+
+    @property
+    def miss(self) -> float:
+        """The largest distance from the center, m; nan if the hole was not crossed."""
+        return float(max(map(np.linalg.norm, self.crossings.values()), default=np.nan))
+
+
+class _Again:
+    """The command that gives known poses."""
+
+    def __init__(self, poses: list[Pose]) -> None:
+        self._poses = iter(poses)
+
+    def __call__(self, images: object, time: float) -> Pose | None:
+        return next(self._poses, None)
+
+
+def _extrapolated(fine: _Driven, coarse: _Driven) -> tuple[_Driven, float]:
+    """Return what would happen with endless cells, and how far that is from `fine` at most, m."""
+    both = sorted(fine.crossings.keys() & coarse.crossings.keys())
+    moved = {k: (fine.crossings[k] - coarse.crossings[k]) / (_FINER**2 - 1) for k in both}
+    crossings = {k: at + moved.get(k, 0.0) for k, at in fine.crossings.items()}
+    if fine.crossings and not both:
+        return fine, np.nan
+    return (_Driven(fine.poses, crossings, fine.refused),
+            float(max(map(np.linalg.norm, moved.values()), default=np.nan)))
 
 
 def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
-           watch: Callable[[Plant], object] | None) -> tuple[list[float], str]:
-    """Move the gripper until the command is done; return the misses, and why it gave up."""
-    misses: list[float] = []
+           watch: Callable[[Plant], object] | None) -> _Driven:
+    """Move the gripper until the command is done, or gives up."""
+    poses: list[Pose] = []
+    crossings: dict[int, Floats] = {}
     for count in range(int(_LONGEST / PERIOD)):
         images = () if viewer is None else viewer.images(plant, task.cutout)
         try:
             pose = command(images, plant.time)
             if pose is None:
                 break
+            poses.append(pose)
             plant.move(pose, PERIOD)
         except _REFUSALS as error:
-            return misses, _reason(error)
+            return _Driven(poses, crossings, _reason(error))
         if watch is not None:
             watch(plant)
         if plant.largest_forces.max() > _STOP:
@@ -130,8 +198,8 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
         if count % _LOOKED_AT == 0:
             passage = plant.passage(task.cutout)
             if passage.depth > 0:
-                misses.append(passage.miss)
-    return misses, ''
+                crossings[count] = np.array([passage.y, passage.z])
+    return _Driven(poses, crossings)
 
 
 def _reason(error: Exception) -> str:

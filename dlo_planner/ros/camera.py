@@ -25,7 +25,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.ros.beginning import blending_as
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import named
-from dlo_planner.ros.doubts import doubts, kept_out, unexplained
+from dlo_planner.ros.doubts import bound_of, doubts, in_motion, kept_out, unexplained
 from dlo_planner.ros.frames import OneFrame
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.identifying import identified, told
@@ -140,7 +140,8 @@ class Camera:
         running, execution = state.running, state.execution
         assert running is not None and execution is not None
         if execution.phase == 'running':
-            time = float(execution.way.progress([execution.done])[0])
+            done = execution.done_at(stamp)
+            time = float(execution.way.progress([done])[0])
             self._seen = stamp, deviation(running.plan, time, points)
 
     # ---- corrections ------------------------------------------------------------------------
@@ -161,14 +162,14 @@ class Camera:
         fresh = Steered.of(trajectory, plan.shapes[-1])
         steered = fresh
         if isinstance(way, Steered):
-            blending = blending_as(way, fresh.windows, execution.done)
+            blending = blending_as(way, fresh.windows, execution.free)
             if blending is None:
                 return
             steered = blending
         reached = steered.reached(plan.times)
-        if execution.done + steered.windows.sum() > steered.trajectory.duration:
+        if execution.free + steered.windows.sum() > steered.trajectory.duration:
             return  # it would come too late
-        first = int(np.searchsorted(reached, execution.done))
+        first = int(np.searchsorted(reached, execution.free))
         found = correct(estimate, plan, first, before)
         self._corrected = made, stamp, found if found.converged else None
         reason = named(doubts(found, observing, scene), state.bodies)
@@ -176,7 +177,15 @@ class Camera:
         entry = next((time for time, passes in zip(reached, plan.via_points, strict=True)
                       if passes),
                      -np.inf)
-        barred = kept_out(found, scene, entry, execution.done)
+        aimed = steered if reason else steered.corrected(execution.free, found, reached[first:])
+        left, moving = entry - execution.done, in_motion(execution)
+        bound = bound_of(estimate, plan, aimed, found.miss.waypoints.astype(int))
+        late = scene.seeing.correction_period + steered.windows.sum() + execution.free
+        if reason and entry > late:  # another one may be executed, and blended in by then
+            bound = float(found.miss.bound.max(initial=0.0))
+        if left > 0:
+            self._health.expected(bound + moving)
+        barred = kept_out(bound, scene, left, moving)
         if barred:
             self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
         elif not reason:

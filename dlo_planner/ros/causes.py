@@ -105,7 +105,8 @@ MEANINGS = {
     Cause.OBSTACLES_CHANGED: 'obstacles changed: the plan is void',
     Cause.PARAMETERS_CHANGED: 'a parameter of the DLO, the tool or the limits changed: the plan '
                               'is void',
-    Cause.PAUSED: 'the node stood still for longer than `execute.longest_pause`',
+    Cause.PAUSED: 'the node stood still for longer than `execute.longest_pause`, or than the robot '
+                  'was told ahead',
     Cause.SHUTDOWN: 'the node ends',
     Cause.NOTHING_TO_CANCEL: '`cancel`, and nothing was planned, proved or executed',
     Cause.MISS_EXPECTED: 'the observed DLO is not inside the cut-out with 95 %: it stops before it',

@@ -217,8 +217,9 @@ def thread_in_cell(client: PlannerClient, folder: Path) -> Row:
     came = close_the_loop(client, folder, progress)
     return Row('closed loop in a cell', f'hole of {1e3 * RADIUS:.0f} mm, unknown wire',
                f'{came.depth:.2f} of {came.wanted:.2f} m through', came.planned, float('nan'),
-               f'miss {1e3 * came.miss:.1f} mm, by the data sheet {1e3 * came.blind:.0f} mm; '
-               f'force {came.force:.2g} N', bool(came.threaded and came.force < TOUCH))
+               f'miss {1e3 * came.miss:.1f} mm, {1e3 * came.promised:.1f} mm promised, by the data '
+               f'sheet {1e3 * came.blind:.0f} mm; force {came.force:.2g} N',
+               bool(came.threaded and came.force < TOUCH))
 
 
 def refuse_soft_wire(client: PlannerClient) -> Row:

@@ -2,14 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """What speaks against doing as an estimate of the DLO says, in words."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dlo_planner.identify.correction import Correction
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.steering import Steered
+from dlo_planner.model.arrays import Ints
 from dlo_planner.model.surface import Surface
 from dlo_planner.plan.clearance import clearance
+from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.plan.plan import Plan
+from dlo_planner.ros.execution import Execution
 from dlo_planner.ros.observing import Observing
 from dlo_planner.ros.scene import Scene
 
+_ANSWER = 2.0  # a DLO moves by less than so many times a jerk of its gripper
 _ERRORS = 5.0  # standard deviations by which points may be off on the mean
 _MORE = 0.2    # of the points, by which more may be none of the DLO's than are expected
 _SOME = 0.95   # of them
@@ -82,27 +91,66 @@ def _leaves(correction: Correction, scene: Scene) -> str:
     return ''
 
 
-def kept_out(correction: Correction, scene: Scene, entry: float, now: float) -> str:
+def kept_out(miss: float, scene: Scene, left: float, moving: float) -> str:
     """Return in words why a motion has to stop before the cut-out, '' if it may go on.
 
-    It goes in if the DLO is inside the cut-out with 95 %, as far as the estimate tells. Whether it
-    is, is judged when the stop has to begin; after the entry it would be of no use.
+    It goes in if the DLO is inside the cut-out with 95 %, as far as the estimate tells, and with
+    what motion adds. Whether it is, is judged when the stop has to begin; after the entry it would
+    be of no use.
 
     Parameters
     ----------
-    correction : Correction
-        The newest one, whether it is executed or not.
+    miss : float
+        By how much the DLO may miss the cut-out at rest, with 95 %, m.
     scene : Scene
         Scene of the plan.
-    entry : float
-        Entry in s of the motion, when the first cut-out is reached.
-    now : float
-        Now in s of the motion.
+    left : float
+        Seconds of the motion until the first cut-out is reached.
+    moving : float
+        By how much motion displaces the DLO in the cut-out at most, m.
     """
     radius, thick = scene.cutout_radius, scene.direct.rod.radius or 0.0
-    if radius is None or not isinstance(thick, float) or not entry - _STOPPING <= now < entry:
+    if radius is None or not isinstance(thick, float) or not 0 < left <= _STOPPING:
         return ''
-    bound, room = float(correction.miss.bound.max(initial=0.0)), radius - thick
+    bound, room = miss + moving, radius - thick
     return '' if bound <= room else (
-        f'the DLO may miss the cut-out by {bound:.3g} m (95 %): expected at most the room of '
-        f'{room:.3g} m; let it hang at rest before the camera, call ~/identify, and plan again')
+        f'the DLO may miss the cut-out by {bound:.3g} m (95 %, {moving:.3g} m of it by '
+        f'motion): expected at most the room of {room:.3g} m; let it hang at rest before the '
+        'camera, call ~/identify, and plan again')
+
+
+def in_motion(execution: Execution) -> float:
+    """Return by how much motion displaces the DLO of an Execution in a cut-out at most, m.
+
+    By what was simulated for the proof, and by what late commands did. A DLO that is displaced by a
+    jerk of its gripper swings by less than twice the jerk (by its slowest vibration 1.57 times).
+    """
+    way = execution.way.trajectory if isinstance(execution.way, Steered) else execution.way
+    simulated = way.motion if isinstance(way, Trajectory) else None
+    bound = 0.0 if simulated is None else float(np.nan_to_num(simulated.bound))
+    return bound + _ANSWER * execution.shaken
+
+
+def bound_of(estimate: Estimate, plan: Plan, way: Steered, waypoints: Ints) -> float:
+    """Return within how many m the DLO passes the center at waypoints of a motion with 95 %.
+
+    A correction is blended in over the slowest periods of the DLO, which may end after the entry:
+    so the poses that are commanded then count, not those that are aimed at.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    plan : Plan
+    way : Steered
+        Steered along the plan.
+    waypoints : ndarray, shape (k,)
+        Their indices, of such that pass the center.
+    """
+    if not waypoints.size:
+        return 0.0
+    commanded, _, _ = way.at(way.reached(plan.times[waypoints]))
+    grippers = list(plan.grippers)
+    for k, pose in zip(waypoints, commanded, strict=True):
+        grippers[k] = pose
+    moved = replace(plan, grippers=tuple(grippers))
+    return float(estimate.miss(moved, waypoints).bound.max(initial=0.0))

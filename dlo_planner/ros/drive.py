@@ -8,8 +8,10 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.model.pose import Pose
+from dlo_planner.ros.ahead import coming
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.execution import Execution
 from dlo_planner.ros.gate import Gate
@@ -20,6 +22,7 @@ from dlo_planner.ros.state import State
 from msg_helpers.diagnostics import OK, WARN, status_msg
 from msg_helpers.markers import command_markers
 from msg_helpers.poses import pose_stamped_msg
+from msg_helpers.trajectories import poses_ahead
 
 _TOLD = 0.2      # s between messages on ~/execution
 _LAG = 0.1       # s by which a robot may follow late
@@ -48,7 +51,10 @@ class Drive:
         self._picture = parts.picture
         self._stamp, self._told = None, -1.0  # of the request; when ~/execution was published
         self._finished = True  # whether its end was told
+        self._ahead: tuple[int, str] | None = None  # what of the coming time was told last
         self._command_out = node.create_publisher(PoseStamped, '~/gripper_command', REQUEST)
+        self._ahead_out = node.create_publisher(MultiDOFJointTrajectory,
+                                                '~/gripper_commands_ahead', REQUEST)
         self._out = node.create_publisher(DiagnosticStatus, '~/execution', LATCHED)
         node.create_service(Trigger, '~/execute', self._on_execute, callback_group=group)
         node.create_service(Trigger, '~/cancel', self._on_cancel, callback_group=group)
@@ -73,6 +79,7 @@ class Drive:
         with self._reporter.answering('execute', stamp=stamp, answer=response) as outcome:
             state = self._store.change(lambda state: state.started(monotonic()))
             self._stamp, self._told, self._finished = stamp, -1.0, False
+            self._ahead = None
             assert state.execution is not None  # it was started
             duration = state.execution.way.duration
             outcome.message = f'{duration:.1f} s on gripper_command'
@@ -102,15 +109,27 @@ class Drive:
             if self._finished:
                 return
             before = self._store.state.execution
-            execution = self._store.change(lambda state: state.ticked(monotonic())).execution
+            execution = self._store.change(lambda state: state.ticked(
+                monotonic(), 1e-9 * self._node.get_clock().now().nanoseconds)).execution
             if before is None or execution is None:
                 return
+            self._send_ahead(execution)
             if before.active and execution.command is not None:
                 self._send(execution.command, execution.frame_id)
             if execution.phase != before.phase or monotonic() - self._told >= _TOLD:
                 self._tell(execution)
             if not execution.active:
                 self._end(execution)
+
+    def _send_ahead(self, execution: Execution) -> None:
+        """Tell the robot the coming time, if that is not what it was told last."""
+        ahead = execution.tellings, execution.phase
+        if not (execution.horizon and execution.active) or ahead == self._ahead:
+            return
+        self._ahead = ahead
+        assert execution.stamp is not None  # there was a tick
+        self._ahead_out.publish(poses_ahead(*coming(execution), execution.frame_id,
+                                            execution.stamp))
 
     def _send(self, command: Pose, frame_id: str) -> None:
         stamp, tool = self._node.get_clock().now().to_msg(), self._store.state.scene.tool
@@ -120,6 +139,10 @@ class Drive:
 
     def _end(self, execution: Execution) -> None:
         self._finished = True
+        if execution.ends_at_once:
+            assert execution.command is not None and execution.stamp is not None  # it ran
+            self._ahead_out.publish(poses_ahead([0.0], [execution.command], execution.frame_id,
+                                                execution.stamp))
         self._picture.show('command')
         if execution.cause == Cause.DONE:
             reason = f'executed: {execution.way.duration:.1f} s'

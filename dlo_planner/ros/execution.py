@@ -3,6 +3,10 @@
 """The motion that is executed, as a machine without ROS: what is commanded now, and when it ends.
 
 Time is that of a steady clock, in s. A machine does not change: `tick` returns the next one.
+
+With a horizon the motion goes on by the clock of the stamps, whether the machine is late or not: a
+robot that was told the coming time with stamps (`ahead.told`) does not wait for this machine.
+Without one, a robot follows each command as it comes, and a late command delays the motion.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,74 +17,12 @@ from dlo_planner.identify.steering import Steered
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.guards import Guards, Heard
 from dlo_planner.ros.stopping import Deceleration, decelerate
 
 ACTIVE = ('running', 'settling', 'stopping')  # phases in which commands are sent
-
-
-@dataclass(frozen=True)
-class Guards:
-    """When an execution has to end; 0 switches a guard off, as in joint_trajectory_controller.
-
-    Attributes
-    ----------
-    path_position, path_angle : float
-        Path position and path angle in m, rad: from the command to the gripper, on the way.
-    path_shape : float
-        Path shape in m: from the plan to the observed DLO, on the way.
-    goal_position, goal_angle : float
-        Goal position and goal angle in m, rad: from the last command to the gripper, at the end.
-    goal_time : float
-        Goal time in s after the end of the motion in which the gripper has to come there.
-    cmd_timeout : float
-        Cmd timeout in s after which the last command is not repeated any more; counts if it is more
-        than goal_time.
-    incoming_command_timeout : float
-        Incoming command timeout in s: age of the last gripper pose.
-    decelerate_on_cancel : bool
-        Whether `cancel` lets the motion run out, or ends it at once.
-    longest_pause : float
-        Seconds between two commands: after a longer one the rest is another motion.
-    """
-
-    path_position: float = 0.02
-    path_angle: float = 0.1
-    path_shape: float = 0.0
-    goal_position: float = 0.01
-    goal_angle: float = 0.05
-    goal_time: float = 2.0
-    cmd_timeout: float = 0.0
-    incoming_command_timeout: float = 0.1
-    decelerate_on_cancel: bool = True
-    longest_pause: float = 0.5
-
-    @property
-    def patience(self) -> float:
-        """How long after the end of the motion the gripper is waited for, s; inf: for good."""
-        given = [time for time in (self.goal_time, self.cmd_timeout) if time > 0]
-        return given[0] if given else np.inf
-
-
-@dataclass(frozen=True)
-class Heard:
-    """A gripper pose that came.
-
-    Attributes
-    ----------
-    pose : Pose
-        Pose of the tool frame.
-    arrived : float
-        Arrived in s, steady.
-    age : float
-        Age in s that it had then, by its stamp.
-    deviation : float
-        Deviation in m, of the observed DLO from the plan; nan: it is not observed.
-    """
-
-    pose: Pose
-    arrived: float
-    age: float = 0.0
-    deviation: float = np.nan
+_OFTEN = 0.2  # of the horizon, after which a robot is told the coming time again
+_LEAD = 0.1   # s until a robot hears that it has to stop
 
 
 @dataclass(frozen=True)
@@ -103,6 +45,8 @@ class Execution:
         (it decelerates), 'stopped', 'succeeded'.
     done : float
         Done in s along the way that are commanded.
+    horizon : float
+        Seconds of the coming motion that a robot is told; 0: each command as it comes.
     command : Pose or None
         Pose of the tool frame, the last command; None before the first one.
     cause : Cause
@@ -116,6 +60,7 @@ class Execution:
     frame_id: str
     guards: Guards = field(default_factory=Guards)
     period: float = 0.02
+    horizon: float = 0.0
     phase: str = 'running'
     done: float = 0.0
     command: Pose | None = None
@@ -127,6 +72,11 @@ class Execution:
     owed: float = 0.0         # s by which the motion is behind, at most a period
     heard: Heard | None = None
     silent: float = np.inf    # s, age of `heard`; in ticks that were late a period counts
+    stamp: float | None = None  # s on the clock of the stamps, at which `done` is reached
+    sent: float = 0.0         # s of the way that a robot was told, with a horizon
+    told: float = -np.inf     # stamp at which it was told last
+    tellings: int = 0         # how often it was told
+    shaken: float = 0.0       # m by which late commands have moved the gripper against its motion
 
     @property
     def active(self) -> bool:
@@ -149,18 +99,27 @@ class Execution:
         named = replace(self, cause=cause, reason=reason, since=0.0)
         if at_once or self.command is None or self.phase == 'settling':
             return replace(named, phase='stopped')
-        return replace(named, phase='stopping',
-                       deceleration=decelerate(self.way, self.done, 2 * self.period))
+        lead = _LEAD if self.horizon else 0.0
+        return replace(named, phase='stopping', since=-lead,
+                       deceleration=decelerate(self.way, self.done + lead, 2 * self.period))
+
+    @property
+    def ends_at_once(self) -> bool:
+        """Whether a robot that was told the coming time has to be told that there is none."""
+        canceled = self.phase == 'stopped' and self.cause == Cause.CANCELED
+        return canceled and self.deceleration is None and self.sent > self.done
 
     def canceled(self) -> 'Execution':
         """Return the execution after `cancel`."""
         return self.stop(Cause.CANCELED, 'canceled', not self.guards.decelerate_on_cancel)
 
-    def tick(self, now: float, heard: Heard | None = None) -> 'Execution':
+    def tick(self, now: float, heard: Heard | None = None,
+             stamp: float | None = None) -> 'Execution':
         """Return the execution with its next command.
 
-        However late it is called, the motion goes on by one period at most: it stands still
-        meanwhile, and does not leap.
+        However late it is called, without a horizon the motion goes on by one period at most: it
+        stands still meanwhile, and does not leap. With one it goes on by what has passed, if the
+        robot was told so much.
 
         Parameters
         ----------
@@ -168,21 +127,66 @@ class Execution:
             Now in s.
         heard : Heard, optional
             The last gripper pose.
+        stamp : float, optional
+            Now in s on the clock of the stamps. If None, that is the steady clock.
         """
         if not self.active:
             return self
+        stamp = now if stamp is None else stamp
         waited = 0.0 if self.last is None else max(now - self.last, 0.0)
-        limit = self.guards.longest_pause
-        if limit and waited > limit:
-            paused = f'no command was sent for {waited:.3g} s: expected execute.longest_pause = ' \
-                     f'{limit:g} s at most'
+        passed = waited
+        if self.horizon:
+            passed = 0.0 if self.stamp is None else max(stamp - self.stamp, 0.0)
+        paused = self._paused(passed)
+        if paused:
             return replace(self, phase='stopped', last=now,
                            cause=self.cause or Cause.PAUSED, reason=self.reason or paused)
-        step = min(waited + self.owed, self.period)
-        timed = replace(self, last=now, owed=min(waited + self.owed - step, self.period),
-                        heard=heard, silent=self._silence(heard, now, min(waited, self.period)))
+        step = passed if self.horizon else min(waited + self.owed, self.period)
+        owed = 0.0 if self.horizon else min(waited + self.owed - step, self.period)
+        lost = 0.0 if self.horizon else waited + self.owed - step - owed
+        timed = replace(self, last=now, stamp=stamp, owed=owed, heard=heard,
+                        shaken=self.shaken + self._moves(lost),
+                        silent=self._silence(heard, now, min(waited, self.period)))
         fault = timed.fault()
-        return (timed.stop(*fault) if fault else timed).advanced(step)
+        turned_back = self.stamp is not None and stamp < self.stamp
+        return (timed.stop(*fault) if fault else timed).advanced(step)._told(turned_back)
+
+    def _paused(self, passed: float) -> str:
+        """Return in words why the rest is another motion after so many s, '' if it is not."""
+        limit, name = self.guards.longest_pause, 'longest_pause'
+        if self.horizon:
+            knows_all = self.phase != 'running' or self.sent >= self.way.duration
+            limit, name = 0.0 if knows_all else self.sent - self.done, 'horizon'
+        if not limit or passed <= limit:
+            return ''
+        return (f'no command was sent for {passed:.3g} s: expected execute.{name} = {limit:g} s at '
+                'most')
+
+    def _moves(self, lost: float) -> float:
+        """Return the way in m that the motion goes in `lost` s."""
+        if self.phase != 'running' or lost <= 0:
+            return 0.0
+        return lost * float(np.linalg.norm(self.way.at([self.done])[1][0, :3]))
+
+    def _told(self, anew: bool) -> 'Execution':
+        """Return the execution of which the robot is told more, if it is time to, or anew."""
+        if not self.horizon or self.phase not in ('running', 'stopping') or self.stamp is None:
+            return self
+        if self.stamp - self.told < _OFTEN * self.horizon and not anew:
+            return self
+        ahead = min(self.done + self.horizon, self.way.duration)
+        return replace(self, sent=ahead if self.phase == 'running' else self.sent,
+                       told=self.stamp, tellings=self.tellings + 1)
+
+    def done_at(self, stamp: float) -> float:
+        """Return s of the way that are done at a time (s) of the stamps' clock, now or before."""
+        ago = 0.0 if self.stamp is None else max(self.stamp - stamp, 0.0)
+        return max(self.done - ago, 0.0)
+
+    @property
+    def free(self) -> float:
+        """From which time of its way on the motion may be changed, s."""
+        return max(self.done, self.sent)
 
     def advanced(self, step: float) -> 'Execution':
         """Return the execution `step` s later."""
@@ -240,7 +244,8 @@ class Execution:
                     f'incoming_command_timeout = {limit:g} s at most, by its stamp')
         if self.phase != 'running' or heard is None or self.command is None:
             return None
-        away = self._off(guards.path_position, guards.path_angle, 'constraints.path')
+        away = self._off(guards.path_position, guards.path_angle, 'constraints.path',
+                         self._then(heard))
         if away is not None:
             return Cause.PATH_TOLERANCE, away
         if guards.path_shape and heard.deviation > guards.path_shape:
@@ -248,16 +253,23 @@ class Execution:
                     f'expected constraints.path.shape = {guards.path_shape:g} m at most')
         return None
 
-    def _off(self, position: float, angle: float, name: str) -> str | None:
+    def _then(self, heard: Heard) -> Pose | None:
+        """Return the command of the time at which the gripper was where it was heard."""
+        if not self.horizon or heard.stamp is None:
+            return self.command
+        return self._pose(self.done_at(heard.stamp))
+
+    def _off(self, position: float, angle: float, name: str,
+             command: Pose | None = None) -> str | None:
         """Return in words how the gripper is off the command; None: it is within tolerances."""
-        heard = self.heard
-        if heard is None or self.command is None:
+        heard, command = self.heard, command or self.command
+        if heard is None or command is None:
             return None
-        away = float(np.linalg.norm(heard.pose.position - self.command.position))
+        away = float(np.linalg.norm(heard.pose.position - command.position))
         if position and away > position:
             return (f'the gripper is {away:.3g} m from its command: expected {name}.position = '
                     f'{position:g} m at most')
-        turned = angle_between(heard.pose.rotation, self.command.rotation)
+        turned = angle_between(heard.pose.rotation, command.rotation)
         if angle and turned > angle:
             return (f'the gripper is turned by {turned:.3g} rad from its command: expected '
                     f'{name}.angle = {angle:g} rad at most')

@@ -108,6 +108,11 @@ class Health:
                              'estimate misfit [m]': float(estimate.misfit),
                              'estimate outliers': float(estimate.outliers)}
 
+    def expected(self, miss: float) -> None:
+        """Take by how much the DLO may miss the cut-out in motion (95 %), m."""
+        with self._lock:
+            self._values['miss expected at most [m]'] = miss
+
     def corrected(self, correction: Correction, reason: str) -> None:
         """Take a Correction, and why it is not executed or ''."""
         bound = float(correction.miss.bound.max(initial=0.0))

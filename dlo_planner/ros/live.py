@@ -17,8 +17,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import inside_of, pose_in
-from dlo_planner.ros.execution import Heard
 from dlo_planner.ros.gate import Gate
+from dlo_planner.ros.guards import Heard
 from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import markers_of_shape
 from dlo_planner.ros.qos import LATCHED, LATEST
@@ -101,7 +101,8 @@ class LiveShapes:
             pose = pose_in(self._store.state.scene, msg, 'gripper_pose', self._frames)
             stamp = msg.header.stamp
             age = 1e-9 * (self._clock.now().nanoseconds - stamp.nanosec) - stamp.sec
-            heard = Heard(pose, arrived, age, self._follows(pose, stamp))
+            heard = Heard(pose, arrived, age, self._follows(pose, stamp),
+                          stamp.sec + 1e-9 * stamp.nanosec)
             state = self._store.change(lambda state: state.hearing(heard))
             with self._waiting:
                 self._newest = pose.compose(state.scene.tool), stamp, arrived

@@ -14,7 +14,7 @@ from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.execution import Guards
+from dlo_planner.ros.guards import Guards
 from dlo_planner.ros.observing import Seeing
 from dlo_planner.settings.building import (
     bounded,
@@ -51,6 +51,7 @@ class Scene:
     planning_deadline: float
     reach: float
     period: float
+    horizon: float
     guards: Guards
     seeing: Seeing
     color: str
@@ -104,8 +105,8 @@ def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = ()) -
                  values['cutouts.radius'] or None,
                  values['execute.start_distance'], values['execute.start_angle'],
                  values['threading.planning_deadline'], values['workspace.reach'],
-                 1 / values['execute.rate'], _guards(values), _seeing(values),
-                 values['markers.color'])
+                 1 / values['execute.rate'], values['execute.horizon'], _guards(values),
+                 _seeing(values), values['markers.color'])
 
 
 def _judge(values: Mapping[str, Any]) -> None:

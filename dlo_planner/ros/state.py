@@ -14,7 +14,8 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.ros.beginning import from_where_it_is
 from dlo_planner.ros.causes import Cause, Refused
-from dlo_planner.ros.execution import Execution, Heard
+from dlo_planner.ros.execution import Execution
+from dlo_planner.ros.guards import Heard
 from dlo_planner.ros.planning import Made
 from dlo_planner.ros.proof import Proof
 from dlo_planner.ros.scene import Scene
@@ -152,14 +153,14 @@ class State:
         way = from_where_it_is(proved, self.heard.pose.compose(scene.tool),
                                self.made.plan.shapes[0])
         execution = Execution(way, scene.tool.inverse(), scene.frame_id, self.scene.guards,
-                              scene.period)
+                              scene.period, self.scene.horizon)
         return replace(self, execution=execution, running=self.made)
 
-    def ticked(self, now: float) -> 'State':
-        """Return the State with the next command, at `now` s."""
+    def ticked(self, now: float, stamp: float | None = None) -> 'State':
+        """Return the State with the next command, at `now` s, `stamp` s on the stamps' clock."""
         if self.execution is None:
             return self
-        return self._with_execution(self.execution.tick(now, self.heard))
+        return self._with_execution(self.execution.tick(now, self.heard, stamp))
 
     def steered(self, way: TimedPath | Steered, corrected: Callable[[float], Steered]) -> 'State':
         """Return the State in which the rest of what is executed is corrected.
@@ -170,12 +171,12 @@ class State:
             Way that was executed when the correction was made; if it is another one now, nothing
             changes.
         corrected : callable
-            Takes how many s of it are done, returns what is executed from then on.
+            Takes how many s of it can no more be changed, returns what is executed from then on.
         """
         execution = self.execution
         if execution is None or execution.phase != 'running' or execution.way is not way:
             return self
-        return replace(self, execution=replace(execution, way=corrected(execution.done)))
+        return replace(self, execution=replace(execution, way=corrected(execution.free)))
 
     @property
     def proving(self) -> bool:

@@ -39,9 +39,10 @@ class Deceleration:
     length: float
 
     def at(self, since: float | Floats) -> float | Floats:
-        """Return s along the path, `since` s after the beginning."""
+        """Return s along the path, `since` s after the beginning; before it, time runs evenly."""
         x = np.clip(np.asarray(since) / self.length, 0, 1)
-        return self.start + self.length * (x - 2.5 * x**4 + 3 * x**5 - x**6)
+        return (self.start + np.minimum(since, 0.0)
+                + self.length * (x - 2.5 * x**4 + 3 * x**5 - x**6))
 
 
 def decelerate(way: TimedPath | Steered, start: float, shortest: float) -> Deceleration:

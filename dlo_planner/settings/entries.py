@@ -145,6 +145,9 @@ ENTRIES = {
     'markers.color': Entry('curvature', 'What the color of the DLO tells: curvature | yield.'),
     'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,
                           read_only=True),
+    'execute.horizon': Entry(0.0, 'Seconds of the coming motion on gripper_commands_ahead, for a '
+                             'robot that follows their stamps; 0: none, the motion goes on with '
+                             'each gripper_command.', 0.0, 10.0),
     'execute.start_distance': Entry(0.02, 'How far from a plan\'s beginning the gripper may be to '
                                     'execute it, m.', 0.0, 10.0),
     'execute.start_angle': Entry(0.1, 'How far it may be turned against that, rad.', 0.0, 3.2),

@@ -106,14 +106,14 @@ def test_the_promise_is_the_motion_and_the_estimate(monkeypatch):
 
     def trajectory(*_, tolerance):
         asked['tolerance'] = tolerance
-        return SimpleNamespace(motion=SimpleNamespace(position_error=2e-4))
+        return SimpleNamespace(motion=SimpleNamespace(bound=2e-4))
 
     monkeypatch.setattr('dlo_planner.cell.closed.Trajectory', trajectory)
     command._plan = SimpleNamespace(shapes=(None,))
-    command._go = lambda *_: None
+    command._go, command._left = lambda *_: None, 1e-4
     for bound, part in ((5e-4, 0.5 * (TASK.room - 5e-4)), (1.9e-3, 0.25 * TASK.room)):
         command._go_in(bound, 0.0)
-        assert command.promised == pytest.approx(2e-4 + bound)
+        assert command.promised == pytest.approx(2e-4 + bound + 1e-4)
         assert asked['tolerance'] == pytest.approx(part)
 
 
@@ -125,3 +125,9 @@ def test_a_look_in_motion_is_noisier_and_sways():
     command._look_on_the_way(Image(0.0, np.zeros((9, 3))))
     assert seen == [{'noise': pytest.approx(np.hypot(0.3e-3, 3 * 0.1 * 0.06)),
                      'sway': pytest.approx(np.hypot(5e-4, 0.5 * 0.3 * 2 / 9.81))}]
+
+
+def test_the_swing_that_the_way_to_the_standoff_leaves_counts():
+    command = looking()(TASK)
+    command._go_there(0.0)
+    assert command._left == command._motion.trajectory.motion.departure > 0

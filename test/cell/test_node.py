@@ -22,7 +22,8 @@ from sensor_msgs.msg import PointCloud2  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 from dlo_planner import DloPlannerError, Pose  # noqa: E402
-from dlo_planner.cell.node import _LATCHED, _RELIABLE, CellNode, nearer  # noqa: E402
+from dlo_planner.cell.node import _LATCHED, _RELIABLE, CellNode  # noqa: E402
+from dlo_planner.cell.robot import nearer  # noqa: E402
 from dlo_planner.cell.tasks import draw_task  # noqa: E402
 from msg_helpers.clouds import points_from_cloud  # noqa: E402
 from msg_helpers.poses import pose_from_msg, pose_stamped_msg  # noqa: E402

@@ -3,15 +3,19 @@
 """The cell as a node: it follows commands, shows its DLO, and says where it is not in real time."""
 
 import time
+from contextlib import contextmanager
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from planner_here import Witness, context_of_its_own
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 pytest.importorskip('mujoco')
 
@@ -21,12 +25,14 @@ from dlo_planner.cell.passage import Passage  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
 from dlo_planner.ros.qos import LATCHED, REQUEST  # noqa: E402
 from msg_helpers.poses import pose_stamped_msg  # noqa: E402
+from msg_helpers.trajectories import poses_ahead  # noqa: E402
 
 
 class _Cell:
-    def __init__(self, context):
+    def __init__(self, context, **more):
+        values = {'dlo': 'leaf spring', 'radius': 0.02, **more}
         self.node = CellNode(context=context, parameter_overrides=[
-            Parameter('dlo', value='leaf spring'), Parameter('radius', value=0.02)])
+            Parameter(name, value=value) for name, value in values.items()])
         self.witness = Witness(context)
         self.outcomes = self.witness.hear(DiagnosticStatus, '/dlo_cell/outcome', LATCHED)
         self.poses, self.clouds = (
@@ -50,14 +56,34 @@ class _Cell:
         return found[0]
 
 
-@pytest.fixture
-def cell(domain):
+@contextmanager
+def serving(**more):
     with context_of_its_own() as context:
-        made = _Cell(context)
+        made = _Cell(context, **more)
         yield made
         made.witness.executor.remove_node(made.node)
         made.node.destroy_node()
         made.witness.close()
+
+
+@pytest.fixture
+def cell(domain):
+    with serving() as made:
+        yield made
+
+
+def seconds(stamp):
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def late_and_again(monkeypatch, sleep):
+    """Let each computation of the plant take `sleep` s longer."""
+    move = Plant.move
+
+    def slow(self, *arguments):
+        time.sleep(sleep)
+        move(self, *arguments)
+    monkeypatch.setattr(Plant, 'move', slow)
 
 
 def test_it_shows_its_dlo_and_follows_commands(cell):
@@ -82,14 +108,46 @@ def test_it_shows_its_dlo_and_follows_commands(cell):
 
 
 def test_a_machine_that_is_too_slow_is_said_to_be(cell, monkeypatch):
-    move = Plant.move
-
-    def slow(self, *arguments):
-        time.sleep(0.1)
-        move(self, *arguments)
-    monkeypatch.setattr(Plant, 'move', slow)
+    late_and_again(monkeypatch, 0.1)
     message, values = cell.said(lambda message, _: 'too slow' in message)
     assert 'of no meaning' in message and float(values['lost [s]']) > 0.5
     monkeypatch.undo()
     assert cell.witness.ask(Trigger, '/dlo_cell/restart').success
     assert float(cell.said(lambda *_: True)[1]['lost [s]']) < float(values['lost [s]'])
+
+
+def test_a_plant_that_is_late_catches_up_and_stamps_as_if_it_were_not(cell, monkeypatch):
+    monkeypatch.setattr('dlo_planner.cell.node._BEHIND', 100.0)  # however busy the machine is
+    assert cell.witness.wait_for(lambda: len(cell.poses) > 20)
+    cell.poses.clear()
+    with cell.node._lock:  # as if nothing were computed for a while
+        time.sleep(0.25)
+    assert cell.witness.wait_for(lambda: len(cell.poses) > 40)
+    stamps = np.array([seconds(one.header.stamp) for one in cell.poses])
+    steps = np.diff(stamps) / 0.01  # some messages may be lost
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
+    assert steps.min() > 0.5
+
+
+def test_with_a_clock_of_its_own_nothing_is_lost(domain, monkeypatch):
+    late_and_again(monkeypatch, 0.05)
+    with serving(clock=True) as cell:
+        clocks = cell.witness.hear(Clock, '/clock', REQUEST)
+        out = cell.witness.node.create_publisher(
+            MultiDOFJointTrajectory, '/dlo_planner/gripper_commands_ahead', REQUEST)
+        assert cell.witness.wait_for(lambda: len(clocks) > 5 and out.get_subscription_count())
+        begin, start = seconds(clocks[-1].clock), cell.node.task.start
+        times = np.linspace(0, 0.6, 31)
+        poses = [Pose(start.position + (0, 0, 0.01 * time), start.quaternion) for time in times]
+        out.publish(poses_ahead(times, poses, 'world', begin + 0.1))
+        clocks.clear(), cell.poses.clear()
+        assert cell.witness.wait_for(lambda: len(clocks) > 60)
+        steps = np.diff([seconds(one.clock) for one in clocks])
+        np.testing.assert_allclose(steps, 0.01, atol=1e-6)
+        assert float(cell.said(lambda *_: True)[1]['lost [s]']) == 0
+        # after two lags of 0.03 s it is where it was told to be 0.06 s before
+        then = [(seconds(one.header.stamp) - begin - 0.1, one.pose.position.z) for one in
+                cell.poses]
+        behind = [0.01 * (time - 0.06) - (z - start.position[2]) for time, z in then
+                  if 0.35 < time < 0.6]
+        assert len(behind) > 5 and np.abs(behind).max() < 1e-4

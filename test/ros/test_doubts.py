@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What speaks against a correction, and against an estimate: without a node."""
 
+import itertools
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,8 +10,8 @@ import numpy as np
 import pytest
 from closed_loops import DEPTHS, NOISE, SPREAD, START, Truth, plan_of
 
-from dlo_planner import Box, Pose, correct
-from dlo_planner.ros.doubts import doubts, kept_out, unexplained
+from dlo_planner import Box, Pose, Steered, Trajectory, correct
+from dlo_planner.ros.doubts import bound_of, doubts, kept_out, unexplained
 from dlo_planner.ros.observing import Observing, Seeing
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
@@ -80,6 +81,13 @@ def test_no_correction_by_an_estimate_of_something_else(observing, changes, outl
     assert unexplained(careless) == ''
 
 
+def test_stamps_excuse_what_the_gripper_moves_meanwhile_and_no_more(observing):
+    wrong = seen(observing, off=0.26, seeing=replace(SEEING, stamps=0.05))
+    assert 'the points are 0.26 m off' in unexplained(wrong)
+    assert 'the points are 0.26 m off' in unexplained(wrong, 0.1)
+    assert unexplained(wrong, 6.0) == ''
+
+
 def test_a_look_in_motion_with_outliers_and_wrong_stamps_is_explained():
     # each of its points counts little, and so outliers are not told from others
     rng = np.random.default_rng(4)
@@ -120,10 +128,35 @@ def test_it_stops_before_a_cutout_that_it_may_miss(observing):
     sure = correct(observing.estimate, PLAN)
     assert sure.miss.bound.max() < 4e-3
     assert unsure.miss.bound.max() > 6e-3
-    said = kept_out(unsure, hole, 10.0, 8.0)
+    said = kept_out(unsure.miss.bound.max(), hole, 2.0, 0.0)
     assert 'may miss the cut-out by' in said
     assert 'the room of 0.00425 m' in said
-    assert kept_out(sure, hole, 10.0, 8.0) == ''
-    for now in (6.9, 10.0, 12.0):  # there is time left, or it is too late
-        assert kept_out(unsure, hole, 10.0, now) == ''
-    assert kept_out(unsure, scene(), 10.0, 8.0) == ''  # the cut-out has no size
+    assert kept_out(sure.miss.bound.max(), hole, 2.0, 0.0) == ''
+    for left in (3.1, 0.0, -2.0):  # there is time left, or it is too late
+        assert kept_out(unsure.miss.bound.max(), hole, left, 0.0) == ''
+    assert kept_out(unsure.miss.bound.max(), scene(), 2.0, 0.0) == ''  # the cut-out has no size
+
+
+def test_what_motion_adds_counts_before_a_cutout(observing):
+    hole, sure = scene(cutouts__radius=5e-3), correct(observing.estimate, PLAN)
+    bound = sure.miss.bound.max()
+    left = 4.25e-3 - bound
+    assert kept_out(bound, hole, 2.0, 0.99 * left) == ''
+    assert f'{1.01 * left:.3g} m of it by motion' in kept_out(bound, hole, 2.0, 1.01 * left)
+
+
+def test_what_is_not_blended_in_at_the_entry_counts(observing):
+    estimate, way = observing.estimate, Trajectory(PLAN, tolerance=np.inf)
+    windows = np.array([0.5, 0.5, 0.1])
+    found = correct(estimate, PLAN)
+    steered, reached = Steered(way, windows), Steered(way, windows).reached(PLAN.times)
+    waypoints = found.miss.waypoints
+    before = bound_of(estimate, PLAN, steered, waypoints)
+    assert before > 1.5 * found.miss.bound.max()
+    bounds = [bound_of(estimate, PLAN, steered.corrected(reached[waypoints[0]] - early, found,
+                                                         reached), waypoints)
+              for early in (2.0, 0.7, 0.5, -0.1)]
+    assert bounds[0] == pytest.approx(found.miss.bound.max(), rel=0.05)
+    assert all(one <= other * 1.01 for one, other in itertools.pairwise(bounds))
+    assert bounds[-1] > 1.3 * bounds[0]
+    assert bound_of(estimate, PLAN, steered, waypoints[:0]) == 0.0

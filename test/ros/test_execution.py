@@ -113,6 +113,14 @@ def test_no_lateness_makes_a_leap(name):
     assert run(begun(longest_pause=0.0), times)[0].phase == 'running'
 
 
+def test_a_pause_while_it_stops_does_not_hide_why_it_stops():
+    execution = run(begun(), np.arange(100) * PERIOD)[0].canceled()
+    assert execution.phase == 'stopping'
+    paused = execution.tick(execution.last + 4.0, execution.heard)
+    assert (paused.phase, paused.cause) == ('stopped', Cause.CANCELED)
+    assert paused.reason == 'canceled'
+
+
 def test_poses_that_are_not_believed_any_more_stop_it_calmly():
     # as when the clock of the node jumps, and that of the publisher does not
     last = []

@@ -20,7 +20,9 @@ OUTPUTS = {
     '~/gripper_trajectory_timed': (MultiDOFJointTrajectory, LATCHED),
     '~/joint_trajectory': (JointTrajectory, LATCHED), '~/markers': (MarkerArray, LATCHED),
     '~/status': (DiagnosticStatus, LATCHED), '~/execution': (DiagnosticStatus, LATCHED),
-    '~/gripper_command': (PoseStamped, REQUEST), '/diagnostics': (DiagnosticArray, REQUEST)}
+    '~/gripper_command': (PoseStamped, REQUEST),
+    '~/gripper_commands_ahead': (MultiDOFJointTrajectory, REQUEST),
+    '/diagnostics': (DiagnosticArray, REQUEST)}
 MEGABYTE = 1024.0  # kB
 
 

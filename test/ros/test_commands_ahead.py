@@ -1,0 +1,218 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a robot is told of the coming time: the machine may be late, the motion is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
+from dlo_planner.cell.robot import Robot, Timetable
+from dlo_planner.identify.blending import Change
+from dlo_planner.identify.steering import Steered
+from dlo_planner.ros.ahead import coming
+from dlo_planner.ros.causes import Cause
+from dlo_planner.ros.execution import Execution
+from dlo_planner.ros.guards import Guards, Heard
+from msg_helpers.trajectories import poses_ahead, stamped_poses
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+PLAN = InverseSimulator(DirectSimulator(WIRE)).thread(
+    CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0))), depths=np.linspace(0, 0.95, 12))
+TOOL = Pose((0, 0, 0.1), (0, 0.6, 0, 0.8))
+WAY = Trajectory(PLAN, Limits(), tolerance=np.inf)
+PERIOD, STEP, HORIZON = 0.02, 0.01, 1.0
+CLOCK = 1.7e9 - 100.0  # of the stamps against the steady clock, s
+PERIOD_STEPS = 2
+CLOSE = 1e-4           # m: a robot goes straight between two poses that are a period apart
+
+
+class Line:
+    """A machine that ticks when it can, and a robot that hears of it some time later."""
+
+    def __init__(self, way=WAY, late=0.0, seed=0, clock=lambda now: now + CLOCK):
+        self.execution = Execution(way, TOOL.inverse(), 'world', Guards(), PERIOD, HORIZON)
+        self.table, self.coming, self.told = Timetable(), [], None
+        self.rng, self.late, self.clock = np.random.default_rng(seed), late, clock
+        self.places, self.due = [], 100.0
+
+    def run(self, end, events=None):
+        """Run to `end` s after the beginning; `events`: {time: function of this}."""
+        for k in range(len(self.places), round(end / STEP)):
+            now = 100.0 + k * STEP
+            for time, event in (events or {}).items():
+                if abs(time - k * STEP) < STEP / 2:
+                    event(self)
+            if now >= self.due - 1e-9:
+                self.due = now + PERIOD + self.rng.uniform(0, self.late) * (
+                    self.rng.random() < 0.2)
+                self.tick(now)
+            self.coming = [one for one in self.coming if not self.arrived(one, now)]
+            pose = self.table.at(self.clock(now))
+            before = self.places[-1] if self.places else PLAN.grippers[0].position
+            self.places.append(before if pose is None else pose.compose(TOOL).position)
+        return np.array(self.places)
+
+    def tick(self, now):
+        execution, stamp = self.execution, self.clock(now)
+        if not execution.active:
+            return
+        there = execution.command or PLAN.grippers[0].compose(TOOL.inverse())
+        self.execution = execution.tick(now, Heard(there, now, stamp=stamp), stamp)
+        ahead = self.execution.tellings, self.execution.phase
+        if self.execution.active and ahead != self.told:
+            self.told = ahead
+            msg = poses_ahead(*coming(self.execution), 'world', self.execution.stamp)
+            self.coming.append((now + self.rng.uniform(0, 0.5 * STEP + 0.1 * self.late), msg))
+
+    def arrived(self, one, now):
+        if one[0] > now:
+            return False
+        self.table.take(*stamped_poses(one[1]))
+        return True
+
+
+def on_the_way(times, way=WAY):
+    return np.array([pose.position for pose in way.at(times)[0]])
+
+
+def rates(places):
+    """Return the largest acceleration, m/s^2, by differences over the time between two poses."""
+    both = places[2 * PERIOD_STEPS:] - 2 * places[PERIOD_STEPS:-PERIOD_STEPS] + places[
+        :-2 * PERIOD_STEPS]
+    return np.linalg.norm(both / PERIOD**2, axis=1).max()
+
+
+@pytest.mark.parametrize('seed', range(2))
+def test_a_machine_that_is_late_delays_nothing(seed):
+    line = Line(late=0.7, seed=seed)
+    places = line.run(WAY.duration + 1.0)
+    times = np.arange(len(places)) * STEP
+    assert np.linalg.norm(places - on_the_way(times), axis=1)[10:].max() < CLOSE
+    assert line.execution.phase in ('settling', 'succeeded')
+    assert line.execution.shaken == 0
+
+
+def test_without_a_horizon_what_is_late_shakes_the_dlo():
+    execution = Execution(WAY, TOOL.inverse(), 'world', Guards(), PERIOD)
+    lost, way = 0.3, 0.0
+    for k in range(200):
+        now = k * PERIOD + lost * (k > 150)
+        execution = execution.tick(now, Heard(execution.command or PLAN.grippers[0], now))
+        if k == 150:
+            way = np.linalg.norm(WAY.at([execution.done])[1][0, :3]) * lost
+    assert way > 0.01
+    assert execution.shaken == pytest.approx(way, rel=0.1)
+
+
+def test_a_robot_that_hears_no_more_comes_to_rest_within_its_limits():
+    line = Line()
+    line.run(5.0)
+
+    def dies(line):
+        line.due = np.inf
+
+    places = line.run(10.0, {5.0: dies})
+    assert np.linalg.norm(places[-1] - places[-100]) == 0
+    asides = np.linalg.norm(places[:, None, :] - on_the_way(np.arange(0, 9, 1e-2))[None], axis=2)
+    assert asides.min(axis=1).max() < 5e-4  # it stays on its way
+    assert rates(places[495:]) < 1.1 * Limits().linear_acceleration
+    line.due = 0.0
+    line.run(10.1)
+    assert (line.execution.phase, line.execution.cause) == ('stopped', Cause.PAUSED)
+    assert 'execute.horizon = ' in line.execution.reason
+
+
+@pytest.mark.parametrize('late', [0.0, 0.3])
+def test_a_correction_begins_where_nothing_was_told_yet(late):
+    moved = np.array([[0, 0, 0, 0.0, 0.01, 0.005]])
+
+    def corrects(line):
+        execution = line.execution
+        steered = replace(Steered(WAY, np.array([0.8, 0.7, 0.1])),
+                          changes=(Change(execution.free, np.zeros(1), moved),))
+        line.began, line.way = execution.free, steered
+        line.execution = replace(execution, way=steered)
+
+    line = Line(late=late, seed=2)
+    places = line.run(7.5, {4.0: corrects})
+    times = np.arange(len(places)) * STEP
+    assert 4.0 < line.began <= 4.0 + HORIZON
+    assert np.linalg.norm(places - on_the_way(times, line.way), axis=1)[10:].max() < CLOSE
+    assert np.linalg.norm(places[-1] - on_the_way(times[-1:])[0]) > 0.01
+
+
+@pytest.mark.parametrize('late', [0.0, 0.08])
+def test_cancel_does_not_wait_for_the_horizon(late):
+    def cancels(line):
+        line.execution = line.execution.canceled()
+
+    line = Line(late=late, seed=1)
+    places = line.run(8.0, {4.0: cancels})
+    assert (line.execution.phase, line.execution.cause) == ('stopped', Cause.CANCELED)
+    moving = np.linalg.norm(np.diff(places, axis=0), axis=1) > 1e-9
+    assert np.flatnonzero(moving)[-1] * STEP < 5.5
+    assert rates(places[350:]) < 1.3 * Limits().linear_acceleration
+
+
+def test_who_is_canceled_at_once_has_to_be_told():
+    line = Line()
+    line.run(2.0)
+    running = line.execution
+    assert not running.ends_at_once and not running.canceled().ends_at_once
+    at_once = replace(running, guards=Guards(decelerate_on_cancel=False)).canceled()
+    assert (at_once.phase, at_once.ends_at_once) == ('stopped', True)
+    assert not replace(at_once, horizon=0.0, sent=0.0).ends_at_once
+
+
+def test_a_clock_that_leaps_ahead_ends_it_and_one_that_is_set_back_does_not():
+    ahead = Line(clock=lambda now: now + CLOCK + 5.0 * (now > 103))
+    ahead.run(6.0)
+    assert (ahead.execution.phase, ahead.execution.cause) == ('stopped', Cause.PAUSED)
+    back = Line(clock=lambda now: now + CLOCK - 60.0 * (now > 103))
+    places = back.run(6.0)
+    assert back.execution.phase == 'running'
+    speed = np.linalg.norm(np.diff(places, axis=0), axis=1).max() / STEP
+    assert speed < 1.2 * np.linalg.norm(WAY.at(np.arange(0, 6, STEP))[1][:, :3], axis=1).max()
+
+
+def test_the_gripper_is_compared_with_the_command_of_its_time():
+    def tolerated(age, horizon):
+        execution = Execution(WAY, TOOL.inverse(), 'world', Guards(
+            path_position=2e-3, incoming_command_timeout=0.0), PERIOD, horizon)
+        for k in range(300):
+            then = max(k * PERIOD - age, 0.0)
+            there = WAY.at([then])[0][0].compose(TOOL.inverse())
+            now = k * PERIOD
+            execution = execution.tick(now, Heard(there, now, age, stamp=now - age))
+        return execution.phase == 'running'
+    assert tolerated(0.1, HORIZON)
+    assert not tolerated(0.1, 0.0)  # a command that is followed when it comes has no other time
+
+
+def test_a_timetable_and_single_commands():
+    one, other, third = (Pose((x, 0.0, 0.0), (0, 0, 0, 1)) for x in (0.0, 1.0, 5.0))
+    table = Timetable()
+    assert table.at(3.0) is None and table.over
+    table.take(np.array([1.0, 2.0]), [one, other])
+    assert table.at(0.9) is None
+    assert table.at(1.25).position[0] == pytest.approx(0.25)
+    table.take(np.array([1.5, 3.0]), [one, third])
+    assert table.at(1.25).position[0] == pytest.approx(0.0)  # what came before 1.5 ended there
+    assert table.at(2.25).position[0] == pytest.approx(2.5)
+    assert table.at(3.05) == third and table.at(3.2) is None
+    robot = Robot(one)
+    assert not robot.waits(0.0)
+    robot.follow_ahead(np.array([0.0, 0.5]), [one, other])
+    robot.moved(0.1, 0.01)
+    assert not robot.waits(0.4) and robot.waits(0.51)
+    robot.follow(third)  # it is told by stamps where to be
+    for k in range(200):
+        last = robot.moved(0.1 + 0.01 * k, 0.01)
+    assert last.position[0] == pytest.approx(1.0, abs=1e-6)
+    assert not robot.waits(9.0)  # all is done
+    robot.follow(third)
+    for k in range(200):
+        last = robot.moved(2.1 + 0.01 * k, 0.01)
+    assert last.position[0] == pytest.approx(5.0, abs=1e-6)
