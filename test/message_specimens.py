@@ -7,6 +7,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Goals, Path
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from msg_helpers.clouds import cloud_msg
@@ -24,4 +25,6 @@ def arguments():
         'clouds.points_from_cloud.msg': cloud_msg(np.ones((2, 3)), 'world'),
         'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': stamped,
         'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
+        'trajectories.stamped_poses.msg': MultiDOFJointTrajectory(),
+        'trajectories.poses_ahead.stamp': 1.0,
         'joint_state': JointState(name=['joint'], position=[0.5])}

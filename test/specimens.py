@@ -188,6 +188,7 @@ def arguments():
         'success': 1.0, 'part': 0.5, 'penalty': 0.0, 'slope': 0.0, 'points': np.ones((2, 3)),
         'motions': (), 'knots': None, 'correlations': None, 'ObservedMotion.s': [1.0],
         'ObservedMotion.times': [0.0, 0.01], 'ObservedMotion.points': np.ones((2, 1, 3)),
+        'ObservedMotion.displacements': np.ones((1, 2, 1, 3)),
         'observations': [known['Observation']], 'values': {}, 'deviations': {}, 'misfit': 0.0,
         'keep_out': (), 'Uncertainty.length': 0.01, 'limits': None, 'samples': 0,
         # many at once
@@ -213,6 +214,8 @@ def arguments():
         'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'frame_id': 'world',
         'markers.obstacle_markers.before': 0, 'known': {}, 'color': 'yield', 'drawn': (),
         'index': 0, 'group': 'dlo', 'number_shown': 2,
+        'trajectories.poses_ahead.times': [0.0, 1.0],
+        'trajectories.poses_ahead.poses': [LEVEL, LEVEL],
         'paths.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],
         'joint_trajectory': JointTrajectory(('joint',), [0.0, 1.0], *np.zeros((3, 2, 1))),
         'number': 3, 'tool': LEVEL, 'n': 2, 'modes_along.shapes': [shape, shape],

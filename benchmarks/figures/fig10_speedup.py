@@ -14,6 +14,7 @@ from benchmarks.figures._drawing import axes, run, save
 from dlo_planner import parallel
 
 _POSES, _TURNS = 2000, 15
+_SPELL, _SPELLS = 0.5, 8  # s in which work is counted, and how often
 
 
 def pools(workers):
@@ -39,15 +40,38 @@ def speedup(simulator, poses, executor):
     return float(np.median(ratios)), float(np.median(serial))
 
 
+def counted(seconds):
+    """Return how often per second this process computes 64 shapes; workers call it."""
+    simulator, poses = chebyshev(), random_poses(64)
+    parallel.map(simulator, poses)
+    begun, rounds = perf_counter(), 0
+    while perf_counter() - begun < seconds:
+        parallel.map(simulator, poses)
+        rounds += 1
+    return rounds / (perf_counter() - begun)
+
+
+def of_machine(workers):
+    """Return how much more processes that share nothing compute than one: what can be gained."""
+    ratios = []
+    with ProcessPoolExecutor(workers, mp_context=get_context('forkserver')) as pool:
+        list(pool.map(counted, [_SPELL] * workers))  # starts the workers
+        for _ in range(_SPELLS):
+            alone = pool.submit(counted, _SPELL).result()
+            ratios.append(sum(pool.map(counted, [_SPELL] * workers)) / alone)
+    return float(np.median(ratios))
+
+
 def main(folder):
     """Make table and picture."""
     simulator, poses = chebyshev(), random_poses(_POSES)
     counts = sorted({1, 2, os.cpu_count() or 1} & set(range(1, (os.cpu_count() or 1) + 1)))
-    found, alone = {'threads': {}, 'processes': {}}, np.nan
+    found, alone = {'threads': {}, 'processes': {}, 'unconnected': {}}, np.nan
     for count in counts:
         for name, executor in pools(count).items():
             with executor:
                 found[name][count], alone = speedup(simulator, poses, executor)
+        found['unconnected'][count] = of_machine(count)
     figure, (axis,) = axes()
     axis.plot([1, max(counts)], [1, max(counts)], 'k:', lw=1, label='linear')
     for name, row in found.items():
