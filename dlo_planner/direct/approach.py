@@ -23,6 +23,7 @@ from dlo_planner.model.pose import Pose
 _RELAXING = 12       # Newton steps between two parts of a motion
 _ROUGHLY = 1e-5      # of the length: how well obstacles are kept clear of on the way
 _SMALLEST = 2.0**-14  # part of the motion: what cannot be moved by it is blocked
+_MORE_PARTS = 1000   # than the longest would need: what takes more of them has got stuck
 
 
 class Advanced(NamedTuple):
@@ -92,7 +93,7 @@ def _in_parts(discretization: Discretization, strains: Floats, grippers: tuple[P
     """
     (begin, gripper), (held, far_end) = grippers, far_ends
     done, step = 0.0, longest
-    where, past = begin, history
+    where, past, left = begin, history, round(1.0 / longest) + _MORE_PARTS
     while done < 1.0:
         old = placed(discretization.system(where.rotation), strains)
         target = min(1.0, done + step)
@@ -104,10 +105,10 @@ def _in_parts(discretization: Discretization, strains: Floats, grippers: tuple[P
         if passes_through(system.scene, system.lengths, old.strains, old.rotations,
                           old.positions - shift, new.rotations, new.positions):
             step *= 0.5
-            if step < _SMALLEST:
+            if step < _SMALLEST or left == 0:
                 return Advanced(gripper, strains, past, False)
             continue
-        done, where = target, there
+        done, where, left = target, there, max(left - 1, 0)
         step = min(2 * step, longest)
         if done == 1.0:
             break  # what is left is the step itself

@@ -47,6 +47,8 @@ NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
 _NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
 MOST_KICKS = 10
 _IDLE = 20           # steps in a row whose gain drowns in rounding errors and that bring nothing
+_TRIALS, _HALVED = 20, 6  # points on a step; the first are each at half the way of the one before
+_VAIN = 5            # steps that one counts for which leads nowhere: each trial was in vain
 _OFTEN = 3           # steps in a row that an obstacle cuts
 _CLOSER = 4          # halvings of the way that is left to it
 _UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
@@ -204,6 +206,7 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
             # a contact there has to be known before it goes on; rounding errors lead nowhere
             stalled = obstructed > _OFTEN or idle > _IDLE
         else:
+            iterations += _VAIN - 1
             stalled = shift == 0.0 or shift > 1e6
             shift = max(1e-2, 10.0 * shift)
     return state, residual, stability, iterations, mode, leans
@@ -253,7 +256,7 @@ def _fall(system, state, trial, step, energy, noise):
     size = dot(state.gradient, state.gradient)
     fraction, farther = 1.0, 0.0
     blocked = False
-    for _ in range(30):
+    for trials in range(_TRIALS):
         put_sum(state.q, fraction, step, trial.q)
         new, new_noise = evaluate(system, trial)
         if blocks(system.effects, system, state, trial):
@@ -272,7 +275,7 @@ def _fall(system, state, trial, step, energy, noise):
             return new, new_noise, True, blocked
         if within_noise:
             break
-        fraction *= 0.5
+        fraction *= 0.5 if trials < _HALVED else 0.1  # what is left is a kink
     return energy, noise, False, blocked
 
 
