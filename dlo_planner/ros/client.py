@@ -29,7 +29,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.health import stamp_text
 from dlo_planner.ros.proof import DONE
-from dlo_planner.ros.qos import CHANGES, LATCHED, REQUEST
+from dlo_planner.ros.qos import ALL_LATCHED, CHANGES, LATCHED, REQUEST
 from msg_helpers.poses import header, pose_stamped_msg
 
 Told = tuple[int, str, dict[str, str]]  # code, message, values
@@ -62,13 +62,13 @@ class PlannerClient:
         self.statuses: queue.Queue[DiagnosticStatus] = queue.Queue()
         self.executions: queue.Queue[DiagnosticStatus] = queue.Queue()
         for name, came in (('status', self.statuses), ('execution', self.executions)):
-            self.node.create_subscription(DiagnosticStatus, f'{planner}/{name}', came.put, LATCHED)
+            self.node.create_subscription(DiagnosticStatus, f'{planner}/{name}', came.put, ALL_LATCHED)
         self.node.create_subscription(Path, f'{planner}/predicted_shape', self.shapes.put, LATCHED)
         self.node.create_subscription(Path, f'{planner}/gripper_trajectory',
-                                      self.trajectories.put, LATCHED)
+                                      self.trajectories.put, ALL_LATCHED)
         self.node.create_subscription(MultiDOFJointTrajectory,
                                       f'{planner}/gripper_trajectory_timed', self.timed.put,
-                                      LATCHED)
+                                      ALL_LATCHED)
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.put,
                                       REQUEST)
         self.node.create_subscription(PoseStamped, f'{planner}/gripper_command', self.commands.put,
