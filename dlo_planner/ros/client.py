@@ -62,7 +62,8 @@ class PlannerClient:
         self.statuses: queue.Queue[DiagnosticStatus] = queue.Queue()
         self.executions: queue.Queue[DiagnosticStatus] = queue.Queue()
         for name, came in (('status', self.statuses), ('execution', self.executions)):
-            self.node.create_subscription(DiagnosticStatus, f'{planner}/{name}', came.put, ALL_LATCHED)
+            self.node.create_subscription(DiagnosticStatus, f'{planner}/{name}', came.put,
+                                          ALL_LATCHED)
         self.node.create_subscription(Path, f'{planner}/predicted_shape', self.shapes.put, LATCHED)
         self.node.create_subscription(Path, f'{planner}/gripper_trajectory',
                                       self.trajectories.put, ALL_LATCHED)
@@ -194,15 +195,17 @@ class PlannerClient:
         answer, _ = self._call(SetParameters, 'set_parameters', request)
         return list(answer.results)
 
-    def proof(self, path: Path, timeout: float = 60.0) -> dict[str, str]:
+    def proof(self, path: Path, timeout: float | None = None) -> dict[str, str]:
         """Return what /diagnostics says of a plan (Path), name -> text, once its proof is done.
 
         Raises
         ------
         TimeoutError
-            It is not done within `timeout` s, or a newer plan was made.
+            It is not done within `timeout` s (None: six times the client's), or a newer plan was
+            made.
         """
         wanted = stamp_text(path.header.stamp)
+        timeout = 6 * self.timeout if timeout is None else timeout
         end = monotonic() + timeout
         while monotonic() < end:
             with suppress(queue.Empty):

@@ -177,7 +177,10 @@ def test_a_clock_that_leaps_ahead_ends_it_and_one_that_is_set_back_does_not():
     assert speed < 1.2 * np.linalg.norm(WAY.at(np.arange(0, 6, STEP))[1][:, :3], axis=1).max()
 
 
-def tolerated(age, horizon, timeout=0.5, times=PERIOD * np.arange(300), stands_at=np.inf):
+REGULAR = PERIOD * np.arange(300)
+
+
+def tolerated(age, horizon, timeout=0.5, times=REGULAR, stands_at=np.inf):
     """Return whether a robot that does all at once is let go on; its poses are `age` s old."""
     execution = Execution(WAY, TOOL.inverse(), 'world', Guards(
         path_position=2e-3, incoming_command_timeout=timeout), PERIOD, horizon)
@@ -200,7 +203,7 @@ def test_the_gripper_is_compared_with_the_command_of_its_time(horizon):
     assert tolerated(0.1, horizon)
     assert not tolerated(0.1, horizon, stands_at=3.0)
     # the machine is late, once: the robot went on by itself, or waited
-    late = PERIOD * np.arange(300) + 0.3 * (np.arange(300) > 150)
+    late = REGULAR + 0.3 * (np.arange(300) > 150)
     assert tolerated(0.1, horizon, times=late)
     assert tolerated(0.01, horizon, times=late)
 

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from planner_process import PATIENCE, ROOM, drain, first, quiet, until
+from planner_process import ROOM, drain, first, quiet, until
 from scipy.interpolate import CubicSpline
 from visualization_msgs.msg import Marker
 
@@ -245,7 +245,8 @@ def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, planner, begu
         path, _ = client.plan_threading(AWAY, GOAL)
         values = client.proof(path)
     finally:
-        client.set_parameters(threading__tolerance=0.0, threading__deadline=60.0)
+        client.set_parameters(threading__tolerance=0.0,
+                              threading__deadline=ROOM['threading.deadline'])
     assert values['report'] == 'refused' and 'threading.deadline' in values['report reason']
     answer = client.trigger('execute')
     assert not answer.success and values['report reason'] in answer.message
