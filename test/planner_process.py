@@ -15,8 +15,8 @@ from dlo_planner.ros.client import PlannerClient
 
 ROOT = Path(__file__).parent.parent
 PATIENCE = 60.0  # s to wait for what has to come: a busy machine is late, a fault is for good
-TRIES = 3        # to keep a limit of time: what a busy machine spoils once, it does not spoil always
-# Guards of time and tracking, for a robot in a busy process. Their own tests need no process.
+TRIES = 3        # to keep a limit of time: a busy machine spoils it now and then, a fault always
+# Guards of time and tracking, for a robot in a busy process; their own tests need no process.
 ROOM = {'incoming_command_timeout': 2.0, 'execute.longest_pause': 2.0,
         'constraints.path.position': 0.5, 'constraints.path.angle': 1.0,
         'constraints.goal_time': 20.0, 'threading.deadline': 300.0}

@@ -191,7 +191,7 @@ class Execution:
         if not self.past:
             return self.done
         stamps, done = zip(*self.past, strict=True)
-        before = max(stamps[0] - stamp, 0.0)  # what is remembered
+        before = max(float(stamps[0]) - stamp, 0.0)  # what is remembered
         return max(float(np.interp(stamp, stamps, done)) - before, 0.0)
 
     @property
