@@ -83,6 +83,13 @@ def test_every_signal_is_heard_at_any_moment(code, signals):
     assert in_time(took, QUICK)
 
 
+def test_a_signal_that_another_thread_takes_is_heard():
+    process = started('import signal, threading; '
+                      'signal.pthread_kill(threading.get_ident(), signal.SIGTERM)')
+    status, out, err, _ = ended(process)
+    assert (status, err) == (0, '') and out[-1:] in ([], ['destroyed'])
+
+
 def test_a_callback_that_goes_on_computing_is_abandoned():
     def took():
         process = started('Executor.wait_for_callbacks = lambda self: time.sleep(60)')
