@@ -89,7 +89,7 @@ class Process:
         return status
 
     def _next(self) -> Any:
-        """Wait for news. A signal may come in any thread; the main one hears of it where it runs."""
+        """Wait for news. A signal may come to any thread; this one hears of it where it runs."""
         while True:
             with suppress(Empty):
                 return self._news.get(timeout=_HEAR)

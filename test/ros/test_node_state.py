@@ -240,6 +240,8 @@ def test_a_pose_without_a_stamp_is_predicted_but_not_executed_from(inside, node)
     msg = PoseStamped()
     msg.header.frame_id, msg.pose = 'world', pose_msg(HERE)
     heard = state(node).heard
+    before = state(node).shape
     inside._pose_out.publish(msg)
+    assert until(lambda: state(node).shape is not before)
     first(inside.shapes, lambda shape: shape.header.stamp.sec == 0)
     assert state(node).heard is heard and state(node).pose == HERE
