@@ -28,7 +28,8 @@ demo: $(VENV)/compiled
 
 test: check $(VENV)/compiled
 	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n 2 -m 'not real_time'
-	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -m real_time
+	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -m real_time -rR --reruns 1 --reruns-delay 5 \
+	  --max-suite-reruns 5
 
 oldest:
 	$(PYTHON) -m venv build/oldest

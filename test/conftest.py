@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
+from rerunning import pytest_runtest_setup  # noqa: E402, F401, pytest looks for it here
 
 from dlo_planner import Pose, Rod  # noqa: E402
 

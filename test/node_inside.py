@@ -7,6 +7,7 @@ import time
 from contextlib import contextmanager
 
 import rclpy
+from planner_process import PATIENCE, ROOM
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker
 
@@ -18,7 +19,7 @@ from msg_helpers.poses import pose_msg
 HERE = Pose.looking_along((0.1, -0.2, 1.0), (1.0, 0.3, 0.2))
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 OVERRIDES = {'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'diagnostics_period': 0.1,
-             'threading.deepest': 0.5, 'rod.damping': [0.5, 0.0], 'incoming_command_timeout': 0.5}
+             'threading.deepest': 0.5, 'rod.damping': [0.5, 0.0], **ROOM}
 
 
 @contextmanager
@@ -61,7 +62,7 @@ def state(node):
     return node._store.state
 
 
-def until(wanted, timeout=10.0):
+def until(wanted, timeout=PATIENCE):
     """Wait until `wanted()`; return whether it is."""
     end = time.monotonic() + timeout
     while not wanted() and time.monotonic() < end:

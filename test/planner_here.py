@@ -7,6 +7,7 @@ import time
 from threading import Thread
 
 import rclpy
+from planner_process import PATIENCE
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -48,7 +49,7 @@ def planner_here(monkeypatch, context, *arguments, warm_up=lambda: None, **value
         yield node
     finally:
         executor.shutdown()
-        thread.join(10)
+        thread.join(PATIENCE)
         executor.wait_for_callbacks()
         node.destroy_node()
 
@@ -67,7 +68,7 @@ class Witness:
         self.node.create_subscription(kind, topic, heard.append, qos)
         return heard
 
-    def wait_for(self, wanted, seconds=10.0):
+    def wait_for(self, wanted, seconds=PATIENCE):
         """Return whether `wanted()` becomes true in time."""
         end = time.monotonic() + seconds
         while not wanted() and time.monotonic() < end:
@@ -77,7 +78,7 @@ class Witness:
     def ask(self, kind, service, request=None):
         """Return the answer of a service."""
         client = self.node.create_client(kind, service)
-        assert client.wait_for_service(10.0), service
+        assert client.wait_for_service(PATIENCE), service
         future = client.call_async(request or kind.Request())
         assert self.wait_for(future.done), service
         self.node.destroy_client(client)

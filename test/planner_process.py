@@ -8,11 +8,18 @@ import queue
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from dlo_planner.ros.client import PlannerClient
 
 ROOT = Path(__file__).parent.parent
+PATIENCE = 60.0  # s to wait for what has to come: a busy machine is late, a fault is for good
+TRIES = 3        # to keep a limit of time: a busy machine spoils it now and then, a fault always
+# Guards of time and tracking, for a robot in a busy process; their own tests need no process.
+ROOM = {'incoming_command_timeout': 2.0, 'execute.longest_pause': 2.0,
+        'constraints.path.position': 0.5, 'constraints.path.angle': 1.0,
+        'constraints.goal_time': 20.0, 'threading.deadline': 300.0}
 
 
 class Planner:
@@ -41,7 +48,7 @@ class Planner:
             self.process.send_signal(number)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self.process.wait(timeout=0.1)
-        return self.process.wait(timeout=20)
+        return self.process.wait(timeout=PATIENCE)
 
 
 @contextlib.contextmanager
@@ -61,7 +68,7 @@ def running_planner(directory, *arguments):
 @contextlib.contextmanager
 def connected_client(planner, name='/dlo_planner'):
     """Yield a PlannerClient once the planner, a node with this name, answers."""
-    client = PlannerClient(name)
+    client = PlannerClient(name, timeout=PATIENCE)
     try:
         assert client.wait_until_ready(400.0, planner.alive), planner.log
         yield client
@@ -79,7 +86,43 @@ def drain(messages):
             return taken
 
 
-def newest(messages, timeout=10.0):
+def options(values):
+    """Return the parts of a command line that give these values (name -> value)."""
+    return [part for name, value in values.items() for part in ('-p', f'{name}:={value}')]
+
+
+def until(wanted, timeout=PATIENCE):
+    """Wait until `wanted()`; return whether it is."""
+    end = time.monotonic() + timeout
+    while not wanted() and time.monotonic() < end:
+        time.sleep(0.01)
+    return bool(wanted())
+
+
+def quiet(messages, seconds=1.0):
+    """Return what is in the queue once nothing has come for so many s; it must end some time."""
+    taken, end = [], time.monotonic() + PATIENCE
+    with contextlib.suppress(queue.Empty):
+        while True:
+            taken.append(messages.get(timeout=seconds))
+            assert time.monotonic() < end, 'messages do not end'
+    return taken
+
+
+def first(messages, wanted, timeout=PATIENCE):
+    """Return the first message of the queue that is `wanted(message)`; others are left out."""
+    end = time.monotonic() + timeout
+    while not wanted(message := messages.get(timeout=max(end - time.monotonic(), 0.0))):
+        pass
+    return message
+
+
+def in_time(attempt, limit):
+    """Return whether one of a few calls of `attempt()`, which returns s, keeps the limit in s."""
+    return any(attempt() < limit for _ in range(TRIES))
+
+
+def newest(messages, timeout=PATIENCE):
     """Wait for a message; return the last one there is."""
     first = messages.get(timeout=timeout)
     return (drain(messages) or [first])[-1]

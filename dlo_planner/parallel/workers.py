@@ -15,12 +15,15 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
+from time import monotonic
 from typing import Any
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import shown
+from dlo_planner.parallel.pools import has_lost_a_worker, leave, like
 
 _LOOK = 0.05  # s between two looks at the deadline
+_GRACE = 1.0  # s in which a broken executor says so of all that it had
 _VAIN = 3     # executors that break one after the other without a result: the work breaks them
 
 Workers = Executor | Callable[[], Executor] | None
@@ -39,7 +42,9 @@ class Crew:
     """Gives work to an executor, and to the next one where that breaks; a context manager.
 
     A pool of processes that has lost one is broken: what it had not finished is done again by a
-    new one, made by the function, or like the ProcessPoolExecutor that was given.
+    new one, made by the function, or like the ProcessPoolExecutor that was given. Some that break
+    forget what they had (a pool whose worker is killed while it takes or gives): that is done again
+    as well.
 
     Parameters
     ----------
@@ -55,6 +60,7 @@ class Crew:
         self._executor: Any = executor if self._make is None else None  # an Executor, or None
         self._check = check
         self._own = False
+        self._since: dict[int, float] = {}  # s, when executors (`id`) were seen to have broken
 
     def __enter__(self) -> 'Crew':
         if self._make is not None:
@@ -102,12 +108,19 @@ class Crew:
 
     def gathered(self, futures: Sequence[Future[Any]]) -> list[Any]:
         """Return the results of Futures; those that were lost with a worker are None."""
-        waiting, broken = set(futures), None
+        waiting: set[Future[Any]] = set(futures)
+        broken: BaseException | None = None
         while waiting:
             self._check()
-            _, waiting = wait(waiting, _LOOK)
-        results = []
+            ended, waiting = wait(waiting, _LOOK)
+            if not ended and self._forgets(self._executor):
+                broken = BrokenExecutor('a worker is lost, and what it had')
+                break
+        results: list[Any] = []
         for future in futures:
+            if future in waiting:
+                results.append(None)
+                continue
             error = future.exception()
             if error is not None and not isinstance(error, BrokenExecutor):
                 raise error
@@ -146,7 +159,8 @@ class Crew:
                  done: Callable[[int, Any], object], seconds: float, vain: int) -> int:
         """Take what has ended, give again what was lost; return how often that was in vain."""
         ended, _ = wait(waiting, seconds, FIRST_COMPLETED)
-        lost, broken = [], None
+        lost: list[tuple[int, Any]] = []
+        broken: BaseException | None = None
         for future in ended:
             error = future.exception()
             if error is not None and not isinstance(error, BrokenExecutor):
@@ -159,6 +173,13 @@ class Crew:
             lost.append((index, task))
             if executor is self._executor:
                 broken = error
+        if not ended:
+            for future in [one for one, (*_, executor) in waiting.items()
+                           if self._forgets(executor)]:
+                index, task, executor = waiting.pop(future)
+                lost.append((index, task))
+                if executor is self._executor:
+                    broken = BrokenExecutor('a worker is lost, and what it had')
         if broken is not None:
             vain += 1
             if vain > _VAIN:
@@ -169,25 +190,27 @@ class Crew:
             self._submit(function, waiting, index, task)
         return vain
 
+    def _forgets(self, executor: Executor | None) -> bool:
+        """Return whether an executor broke so long ago that what it has not answered is lost."""
+        if executor is self._executor and not has_lost_a_worker(executor):
+            self._since.pop(id(executor), None)
+            return False
+        return monotonic() - self._since.setdefault(id(executor), monotonic()) > _GRACE
+
     def _renew(self, error: BaseException | None = None) -> None:
         """Take a new executor; raise `error` where there is no telling how to make one."""
         broken = self._executor
         if self._make is not None:
             self._executor = _executor_of(self._make)
         elif isinstance(broken, ProcessPoolExecutor):
-            self._executor = _like(broken)
+            self._executor = like(broken)
         else:
             raise error or BrokenExecutor('the executor broke')
+        if isinstance(broken, ProcessPoolExecutor):
+            leave(broken)
         if self._own:
             broken.shutdown(wait=False)
         self._own = True
-
-
-def _like(pool: Any) -> ProcessPoolExecutor:
-    """Return a new pool that is made as another one was; pools do not say it in public."""
-    options = {name: getattr(pool, f'_{name}') for name in (
-        'max_workers', 'mp_context', 'initializer', 'initargs')}
-    return ProcessPoolExecutor(**options)
 
 
 def _executor_of(make: Callable[[], Executor]) -> Executor:

@@ -29,7 +29,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.health import stamp_text
 from dlo_planner.ros.proof import DONE
-from dlo_planner.ros.qos import CHANGES, LATCHED, REQUEST
+from dlo_planner.ros.qos import ALL_LATCHED, CHANGES, LATCHED, REQUEST
 from msg_helpers.poses import header, pose_stamped_msg
 
 Told = tuple[int, str, dict[str, str]]  # code, message, values
@@ -62,13 +62,14 @@ class PlannerClient:
         self.statuses: queue.Queue[DiagnosticStatus] = queue.Queue()
         self.executions: queue.Queue[DiagnosticStatus] = queue.Queue()
         for name, came in (('status', self.statuses), ('execution', self.executions)):
-            self.node.create_subscription(DiagnosticStatus, f'{planner}/{name}', came.put, LATCHED)
+            self.node.create_subscription(DiagnosticStatus, f'{planner}/{name}', came.put,
+                                          ALL_LATCHED)
         self.node.create_subscription(Path, f'{planner}/predicted_shape', self.shapes.put, LATCHED)
         self.node.create_subscription(Path, f'{planner}/gripper_trajectory',
-                                      self.trajectories.put, LATCHED)
+                                      self.trajectories.put, ALL_LATCHED)
         self.node.create_subscription(MultiDOFJointTrajectory,
                                       f'{planner}/gripper_trajectory_timed', self.timed.put,
-                                      LATCHED)
+                                      ALL_LATCHED)
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.put,
                                       REQUEST)
         self.node.create_subscription(PoseStamped, f'{planner}/gripper_command', self.commands.put,
@@ -194,15 +195,17 @@ class PlannerClient:
         answer, _ = self._call(SetParameters, 'set_parameters', request)
         return list(answer.results)
 
-    def proof(self, path: Path, timeout: float = 60.0) -> dict[str, str]:
+    def proof(self, path: Path, timeout: float | None = None) -> dict[str, str]:
         """Return what /diagnostics says of a plan (Path), name -> text, once its proof is done.
 
         Raises
         ------
         TimeoutError
-            It is not done within `timeout` s, or a newer plan was made.
+            It is not done within `timeout` s (None: six times the client's), or a newer plan was
+            made.
         """
         wanted = stamp_text(path.header.stamp)
+        timeout = 6 * self.timeout if timeout is None else timeout
         end = monotonic() + timeout
         while monotonic() < end:
             with suppress(queue.Empty):

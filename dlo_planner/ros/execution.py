@@ -23,6 +23,7 @@ from dlo_planner.ros.stopping import Deceleration, decelerate
 ACTIVE = ('running', 'settling', 'stopping')  # phases in which commands are sent
 _OFTEN = 0.2  # of the horizon, after which a robot is told the coming time again
 _LEAD = 0.1   # s until a robot hears that it has to stop
+_REMEMBERED = 1.0  # s, for which it is known what was commanded when
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,7 @@ class Execution:
     heard: Heard | None = None
     silent: float = np.inf    # s, age of `heard`; in ticks that were late a period counts
     stamp: float | None = None  # s on the clock of the stamps, at which `done` is reached
+    past: tuple[tuple[float, float], ...] = ()  # (`stamp`, `done`) of the last ticks
     sent: float = 0.0         # s of the way that a robot was told, with a horizon
     told: float = -np.inf     # stamp at which it was told last
     tellings: int = 0         # how often it was told
@@ -144,12 +146,13 @@ class Execution:
         step = passed if self.horizon else min(waited + self.owed, self.period)
         owed = 0.0 if self.horizon else min(waited + self.owed - step, self.period)
         lost = 0.0 if self.horizon else waited + self.owed - step - owed
-        timed = replace(self, last=now, stamp=stamp, owed=owed, heard=heard,
+        timed = replace(self, last=now, owed=owed, heard=heard,
                         shaken=self.shaken + self._moves(lost),
                         silent=self._silence(heard, now, min(waited, self.period)))
-        fault = timed.fault()
+        fault = timed.fault(stamp)
         turned_back = self.stamp is not None and stamp < self.stamp
-        return (timed.stop(*fault) if fault else timed).advanced(step)._told(turned_back)
+        next_one = (timed.stop(*fault) if fault else timed).advanced(step)
+        return next_one._remembered(stamp)._told(turned_back)
 
     def _paused(self, passed: float) -> str:
         """Return in words why the rest is another motion after so many s, '' if it is not."""
@@ -178,10 +181,18 @@ class Execution:
         return replace(self, sent=ahead if self.phase == 'running' else self.sent,
                        told=self.stamp, tellings=self.tellings + 1)
 
+    def _remembered(self, stamp: float) -> 'Execution':
+        """Return the execution that has done what it has at a time (s) of the stamps' clock."""
+        kept = (one for one in self.past if stamp - _REMEMBERED < one[0] < stamp)
+        return replace(self, stamp=stamp, past=(*kept, (stamp, self.done)))
+
     def done_at(self, stamp: float) -> float:
         """Return s of the way that are done at a time (s) of the stamps' clock, now or before."""
-        ago = 0.0 if self.stamp is None else max(self.stamp - stamp, 0.0)
-        return max(self.done - ago, 0.0)
+        if not self.past:
+            return self.done
+        stamps, done = zip(*self.past, strict=True)
+        before = max(float(stamps[0]) - stamp, 0.0)  # what is remembered
+        return max(float(np.interp(stamp, stamps, done)) - before, 0.0)
 
     @property
     def free(self) -> float:
@@ -234,8 +245,8 @@ class Execution:
             return heard.age + min(max(now - heard.arrived, 0.0), self.period)
         return self.silent + step
 
-    def fault(self) -> tuple[Cause, str] | None:
-        """Return the cause and the reason to stop, or None."""
+    def fault(self, stamp: float) -> tuple[Cause, str] | None:
+        """Return the cause and the reason to stop at a time (s) of the stamps' clock, or None."""
         guards, heard, age = self.guards, self.heard, self.silent
         limit = guards.incoming_command_timeout
         if limit and not age <= limit:
@@ -245,7 +256,7 @@ class Execution:
         if self.phase != 'running' or heard is None or self.command is None:
             return None
         away = self._off(guards.path_position, guards.path_angle, 'constraints.path',
-                         self._then(heard))
+                         self._then(heard, stamp))
         if away is not None:
             return Cause.PATH_TOLERANCE, away
         if guards.path_shape and heard.deviation > guards.path_shape:
@@ -253,11 +264,21 @@ class Execution:
                     f'expected constraints.path.shape = {guards.path_shape:g} m at most')
         return None
 
-    def _then(self, heard: Heard) -> Pose | None:
-        """Return the command of the time at which the gripper was where it was heard."""
-        if not self.horizon or heard.stamp is None:
+    def _then(self, heard: Heard, now: float) -> Pose | None:
+        """Return the command of the time at which the gripper was where it was heard.
+
+        So a message that is late is not taken for a robot that is. Without a horizon the last
+        command stands; it counts as far back as `incoming_command_timeout` lets poses be old, and
+        not at all without that guard.
+        """
+        if heard.stamp is None or self.stamp is None or now < self.stamp:
             return self.command
-        return self._pose(self.done_at(heard.stamp))
+        if not self.horizon:
+            oldest = self.stamp - self.guards.incoming_command_timeout
+            return self._pose(self.done_at(max(heard.stamp, oldest)))
+        since = min(heard.stamp, now) - self.stamp  # a robot that knows the coming time went on
+        return self._pose(min(self.done + since, max(self.sent, self.done)) if since > 0
+                          else self.done_at(heard.stamp))
 
     def _off(self, position: float, angle: float, name: str,
              command: Pose | None = None) -> str | None:

@@ -13,7 +13,8 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
-from queue import SimpleQueue
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from threading import Event, Thread
 from threading import enumerate as enumerate_threads
 from typing import Any
@@ -23,6 +24,7 @@ from dlo_planner.ros.folders import find_temporary, log_arguments
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = 5.0  # s for a motion to decelerate, at most
 _GRACE = 1.0     # s for everything else
+_HEAR = 0.2      # s between looks at signals that another thread took
 
 
 def main(args: list[str] | None = None) -> int:
@@ -75,7 +77,7 @@ class Process:
         for number in _SIGNALS:
             signal.signal(number, lambda number, _: self._news.put(number))
         self._worker.start()
-        asked = self._news.get() is not None
+        asked = self._next() is not None
         ended = self._end()
         for number in _SIGNALS:  # one more Ctrl-C must not spoil the end of the interpreter
             signal.signal(number, signal.SIG_IGN)
@@ -85,6 +87,12 @@ class Process:
         if not ended or _computes_on():
             os._exit(status)  # the interpreter would wait for that thread, or abort in its midst
         return status
+
+    def _next(self) -> Any:
+        """Wait for news. A signal may come to any thread; this one hears of it where it runs."""
+        while True:
+            with suppress(Empty):
+                return self._news.get(timeout=_HEAR)
 
     def _work(self) -> None:
         try:

@@ -11,3 +11,6 @@ REQUEST = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 CHANGES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# Of one who hears what is latched and wants each message, however late it is taken.
+ALL_LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE,
+                         durability=DurabilityPolicy.TRANSIENT_LOCAL)

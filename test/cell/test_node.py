@@ -14,6 +14,7 @@ import rclpy  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
 from domain_coordinator import domain_id  # noqa: E402
 from geometry_msgs.msg import PoseStamped  # noqa: E402
+from planner_process import PATIENCE  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
@@ -55,7 +56,7 @@ class World:
         for node in (self.cell, self.planner):
             self.executor.add_node(node)
 
-    def spin(self, done, patience=20.0):
+    def spin(self, done, patience=PATIENCE):
         end = time.monotonic() + patience
         while not done() and time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.02)

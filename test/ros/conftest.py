@@ -3,12 +3,11 @@
 """A ROS domain for this run, a planner in it, and its client."""
 
 import os
-import time
 
 import pytest
 from domain_coordinator import domain_id
-from node_inside import Alive, clear, served_node, state
-from planner_process import ROOT, connected_client, drain, running_planner
+from node_inside import HERE, Alive, clear, served_node, state
+from planner_process import ROOM, ROOT, connected_client, drain, options, running_planner
 
 
 @pytest.fixture(scope='session')
@@ -25,9 +24,7 @@ def planner(domain, tmp_path_factory):
     with running_planner(tmp_path_factory.mktemp('planner'), '--params-file',
                          str(ROOT / 'config' / 'copper_wire.yaml'),
                          '-p', 'diagnostics_period:=0.1', '-p', 'rod.diameter:=0.0015',
-                         '-p', 'threading.waypoints:=25',
-                         # of a robot, 0.1 s; a busy machine for tests is later than that
-                         '-p', 'incoming_command_timeout:=0.5') as running:
+                         '-p', 'threading.waypoints:=25', *options(ROOM)) as running:
         yield running
 
 
@@ -56,7 +53,9 @@ def inside(_connected, node):
     """Yield a client of `node`; what was asked for before is answered and forgotten."""
     if state(node).bodies:
         clear(_connected, node)
-    time.sleep(0.05)
+    drain(_connected.statuses)
+    _connected.predict_shape(HERE)  # its outcome is the last one on its way
+    _connected.status_of('predict_shape')
     for messages in (_connected.statuses, _connected.executions, _connected.commands,
                      _connected.diagnostics):
         drain(messages)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
+from planner_process import PATIENCE
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -21,7 +22,7 @@ from dlo_planner import DloPlannerError, Infeasible, InvalidTask, Pose
 from dlo_planner.ros.arm import _LATCHED, ArmOutput
 from dlo_planner.settings.entries import ARM
 
-STAMP, SECONDS = Time(sec=5), 10
+STAMP = Time(sec=5)
 TOOL = Pose((0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0))
 
 
@@ -50,7 +51,7 @@ class Cell:
                                        self.received.append, _LATCHED)
 
     def until(self, done):
-        end = time.monotonic() + SECONDS
+        end = time.monotonic() + PATIENCE
         while not done():
             assert time.monotonic() < end
             self.executor.spin_once(timeout_sec=0.05)
@@ -71,7 +72,7 @@ class Cell:
 
 @pytest.fixture
 def cell(domain, monkeypatch):
-    monkeypatch.setattr('dlo_planner.ros.arm._STALE', 60.0)  # this machine may be busy
+    monkeypatch.setattr('dlo_planner.ros.arm._STALE', 10 * PATIENCE)  # this machine may be busy
     cells = []
 
     def make(*parameters):

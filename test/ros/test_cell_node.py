@@ -10,6 +10,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from planner_here import Witness, context_of_its_own
+from planner_process import PATIENCE
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
@@ -23,7 +24,7 @@ from dlo_planner import Pose  # noqa: E402
 from dlo_planner.cell.node import CellNode  # noqa: E402
 from dlo_planner.cell.passage import Passage  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
-from dlo_planner.ros.qos import LATCHED, REQUEST  # noqa: E402
+from dlo_planner.ros.qos import CHANGES, LATCHED, REQUEST  # noqa: E402
 from msg_helpers.poses import pose_stamped_msg  # noqa: E402
 from msg_helpers.trajectories import poses_ahead  # noqa: E402
 
@@ -42,7 +43,7 @@ class _Cell:
             PoseStamped, '/dlo_planner/gripper_command', REQUEST)
         self.witness.executor.add_node(self.node)
 
-    def said(self, wanted, seconds=20.0):
+    def said(self, wanted, seconds=PATIENCE):
         """Return the first outcome from now on of which `wanted(message, values)`."""
         self.outcomes.clear()
         found = []
@@ -113,7 +114,8 @@ def test_a_machine_that_is_too_slow_is_said_to_be(cell, monkeypatch):
     assert 'of no meaning' in message and float(values['lost [s]']) > 0.5
     monkeypatch.undo()
     assert cell.witness.ask(Trigger, '/dlo_cell/restart').success
-    assert float(cell.said(lambda *_: True)[1]['lost [s]']) < float(values['lost [s]'])
+    lost = float(values['lost [s]'])
+    assert cell.said(lambda _, values: float(values['lost [s]']) < lost)
 
 
 def test_a_plant_that_is_late_catches_up_and_stamps_as_if_it_were_not(cell, monkeypatch):
@@ -132,7 +134,7 @@ def test_a_plant_that_is_late_catches_up_and_stamps_as_if_it_were_not(cell, monk
 def test_with_a_clock_of_its_own_nothing_is_lost(domain, monkeypatch):
     late_and_again(monkeypatch, 0.05)
     with serving(clock=True) as cell:
-        clocks = cell.witness.hear(Clock, '/clock', REQUEST)
+        clocks = cell.witness.hear(Clock, '/clock', CHANGES)
         out = cell.witness.node.create_publisher(
             MultiDOFJointTrajectory, '/dlo_planner/gripper_commands_ahead', REQUEST)
         assert cell.witness.wait_for(lambda: len(clocks) > 5 and out.get_subscription_count())

@@ -36,6 +36,7 @@ class Line:
         self.table, self.coming, self.told = Timetable(), [], None
         self.rng, self.late, self.clock = np.random.default_rng(seed), late, clock
         self.places, self.due = [], 100.0
+        self.there = PLAN.grippers[0].compose(TOOL.inverse())  # the tool frame
 
     def run(self, end, events=None):
         """Run to `end` s after the beginning; `events`: {time: function of this}."""
@@ -49,16 +50,15 @@ class Line:
                     self.rng.random() < 0.2)
                 self.tick(now)
             self.coming = [one for one in self.coming if not self.arrived(one, now)]
-            pose = self.table.at(self.clock(now))
-            before = self.places[-1] if self.places else PLAN.grippers[0].position
-            self.places.append(before if pose is None else pose.compose(TOOL).position)
+            self.there = self.table.at(self.clock(now)) or self.there
+            self.places.append(self.there.compose(TOOL).position)
         return np.array(self.places)
 
     def tick(self, now):
         execution, stamp = self.execution, self.clock(now)
         if not execution.active:
             return
-        there = execution.command or PLAN.grippers[0].compose(TOOL.inverse())
+        there = self.table.at(stamp) or self.there
         self.execution = execution.tick(now, Heard(there, now, stamp=stamp), stamp)
         ahead = self.execution.tellings, self.execution.phase
         if self.execution.active and ahead != self.told:
@@ -177,18 +177,40 @@ def test_a_clock_that_leaps_ahead_ends_it_and_one_that_is_set_back_does_not():
     assert speed < 1.2 * np.linalg.norm(WAY.at(np.arange(0, 6, STEP))[1][:, :3], axis=1).max()
 
 
-def test_the_gripper_is_compared_with_the_command_of_its_time():
-    def tolerated(age, horizon):
-        execution = Execution(WAY, TOOL.inverse(), 'world', Guards(
-            path_position=2e-3, incoming_command_timeout=0.0), PERIOD, horizon)
-        for k in range(300):
-            then = max(k * PERIOD - age, 0.0)
-            there = WAY.at([then])[0][0].compose(TOOL.inverse())
-            now = k * PERIOD
-            execution = execution.tick(now, Heard(there, now, age, stamp=now - age))
-        return execution.phase == 'running'
-    assert tolerated(0.1, HORIZON)
-    assert not tolerated(0.1, 0.0)  # a command that is followed when it comes has no other time
+REGULAR = PERIOD * np.arange(300)
+
+
+def tolerated(age, horizon, timeout=0.5, times=REGULAR, stands_at=np.inf):
+    """Return whether a robot that does all at once is let go on; its poses are `age` s old."""
+    execution = Execution(WAY, TOOL.inverse(), 'world', Guards(
+        path_position=2e-3, incoming_command_timeout=timeout), PERIOD, horizon)
+    done = np.zeros(0)
+    for k, now in enumerate(times):
+        then = min(now - age, stands_at)
+        by_itself = np.interp(then, times[:k], done) if k else 0.0
+        place = max(then, 0.0) if horizon else by_itself
+        there = WAY.at([place])[0][0].compose(TOOL.inverse())
+        execution = execution.tick(now, Heard(there, now, age, stamp=now - age))
+        done = np.append(done, execution.done)
+        if execution.phase != 'running':
+            assert execution.cause == Cause.PATH_TOLERANCE
+            return False
+    return True
+
+
+@pytest.mark.parametrize('horizon', [0.0, HORIZON])
+def test_the_gripper_is_compared_with_the_command_of_its_time(horizon):
+    assert tolerated(0.1, horizon)
+    assert not tolerated(0.1, horizon, stands_at=3.0)
+    # the machine is late, once: the robot went on by itself, or waited
+    late = REGULAR + 0.3 * (np.arange(300) > 150)
+    assert tolerated(0.1, horizon, times=late)
+    assert tolerated(0.01, horizon, times=late)
+
+
+def test_a_command_counts_as_far_back_as_poses_may_be_old():
+    assert tolerated(0.08, 0.0, timeout=0.1)
+    assert not tolerated(0.4, 0.0, timeout=0.0)  # else an old pose would do for good
 
 
 def test_a_timetable_and_single_commands():

@@ -6,6 +6,7 @@ import time
 
 import pytest
 import rclpy
+from planner_process import PATIENCE, until
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -39,7 +40,7 @@ def pair(domain):
     executor.add_node(hearer)
     heard = []
 
-    def spin(number, seconds=10.0):
+    def spin(number, seconds=PATIENCE):
         end = time.monotonic() + seconds
         while len(heard) < number and time.monotonic() < end:
             executor.spin_once(timeout_sec=0.05)
@@ -60,9 +61,7 @@ def hear(hearer, heard):
 
 
 def wait_for(publisher, number):
-    end = time.monotonic() + 10
-    while publisher.get_subscription_count() < number and time.monotonic() < end:
-        time.sleep(0.01)
+    assert until(lambda: publisher.get_subscription_count() >= number)
 
 
 def test_what_was_latched_before_is_heard_once(pair):

@@ -15,6 +15,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from planner_here import Witness, context_of_its_own, opened, planner_here
+from planner_process import PATIENCE, in_time
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
@@ -33,7 +34,7 @@ from dlo_planner import (
 )
 from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.execution import Execution, Guards, Heard
-from dlo_planner.ros.qos import LATCHED
+from dlo_planner.ros.qos import CHANGES, LATCHED
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
@@ -74,7 +75,7 @@ def shape_comes(witness, shapes, publisher):
         publisher.publish(pose_stamped_msg(LEVEL, 'world', stamp))
         return bool(shapes)
 
-    return witness.wait_for(came, 5.0)
+    return witness.wait_for(came)
 
 
 def test_it_activates_itself(monkeypatch, context, witness):
@@ -118,9 +119,12 @@ def test_a_manager_takes_it_through_all_states(monkeypatch, context, witness):
             assert reported('ready')
 
             assert change(witness, 'deactivate') and state(witness) == 'inactive'
-            shapes.clear()
-            poses.publish(pose_stamped_msg(LEVEL, 'world'))
-            assert not witness.wait_for(lambda: shapes, 0.2)
+            unheard = pose_stamped_msg(LEVEL, 'world')
+            unheard.header.stamp.sec = 77
+            for _ in range(3):
+                poses.publish(unheard)
+                assert not witness.wait_for(
+                    lambda: 77 in [one.header.stamp.sec for one in shapes], 0.1)
             assert change(witness, 'cleanup') and state(witness) == 'unconfigured'
             assert witness.wait_for(lambda: not opened(node, 'service') & OWN)
             assert not any(name.startswith(f'{NAME}/predicted') for name in opened(
@@ -169,7 +173,7 @@ def test_nothing_is_seen_before_it_is_ready_but_that_it_starts(monkeypatch, cont
     made = []
 
     def make():
-        with planner_here(monkeypatch, context, warm_up=lambda: go.wait(20),
+        with planner_here(monkeypatch, context, warm_up=lambda: go.wait(2 * PATIENCE),
                           diagnostics_period=0.05):
             made.append(True)
 
@@ -188,7 +192,7 @@ def test_nothing_is_seen_before_it_is_ready_but_that_it_starts(monkeypatch, cont
         assert not made
     finally:
         go.set()
-        thread.join(20)
+        thread.join(2 * PATIENCE)
     assert made
 
 
@@ -205,16 +209,18 @@ def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witn
                        longest_pause=0.0)
     execution = Execution(way, Pose.identity(), 'world', unguarded, 0.02)
     with planner_here(monkeypatch, context) as node:
-        commands = witness.hear(PoseStamped, f'{NAME}/gripper_command')
+        commands = witness.hear(PoseStamped, f'{NAME}/gripper_command', CHANGES)
         assert witness.wait_for(lambda: node.count_subscribers(f'{NAME}/gripper_command'))
         heard = Heard(plan.grippers[0], time.monotonic())
         node._parts.store.change(lambda now: replace(now, execution=execution, heard=heard))
         node._drive._finished = False
         assert witness.wait_for(lambda: len(commands) > fast)
         assert change(witness, 'deactivate')
-        witness.wait_for(lambda: False, 0.1)
-        number = len(commands)
-        assert not witness.wait_for(lambda: len(commands) > number, 0.2)
+        number = -1
+        while len(commands) > number:  # what was sent may be late to be heard
+            number = len(commands)
+            witness.wait_for(lambda: False, 0.5)
+        assert number < 50 * way.duration
         steps = np.linalg.norm(np.diff([pose_from_msg(one.pose).position for one in commands],
                                        axis=0), axis=1)
         regular = 0.02 * speeds.max()
@@ -244,10 +250,12 @@ def test_an_unexpected_error_leaves_it_unconfigured_and_alive(monkeypatch, conte
 
 
 def test_the_end_is_quick_from_every_state(monkeypatch, context):
-    for autostart in (True, False):
+    def took(autostart):
         with planner_here(monkeypatch, context, autostart=autostart) as node:
             begun = time.monotonic()
             node.end()
             node.end()  # once more changes nothing
             assert node.lifecycle_state == 'finalized'
-            assert time.monotonic() - begun < 1.0
+            return time.monotonic() - begun
+    assert in_time(lambda: took(True), 1.0)
+    assert in_time(lambda: took(False), 1.0)

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node in a cell: obstacles, the way to the hole, proof, execution, a DLO that yields."""
 
-import queue
 import time
 
 import numpy as np
 import pytest
-from planner_process import drain
+from planner_process import ROOM, drain, first, quiet, until
 from scipy.interpolate import CubicSpline
 from visualization_msgs.msg import Marker
 
@@ -32,13 +31,11 @@ def cube(height, number=0, frame='world', kind=Marker.CUBE, action=Marker.ADD):
 
 def status(client, wanted):
     """Return the values of the first report that satisfies `wanted`, and its message."""
+    def read(msg):
+        return {v.key: v.value for v in msg.status[0].values}, msg.status[0].message
+
     drain(client.diagnostics)
-    for _ in range(400):
-        one = client.diagnostics.get(timeout=5).status[0]
-        values = {v.key: v.value for v in one.values}
-        if wanted(values, one.message):
-            return values, one.message
-    raise AssertionError(f'no such report; the last one: {one.message!r}, {values}')
+    return read(first(client.diagnostics, lambda msg: wanted(*read(msg))))
 
 
 def times_and_transforms(timed):
@@ -57,9 +54,7 @@ def tip(client, pose):
 def test_obstacles_come_and_go(client):
     free = tip(client, LEVEL)
     client.send_obstacles([cube(free[2])])
-    end = time.monotonic() + 10
-    while np.allclose(tip(client, LEVEL), free) and time.monotonic() < end:
-        time.sleep(0.05)
+    assert until(lambda: not np.allclose(tip(client, LEVEL), free))
     shape = np.array([p.position for p in poses_from_path(client.predict_shape(LEVEL)[0])])
     over = np.abs(shape[:, 0] - 0.8) < 0.1
     assert over.any() and shape[over, 2].min() > free[2] + 0.1  # on top of it, or before it
@@ -69,9 +64,7 @@ def test_obstacles_come_and_go(client):
     client.send_obstacles([cube(0.5, 1, kind=Marker.TEXT_VIEW_FACING)])
     assert 'CUBE, SPHERE or CYLINDER' in status(client, lambda _, m: 'markers[0]: type' in m)[1]
     client.send_obstacles([cube(0, action=Marker.DELETEALL)])
-    end = time.monotonic() + 10
-    while not np.allclose(tip(client, LEVEL), free) and time.monotonic() < end:
-        time.sleep(0.05)
+    until(lambda: np.allclose(tip(client, LEVEL), free))
     np.testing.assert_allclose(tip(client, LEVEL), free, atol=1e-9)
 
 
@@ -137,13 +130,13 @@ def test_what_streams_is_the_timed_trajectory_that_was_proved(client, begun):
     drain(client.commands)
     answer = client.trigger('execute')
     assert answer.success and 'gripper_command' in answer.message
-    time.sleep(3.0)
+    assert until(lambda: client.commands.qsize() > 150)
     came = drain(client.commands)
-    assert came[0].header.frame_id == 'world' and 75 < len(came) < 200  # 50 a second
+    assert came[0].header.frame_id == 'world'
     np.testing.assert_allclose(pose_from_msg(came[0].pose).matrix, AWAY.matrix, atol=1e-3)
     # each command lies on the trajectory, and they go along it in time
     way = CubicSpline(times, transforms[:, :3])
-    dense = way(np.arange(0, 4, 1e-3))
+    dense = way(np.arange(0, 1 + 0.02 * len(came), 1e-3))
     places = np.array([pose_from_msg(one.pose).position for one in came])
     off = np.linalg.norm(dense[None] - places[:, None], axis=2)
     assert off.min(axis=1).max() < 1e-4
@@ -151,8 +144,14 @@ def test_what_streams_is_the_timed_trajectory_that_was_proved(client, begun):
     stamps = np.array([one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec for one in came])
     moving = since > 1.0  # where its place tells the time
     assert moving.sum() > 30
-    late = stamps - stamps[0] - since
-    assert np.ptp(late[moving]) < 0.05
+    late = (stamps - stamps[0] - since)[moving]
+    gaps = np.diff(stamps)
+    assert np.quantile(gaps, 0.25) == pytest.approx(0.02, abs=5e-3)  # 50 a second
+    assert len(came) < 50 * np.ptp(stamps) + 5
+    # it never hurries; what it waits is what the machine was late
+    waited = np.where(gaps > 0.03, gaps - 0.02, 0.0).sum()
+    assert np.diff(late).min() > -0.03 and late[0] - late.min() < 0.05
+    assert np.ptp(late) < 0.05 + waited
     assert client.trigger('cancel').success
 
 
@@ -161,20 +160,21 @@ def test_execution_streams_until_cancelled_and_decelerates(client, begun):
     for messages in (client.commands, client.executions, client.statuses):
         drain(messages)
     assert client.trigger('execute').success
-    time.sleep(2.0)
+    done = 0.0
+    while done < 2.0:
+        done = float(client.execution_in('running')[2]['done [s]'])
     assert client.trigger('cancel').success
     code, reason, values = client.execution_in('stopped')
-    assert (code, reason) == (405, 'canceled') and 1.9 < float(values['done [s]']) < 3.0
+    assert (code, reason) == (405, 'canceled')
     assert client.status_of('cancel')[0] == 0
     assert 'canceled' in client.status_of('execute')[1]
-    time.sleep(0.2)
-    places = np.array([pose_from_msg(one.pose).position for one in drain(client.commands)])
+    places = np.array([pose_from_msg(one.pose).position for one in quiet(client.commands)])
+    assert done < float(values['done [s]']) < 0.02 * (len(places) + 2)  # a period a command
+    assert float(values['done [s]']) < 0.8 * float(values['duration [s]'])
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     assert steps.max() > 5e-4, steps.max()
     assert steps[-1] < 1e-5  # it went, and came to rest
     assert np.abs(np.diff(steps)).max() < 1.5 * 0.5 * 0.02**2 + 1e-4
-    with pytest.raises(queue.Empty):
-        client.commands.get(timeout=0.3)
     assert not client.trigger('cancel').success
     answer = client.trigger('execute')  # what was not finished has to be planned again
     assert not answer.success and 'canceled' in answer.message
@@ -198,8 +198,9 @@ def test_a_robot_whose_poses_vanish_is_not_moved_on(client, robot, begun):
     time.sleep(1.0)
     robot.close()  # the command goes on without it: its distance is not what is looked at here
     code, reason, _ = client.execution_in('stopped')
-    client.set_parameters(constraints__path__position=0.02, constraints__path__angle=0.1)
-    assert code == 409 and 'incoming_command_timeout = 0.5 s' in reason
+    client.set_parameters(constraints__path__position=ROOM['constraints.path.position'],
+                          constraints__path__angle=ROOM['constraints.path.angle'])
+    assert code == 409 and 'incoming_command_timeout = 2 s' in reason
     answer = client.trigger('execute')
     assert not answer.success and 'incoming_command_timeout' in answer.message
 
@@ -219,9 +220,7 @@ def test_obstacles_that_change_void_the_plan_and_end_its_execution(client, begun
         assert not answer.success and 'cell/7' in answer.message
     finally:
         client.send_obstacles([cube(0, action=Marker.DELETEALL)])
-        end = time.monotonic() + 10
-        while client.plan_threading(AWAY, GOAL)[0].poses == [] and time.monotonic() < end:
-            time.sleep(0.1)
+        assert until(lambda: client.plan_threading(AWAY, GOAL)[0].poses)
 
 
 def test_limits_that_change_void_the_plan_and_others_do_not(client, begun):
@@ -234,8 +233,8 @@ def test_limits_that_change_void_the_plan_and_others_do_not(client, begun):
         code, reason, _ = client.execution_in('stopped')
         assert code == 411 and 'threading.linear_speed = 0.09' in reason
     finally:
-        client.set_parameters(threading__linear_speed=0.1, constraints__path__position=0.02,
-                              rod__name='copper wire')
+        client.set_parameters(threading__linear_speed=0.1, rod__name='copper wire',
+                              constraints__path__position=ROOM['constraints.path.position'])
 
 
 def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, planner, begun):
@@ -246,7 +245,8 @@ def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, planner, begu
         path, _ = client.plan_threading(AWAY, GOAL)
         values = client.proof(path)
     finally:
-        client.set_parameters(threading__tolerance=0.0, threading__deadline=60.0)
+        client.set_parameters(threading__tolerance=0.0,
+                              threading__deadline=ROOM['threading.deadline'])
     assert values['report'] == 'refused' and 'threading.deadline' in values['report reason']
     answer = client.trigger('execute')
     assert not answer.success and values['report reason'] in answer.message

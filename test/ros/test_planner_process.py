@@ -3,13 +3,12 @@
 """The node as its users meet it: a process of its own, reached over DDS."""
 
 import queue
-import time
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from planner_process import drain, newest
+from planner_process import PATIENCE, drain, first, newest, until
 from rclpy.qos import QoSProfile
 from visualization_msgs.msg import MarkerArray
 
@@ -56,13 +55,13 @@ def test_goal_in_plan_out_and_replan(client):
     client.shape_for(GRIPPER)
     drain(client.trajectories)
     client.send_goal(GOAL)
-    first = client.trajectories.get(timeout=10)
-    assert len(first.poses) == 25
+    plan = client.trajectories.get(timeout=PATIENCE)
+    assert len(plan.poses) == 25
     answer = client.trigger('replan')
     assert answer.success
     assert answer.message == '25 gripper poses'
-    again = client.trajectories.get(timeout=10)
-    assert [pose.pose for pose in again.poses] == [pose.pose for pose in first.poses]
+    again = client.trajectories.get(timeout=PATIENCE)
+    assert [pose.pose for pose in again.poses] == [pose.pose for pose in plan.poses]
 
 
 def test_shapes_go_on_during_a_plan(client):
@@ -77,20 +76,18 @@ def test_shapes_go_on_during_a_plan(client):
             came += client.trajectories.empty()
         assert came >= 5
     finally:
-        client.trajectories.get(timeout=30)
+        client.trajectories.get(timeout=2 * PATIENCE)
         client.set_parameters(threading__waypoints=25)
 
 
 def test_latest_pose_wins_without_a_backlog(client):
-    drain(client.shapes)
     for k in range(500):
         client.send_pose(Pose((0.001 * k, 0, 1), (0, 0, 0, 1)))
-    last = Pose((9.0, 0, 1), (0, 0, 0, 1))
-    client.shape_for(last)
-    time.sleep(0.3)
-    left = drain(client.shapes)
-    assert len(left) < 20  # what had not been overtaken
-    assert client.shape_for(GRIPPER)[1] < 1.0
+    drain(client.shapes)
+    last = [client.send_pose(Pose((9.0, 0, 1), (0, 0, 0, 1))) for _ in range(3)]
+    before = []
+    first(client.shapes, lambda shape: shape.header.stamp in last or before.append(shape))
+    assert len(before) < 20  # what had not been overtaken
 
 
 def test_late_comers_get_shape_plan_and_markers(client):
@@ -101,7 +98,7 @@ def test_late_comers_get_shape_plan_and_markers(client):
                                                      LATCHED)
                      for kind, name in ((Path, 'predicted_shape'), (Path, 'gripper_trajectory'),
                                         (MarkerArray, 'markers'))]
-    messages = [received.get(timeout=10) for _ in subscriptions]
+    messages = [received.get(timeout=PATIENCE) for _ in subscriptions]
     for subscription in subscriptions:
         client.node.destroy_subscription(subscription)
     markers = next(message for message in messages if isinstance(message, MarkerArray)).markers
@@ -117,9 +114,7 @@ def test_ordinary_publishers_of_goals_are_heard(client):
     # reliable and volatile, as `ros2 topic pub` and RViz are by default
     publisher = client.node.create_publisher(PoseStamped, '/dlo_planner/task_goal',
                                              QoSProfile(depth=1))
-    end = time.monotonic() + 10
-    while not publisher.get_subscription_count() and time.monotonic() < end:
-        time.sleep(0.01)
+    until(publisher.get_subscription_count)
     assert publisher.get_subscription_count() == 1
     client.node.destroy_publisher(publisher)
 
@@ -127,11 +122,8 @@ def test_ordinary_publishers_of_goals_are_heard(client):
 def diagnostics(client, wanted=lambda status: True):
     """Return the first report that satisfies `wanted`, as (level, message, dict)."""
     drain(client.diagnostics)
-    for _ in range(40):
-        status = client.diagnostics.get(timeout=5).status[0]
-        if wanted(status):
-            return status.level, status.message, {v.key: v.value for v in status.values}
-    raise AssertionError(f'no such report; the last one said {status.message!r}')
+    status = first(client.diagnostics, lambda msg: wanted(msg.status[0])).status[0]
+    return status.level, status.message, {v.key: v.value for v in status.values}
 
 
 def test_diagnostics_tell_rates_latencies_and_proof(client):
@@ -166,6 +158,7 @@ def test_bad_messages_are_refused_by_name(client, planner, topic, name):
     drain(client.trajectories)
     message = PoseStamped()
     message.header.frame_id = 'world'
+    message.header.stamp.sec = 77
     message.pose.orientation.w = 1.0
     spoil(message)
     sender = client._pose_out if topic == 'gripper_pose' else client._goal_out
@@ -173,7 +166,8 @@ def test_bad_messages_are_refused_by_name(client, planner, topic, name):
     level, text, _ = diagnostics(client, lambda status: named in status.message)
     assert level == b'\x01'
     assert text.startswith(f'{topic} refused: {topic}')
-    assert client.shapes.empty()
+    came = drain(client.shapes) + drain(client.trajectories)
+    assert 77 not in [one.header.stamp.sec for one in came]
     assert client.trajectories.empty()
     assert planner.alive()
     assert len(client.shape_for(GRIPPER)[0].poses) == 65
@@ -278,9 +272,9 @@ def test_two_cutouts_by_service_and_by_topic(client):
         assert nearest < 1 / 64
     assert newest(client.trajectories) == path
     client.send_goals([GOAL, second])
-    assert len(client.trajectories.get(timeout=10).poses) == 25
+    assert len(client.trajectories.get(timeout=PATIENCE).poses) == 25
     client.send_goals([GOAL])
-    single = poses_from_path(client.trajectories.get(timeout=10))
+    single = poses_from_path(client.trajectories.get(timeout=PATIENCE))
     assert np.linalg.norm(single[5].position - grippers[5].position) > 1e-4
     client.send_goals([GOAL] * 3)  # refused: nothing comes, and the node lives on
     with pytest.raises(queue.Empty):

@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from planner_process import ROOT
+from planner_process import PATIENCE, ROOT
 
 # What proves, and computes for a minute; and a node that is killed as soon as that has begun.
 CHILD = """
@@ -37,9 +37,10 @@ def runs(number):
 
 def test_it_ends_when_the_node_is_killed():
     done = subprocess.run([sys.executable, '-c', PARENT], cwd=ROOT, capture_output=True, text=True,
-                          check=False, timeout=60, env={**os.environ, 'PYTHONPATH': str(ROOT)})
+                          check=False, timeout=PATIENCE,
+                          env={**os.environ, 'PYTHONPATH': str(ROOT)})
     number = int(done.stdout)
-    end = time.monotonic() + 10
+    end = time.monotonic() + PATIENCE
     while runs(number) and time.monotonic() < end:
         time.sleep(0.05)
     assert not runs(number)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from planner_process import ROOT
+from planner_process import PATIENCE, ROOT
 
 # The system itself, read-only but for the devices, entered as nobody. Reading everything stays
 # allowed: the interpreter may be installed where only root can look.
@@ -50,7 +50,7 @@ sys.exit(main.main([]))
 def inside(*command):
     """Run a command there; return the finished process."""
     return subprocess.run(['unshare', '-m', 'sh', '-c', ENTER, 'sh', *command], text=True,
-                          capture_output=True, check=False, timeout=60)
+                          capture_output=True, check=False, timeout=4 * PATIENCE)
 
 
 def test_it_starts_and_ends_as_nobody_in_a_read_only_system(domain):

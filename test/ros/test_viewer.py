@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 import rclpy
 from browser import dragged_to, looking_at
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
+from planner_process import PATIENCE, until
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -30,6 +32,7 @@ from dlo_planner.ros.viewer import _LATCHED, _RELIABLE, Viewer  # noqa: E402
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 PLANNER = '/cell/planner'
+STAMP = Time(sec=77)  # of the robot's poses
 
 
 class PlayedPlanner(Node):
@@ -66,7 +69,7 @@ def spinning(*nodes, context):
         yield
     finally:
         executor.shutdown()
-        thread.join(timeout=5)
+        thread.join(timeout=PATIENCE)
 
 
 @contextmanager
@@ -85,15 +88,6 @@ def viewed(**parameters):
         viewer.destroy_node()
         planner.destroy_node()
         rclpy.try_shutdown(context=context)
-
-
-def until(condition, seconds=15.0):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return True
-        time.sleep(0.02)
-    return False
 
 
 def stamp(planner):
@@ -180,11 +174,16 @@ def test_dragging_is_sent_only_where_no_robot_sends(domain, plan):
         robot = planner.create_publisher(PoseStamped, '~/gripper_pose', qos_profile_sensor_data)
         assert until(lambda: not viewer.page.sending.value)
         assert 'another node publishes' in viewer.page.message.content
-        planner.poses.clear()
-        robot.publish(pose_stamped_msg(LEVEL, 'base'))
-        assert until(lambda: np.allclose(pose_of(viewer.page.gripper).matrix, LEVEL.matrix))
-        time.sleep(0.2)
-        assert len(planner.poses) == 1  # the robot's alone
+
+        def robot_is_shown():
+            robot.publish(pose_stamped_msg(LEVEL, 'base', STAMP))
+            return np.allclose(pose_of(viewer.page.gripper).matrix, LEVEL.matrix)
+
+        assert until(robot_is_shown)
+        assert until(lambda: planner.poses and planner.poses[-1].header.stamp == STAMP)
+        before = len(planner.poses)  # what the viewer had sent has come
+        time.sleep(0.5)
+        assert all(one.header.stamp == STAMP for one in planner.poses[before:])
 
 
 def test_a_goal_is_sent_and_answers_are_said(domain):
@@ -242,7 +241,7 @@ def test_in_the_browser(domain, plan):
         tell(planner, 'ready', **{'plan smallest clearance [m]': '0.004'})
         look.wait_for('planner: ready')
         assert look.changed(before) > 1e-3
-        assert until(lambda: look.colors() > 100 or look.page.wait_for_timeout(200), 20)
+        assert until(lambda: look.colors() > 100 or look.page.wait_for_timeout(200))
         look.page.get_by_role('button', name='Execute ...').click()
         look.wait_for('the robot will move')
         look.page.get_by_role('button', name='Execute', exact=True).click()

@@ -26,7 +26,7 @@ from dlo_planner.ros.qos import LATCHED, REQUEST
 KINDS = {'gripper_pose': (PoseStamped, qos_profile_sensor_data),
          'obstacles': (MarkerArray, REQUEST), 'predicted_shape': (PathMsg, LATCHED)}
 VERSION = 9        # of the bag's metadata, as Jazzy's rosbag2 writes
-SHAPE_TAKES = 20.0  # s at most, on a busy machine
+SHAPE_TAKES = 60.0  # s at most, on a busy machine
 
 
 def type_of(kind) -> str:

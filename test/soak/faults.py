@@ -18,8 +18,8 @@ from dlo_planner import Pose
 from soak.stage import GOAL, GRIPPERS, STEP, Stage, poses, robot, stage
 from soak.watching import children, runs
 
-LONG = 90.0     # s, a proof on a busy machine
-SOON = 10.0     # s for what has to be done at once
+LONG = 300.0    # s, a proof on a busy machine
+SOON = 60.0     # s for what has to be done soon, on a busy machine
 # A robot's driver, in a process of its own, which is killed.
 DRIVER = """
 import sys, rclpy

@@ -26,12 +26,12 @@ GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 # time are those for a machine that is busy with everything else.
 OPTIONS = {'rod.diameter': 1.5e-3, 'rod.damping': [0.5, 0.01], 'threading.waypoints': 12,
            'threading.deepest': 0.3, 'threading.planning_deadline': 5.0,
-           'threading.deadline': 20.0, 'cutouts.radius': 0.01, 'diagnostics_period': 0.2,
+           'threading.deadline': 100.0, 'cutouts.radius': 0.01, 'diagnostics_period': 0.2,
            'incoming_command_timeout': 2.0, 'execute.longest_pause': 5.0,
            'constraints.path.position': 0.2, 'constraints.path.angle': 0.5,
            'constraints.goal_time': 10.0}
 DEEP = 1000       # commands that are kept for this process, should it be late: none may be lost
-PROOF = 120.0     # s to wait for a proof, an execution
+PROOF = 400.0     # s to wait for a proof, an execution
 STEP = 1.2        # of the regular one, the largest step between two commands
 
 
