@@ -41,7 +41,7 @@ def make():
 sys.exit(Process(make, []).run())
 """
 BUSY = 'import re\n    while True: re.compile("(a|b)*c")'  # never waits, as a compiler
-QUICK = 2.0  # s in which a signal is answered
+QUICK = 4.0  # s in which a signal is answered; what does not end is left after 6 s
 
 
 def started(code):

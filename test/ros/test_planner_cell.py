@@ -144,6 +144,8 @@ def test_what_streams_is_the_timed_trajectory_that_was_proved(client, begun):
     stamps = np.array([one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec for one in came])
     moving = since > 1.0  # where its place tells the time
     assert moving.sum() > 30
+    strides = (since[moving][10:] - since[moving][:-10]) / 10
+    assert np.median(strides) == pytest.approx(0.02, abs=5e-4)  # a period a command
     late = (stamps - stamps[0] - since)[moving]
     gaps = np.diff(stamps)
     assert np.quantile(gaps, 0.25) == pytest.approx(0.02, abs=5e-3)  # 50 a second
