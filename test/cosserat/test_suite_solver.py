@@ -40,3 +40,12 @@ def test_the_reference_of_the_crossing_has_a_lift_error_of_its_own():
     assert own == pytest.approx(5.4e-3, rel=0.02)
     assert suite.lines({'crossing': {'exact': {'outcome': 'exact', 'why': f'{own:.2g}'}}}) == [
         ['crossing', 'exact', 'exact', '0.0054']]
+
+
+def test_times_of_another_machine_win_nothing():
+    kept = {'outcome': 'completed', 'wall_s': 1.0, 'metrics': {'period_error': 1e-6}}
+    results = {'here': {'outcome': 'completed', 'wall_s': 2.0, 'metrics': {'period_error': 1e-5}},
+               'other': kept | {'elsewhere': True}}
+    assert suite.ranks(results, None) == ['here']
+    assert suite.ranks(results, 'period_error') == ['other', 'here']
+    assert suite.ranks({'other': kept, 'here': results['here']}, None)[0] == 'other'
