@@ -43,8 +43,8 @@ newest:
 	  '.[figures,cell,arm,view,cluster]' pytest hypothesis
 	OPENBLAS_NUM_THREADS=1 build/newest/bin/pytest $(CORE) test/cell/test_plant.py test/view
 
-bench: $(VENV)/compiled
-	$(RUN) -m benchmarks
+bench: $(VENV)/compiled $(VENV)/peers
+	OPENBLAS_NUM_THREADS=1 $(RUN) -m benchmarks
 
 figures: $(VENV)/compiled
 	$(RUN) -m benchmarks.figures
@@ -90,6 +90,11 @@ $(VENV)/ready: requirements.lock
 # The kernels that have changed are compiled once, not by each process that needs them.
 $(VENV)/compiled: $(VENV)/ready $(KERNELS)
 	-@$(RUN) -m dlo_planner.prebuild && touch $@
+
+# Peers that nothing else needs; without a network the benchmark goes on without them.
+$(VENV)/peers: $(VENV)/ready
+	-@$(RUN) -m pip install --quiet --disable-pip-version-check -c requirements.lock \
+	  pyelastica cosseratbench && touch $@
 
 lock:
 	rm -rf build/lock

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from time import perf_counter
 
-from benchmarks import guards, page, report
+from benchmarks import guards, page, report, reproduction
 from benchmarks.table import rows
 
 _DOCS = Path(__file__).parent.parent / 'docs' / 'benchmarks'
@@ -73,6 +73,8 @@ def main(arguments=None):
             _part(name)(given.output)
     if not given.rows:
         page.write(given.output)
+        if given.output == _DOCS:
+            reproduction.write()
     print(f'{perf_counter() - started:.0f} s; written to {given.output}')
     return 0
 

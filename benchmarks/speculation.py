@@ -26,6 +26,7 @@ from scipy.spatial.transform import Rotation
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from dlo_planner import DirectSimulator, Pose, Rod, parallel  # noqa: E402
+from dlo_planner.direct.moving import Prescribed, motion_by  # noqa: E402
 from dlo_planner.parallel.rounds import Rounds  # noqa: E402
 from dlo_planner.parallel.speculation import AheadStepper, Tracker  # noqa: E402
 from dlo_planner.parallel.workers import Crew  # noqa: E402
@@ -76,8 +77,9 @@ def moving(method, tasks, make):
     """Return the Rounds of benchmark C in motion: 180 degrees and back in 4 s, steps of 0.05 s."""
     way = [turned(90 * (1 - np.cos(np.pi * k / 40))) for k in range(81)]
     rounds = Rounds(Crew(Here(), lambda: None), tasks)
-    motion = DirectSimulator(wire(damping=(0.5, 0.0)), method=method, **mesh_of(method))._motion(
-        partial(make, rounds, 80), way, 0.05, None, None, None, np.inf, 'paper', Progress())
+    task = Prescribed(way, 0.05, tolerance=np.inf, integrator='paper')
+    motion = motion_by(partial(make, rounds, 80), DirectSimulator(
+        wire(damping=(0.5, 0.0)), method=method, **mesh_of(method)), task, Progress())
     assert motion.converged, motion.message
     return rounds.made
 

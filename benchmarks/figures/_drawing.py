@@ -37,7 +37,15 @@ def views(rows, columns, size=(5.6, 4.2), **more):
         one.grid(alpha=0.3)
         one.set_xlabel('x [m]')
         one.set_ylabel('z [m]')
+        if 'sharex' in more:
+            one.label_outer()
     return figure, found
+
+
+def scale(figure, axes_drawn, values, label):
+    """Say beside axes what the colors of shapes mean, from the first value to the last."""
+    known = plt.cm.ScalarMappable(plt.Normalize(values[0], values[-1]), BY_STEP)
+    return figure.colorbar(known, ax=axes_drawn, label=label, fraction=0.04, pad=0.02)
 
 
 def ticks(axis, values):

@@ -29,7 +29,7 @@ def draw(axis, place, frame, primes=''):
 def main(folder):
     """Make picture and table."""
     shape = bent()
-    figure, both = plt.subplots(1, 2, figsize=(11.2, 5.0), layout='constrained',
+    figure, both = plt.subplots(1, 2, figsize=(10.0, 4.8), layout='constrained',
                                 subplot_kw={'projection': '3d'})
     first, last = shape.frames[0], shape.frames[-1]
     turn = np.cos(_DIRECTION) * first[:, 1] + np.sin(_DIRECTION) * first[:, 2]
@@ -43,8 +43,8 @@ def main(folder):
         axis.set_title(title, fontsize=10)
         axis.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', xlim=(-0.1, 1.3), ylim=(-0.5, 0.9),
                  zlim=(-0.8, 0.6))
-        axis.set_box_aspect((1, 1, 1))
-        axis.view_init(22, -58)
+        axis.set_box_aspect((1, 1, 1), zoom=0.93)
+        axis.view_init(25, -48)
     arc = np.linspace(0, _DIRECTION, 20)[:, None]
     both[0].plot(*(0.3 * (np.cos(arc) * first[:, 1] + np.sin(arc) * first[:, 2])).T, 'k', lw=1)
     middle = 0.36 * (np.cos(0.5 * _DIRECTION) * first[:, 1]

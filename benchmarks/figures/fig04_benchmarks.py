@@ -17,7 +17,7 @@ def main(folder):
         shape = DirectSimulator(wire(tip_mass=mass), accuracy=1e-6).solve(turned(0))
         tip, bend = shape.positions[-1], float(np.abs(shape.strains[0]).max())
         side(axis, shape.positions, color=COLORS[name], lw=2,
-             label=f'{name}: {mass:g} kg at the tip')
+             label=f'{name}: {mass:g} kg at the tip' if mass else f'{name}: its own weight')
         slope = np.degrees(np.arctan2(-shape.tangents[-1, 2], shape.tangents[-1, 0]))
         lines.append([name, f'{tip[0]:.6f}', f'{tip[2]:.6f}', f'{bend:.2f}', f'{slope:.2f}'])
         found[name] = {'tip': [float(tip[0]), float(tip[2])], 'curvature': bend}

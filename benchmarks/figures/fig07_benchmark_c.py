@@ -3,7 +3,7 @@
 """Fig. 7: benchmark C: the gripper turns by 180 degrees in steps of 10 degrees, and back."""
 
 from benchmarks.cases import ANGLES, turned, wire
-from benchmarks.figures._drawing import BY_STEP, held, run, save, side, views
+from benchmarks.figures._drawing import BY_STEP, held, run, save, scale, side, views
 from dlo_planner import DirectSimulator
 
 
@@ -18,6 +18,7 @@ def main(folder):
                  ls='--' if shape.jumped else '-', lw=2 if shape.jumped else 1.2)
             held(axis, shape.gripper, color=BY_STEP(angle / 180))
         axis.set_title(title + ' (dashed: it has fallen over)', fontsize=9)
+    scale(figure, both, (0, 180), 'gripper above the level [degrees]').set_ticks(range(0, 181, 30))
     jumped = [ANGLES[k] for k, shape in enumerate(shapes) if shape.jumped]
     save(figure, folder, 'fig07', 'Fig. 7: benchmark C: copper wire, d = 1 mm, L = 1 m',
          ['what', 'found'],

@@ -31,7 +31,7 @@ def draw(folder, found):
     lines = [[str(n), *(f'{row[n]:.3g}' if n in row else '-' for row in found.values())]
              for n in sorted({n for row in found.values() for n in row})]
     save(figure, folder, 'fig08',
-         'Fig. 8: time by the number of elements, 8 Chebyshev terms, benchmark C',
+         'Fig. 8: benchmark C: time by the number of elements, 8 terms',
          ['N_L', *(f'{METHODS[method]} [s]' for method in found)], lines, found)
 
 

@@ -29,7 +29,7 @@ def draw(folder, found):
     lines = [[str(n), *(f'{row[n]:.3g}' if n in row else '-' for row in found.values())]
              for n in sorted({n for row in found.values() for n in row})]
     save(figure, folder, 'fig09',
-         'Fig. 9: time by the number of Chebyshev terms, 32 elements, benchmark C',
+         'Fig. 9: benchmark C: time by the number of terms, 32 elements',
          ['N_c', *(f'{METHODS[method]} [s]' for method in found)], lines, found)
 
 

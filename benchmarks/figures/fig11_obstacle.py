@@ -31,14 +31,20 @@ def main(folder):
     simulator = DirectSimulator(wire(), obstacles=[BAR])
     followed = simulator.track([level(z) for z in HEIGHTS])
     alone = [simulator.solve(level(z)) for z in HEIGHTS]
-    figure, (both,) = views(1, 2, sharex=True, sharey=True)
-    for axis, shapes, title in ((both[0], alone, 'each step from the undeformed wire'),
-                                (both[1], followed, 'each step from the one before')):
+    figure, (both,) = views(1, 2, size=(4.0, 4.6), sharex=True, sharey=True)
+    for axis, shapes, title in (
+            (both[0], alone, 'each step from the undeformed wire\n(dashed: wrong)'),
+            (both[1], followed, 'each step from the one before')):
+        lost = wrong(shapes, followed)
         axis.add_patch(plt.Circle(BAR.start[[0, 2]], BAR.radius, color='0.6'))
         for k, shape in enumerate(shapes):
-            side(axis, shape.positions, color=BY_STEP(k / len(HEIGHTS)))
+            side(axis, shape.positions, color=BY_STEP(k / len(HEIGHTS)),
+                 ls='--' if k + 1 in lost else '-')
+            axis.text(-0.12, shape.gripper.position[2], str(k + 1), fontsize=8, ha='right',
+                      va='center')
             held(axis, shape.gripper, color=BY_STEP(k / len(HEIGHTS)))
-        axis.set_title(title, fontsize=10)
+        axis.set_xlim(-0.22, 1.02)
+        axis.set_title(title, fontsize=9)
     found = {'undeformed': wrong(alone, followed)}
     found |= {str(back): wrong(begun(simulator, followed, back), followed) for back in BACK}
     save(figure, folder, 'fig11', 'Fig. 11: benchmark D: copper wire, d = 1 mm, L = 1 m, lowered '

@@ -26,12 +26,11 @@ def draw(left, right, plan, bore):
     right.plot([], [], color='C0', label='gripper, threading')
     right.plot([], [], color='C1', label='gripper, insertion into a bore')
     right.plot([], [], color='k', label='first shape')
-    right.legend(fontsize=7, loc='lower right')
 
 
 def main(folder):
     """Make picture and table."""
-    figure, rows = views(len(DIAMETERS), 2, size=(5.6, 2.9), sharex=True, sharey=True)
+    figure, rows = views(len(DIAMETERS), 2, size=(5.6, 2.2), sharex=True, sharey=True)
     lines, found = [], {}
     for (left, right), diameter in zip(rows, DIAMETERS, strict=True):
         inverse = InverseSimulator(DirectSimulator(wire(diameter)))
@@ -39,6 +38,7 @@ def main(folder):
         bore = inverse.insert(hole(GOAL), depths=DEPTHS)
         draw(left, right, plan, bore)
         name = f'd = {1e3 * diameter:g} mm'
+        right.set_title('the gripper\'s way', fontsize=9)
         left.set_title(f'{name}, EI = {wire(diameter).bending_stiffness[0]:.3g} N m$^2$',
                        fontsize=9)
         way = np.array([pose.position for pose in plan.grippers])
@@ -51,6 +51,7 @@ def main(folder):
                        'apart': float(apart.max()), 'curve': float(off)}
         lines.append([name, f'{found[name]["miss"]:.1e}', f'{apart[0]:.1e}', f'{apart.max():.3f}',
                       f'{off:.1e}'])
+    rows[0, 1].legend(fontsize=7, loc='lower right')
     save(figure, folder, 'fig13', 'Fig. 13: threading of a copper wire, L = 1 m, through a cut-out '
          'at x = 0, z = 1 m', ['wire', 'largest miss [m]', 'grippers of both tasks at first apart '
                                '[m]', 'later at most [m]', 'insertion off the first shape [m]'],

@@ -13,7 +13,7 @@ def main(folder):
     """Make picture and table."""
     inverse = InverseSimulator(DirectSimulator(wire(1.5e-3)))
     plan = inverse.thread_two(*(hole(place) for place in PLACES))
-    figure, ((axis,),) = views(1, 1, size=(8.4, 3.0))
+    figure, ((axis,),) = views(1, 1, size=(8.4, 2.8))
     for k in range(0, len(plan), 2):
         side(axis, plan.shapes[k].positions, color=BY_STEP(k / len(plan)), lw=0.9)
         held(axis, plan.grippers[k], color=BY_STEP(k / len(plan)), lw=1.0, ms=2.5)

@@ -5,7 +5,7 @@
 import numpy as np
 
 from benchmarks.cases import level, wire
-from benchmarks.figures._drawing import BY_STEP, held, plt, run, save, side, views
+from benchmarks.figures._drawing import BY_STEP, held, plt, run, save, scale, side, views
 from dlo_planner import Capsule, DirectSimulator, InverseSimulator
 
 PLACE, RADIUS = (0.5, 0.0, 0.7), 0.02
@@ -32,7 +32,7 @@ def main(folder):
     """Make picture and table."""
     inverse = InverseSimulator(DirectSimulator(wire(1.5e-3), obstacles=[bar()]))
     contact = level(PLACE[2] + RADIUS, PLACE[0])
-    figure, both = views(2, 1, size=(8.4, 2.5), sharex=True, sharey=True)
+    figure, both = views(2, 1, size=(8.4, 1.9), sharex=True, sharey=True)
     found = {}
     for axis, (way, title) in zip(both[:, 0], WAYS.items(), strict=True):
         plan = inverse.slide_contact(contact, LENGTHS, mode=way)
@@ -42,6 +42,7 @@ def main(folder):
             one.rotation[:, 0] @ plan.grippers[0].rotation[:, 0], -1, 1))) for one in plan.grippers]
         found[way] = {'drift': float(np.degrees(plan.misalignment.max())),
                       'miss': float(plan.position_error.max()), 'turned': float(max(turned))}
+    scale(figure, both[:, 0], (0, 1), 'part of the way').set_ticks([0, 1])
     save(figure, folder, 'fig15', 'Fig. 15: length between gripper and contact from 0.7 to '
          '0.3 m, copper wire, d = 1.5 mm, L = 1 m',
          ['way', 'direction there drifts by [deg]', 'place drifts by [m]',

@@ -64,8 +64,11 @@ def swung(cord: Cord, times: Floats) -> tuple[Floats, Floats]:
 def _simulated(cord: Cord, mesh: Floats, values: Mapping[str, Any], gripper: Pose, strains: Floats,
                times: Floats) -> tuple[Shape, ...]:
     """Return the Shapes at all times of a cord that is let go with given strains (n, 3)."""
+    values = dict(values)
+    values['mass'], points = _even_masses(mesh, values['mass'], len(mesh) - 1 - cord.n)
     parts = {name: Stepwise(mesh, row) for name, row in values.items()}
-    rod = Rod(mesh[-1], parts['mass'], parts['bend'], parts['twist'], radius=cord.radius)
+    rod = Rod(mesh[-1], parts['mass'], parts['bend'], parts['twist'], radius=cord.radius,
+              point_masses=points)
     bent = Rod(mesh[-1], parts['mass'], parts['bend'], parts['twist'], radius=cord.radius,
                natural_curvature=Stepwise(mesh, strains[:, 1:]),
                natural_twist=Stepwise(mesh, strains[:, 0]))
@@ -98,6 +101,35 @@ def _begin(cord: Cord) -> tuple[Pose, Floats]:
         strains.append(frames[-1].T @ turn / h)
         frames.append(Rotation.from_rotvec(turn).as_matrix() @ frames[-1])
     return Pose.from_rotation(cord.nodes[0], frames[0]), np.array(strains)
+
+
+def _even_masses(mesh: Floats, density: Floats, skipped: int
+                 ) -> tuple[Floats, tuple[tuple[float, float], ...]]:
+    """Return masses per length (n,) and point masses that inertia feels as if they were spread.
+
+    Halves of the elements' masses on their nodes are the trapezoidal rule: the moment of inertia
+    comes out too large by (h / L)^2 / 2 of it. Gregory's first correction takes a sixth of what
+    the end nodes have to those beside them. A Rod's masses per length make halves, so all have five
+    sixths of their mass, and the nodes the rest as point masses.
+
+    Parameters
+    ----------
+    mesh, density : ndarray
+        Arc lengths (n + 1,) in m; mass per length (n,) of the elements in kg/m.
+    skipped : int
+        Number of first elements that are left as they are.
+    """
+    own = np.diff(mesh)[skipped:] * density[skipped:]
+    if len(own) < 2:
+        return density, ()
+    halves = 0.5 * (np.append(own, 0.0) + np.append(0.0, own))
+    more = halves / 6
+    more[[0, -1]] = 0.0
+    more[1] += halves[0] / 6
+    more[-2] += halves[-1] / 6
+    reduced = np.append(density[:skipped], 5 / 6 * density[skipped:])
+    return reduced, tuple((float(s), float(m)) for s, m in zip(
+        mesh[skipped + 1:-1], more[1:-1], strict=True))
 
 
 def _on(value: Any, mesh: Floats) -> Floats:

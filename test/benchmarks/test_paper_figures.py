@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip('matplotlib')
 
-from benchmarks import figures  # noqa: E402
+from benchmarks import figures, reproduction, speculation  # noqa: E402
 from benchmarks.cases import BAR, level, local, turned, wire  # noqa: E402
 from benchmarks.figures import (  # noqa: E402
     fig01_stress_strain,
@@ -113,3 +113,19 @@ def test_only_an_insertion_follows_the_first_shape():
     gone = {name: max(np.linalg.norm(curve - gripper.position, axis=1).min()
                       for gripper in plan.grippers) for name, plan in plans.items()}
     assert gone['insert'] < 1e-4 and gone['thread'] > 0.1
+
+
+@pytest.mark.parametrize(('case', 'least', 'most'), list(zip(
+    speculation.CASES, (1.3, 0.9, 1.5), (1.7, 1.05, 2.5), strict=True)))
+def test_what_newtons_method_gains_from_three_tasks(case, least, most):
+    recorded = {tasks: speculation.CASES[case]('newton', tasks) for tasks in (1, 3)}
+    assert len(recorded[1]) == len(recorded[3])
+    (_, alone, _), (_, gain, _) = speculation.speedups(recorded, 'newton', ideal=True)
+    assert alone == 1.0 and least < gain < most
+
+
+def test_the_numbers_of_the_page_are_those_that_the_scripts_wrote():
+    written = reproduction.PAGE.read_text()
+    assert reproduction.updated(written) == written
+    with pytest.raises(ValueError, match='simplex'):
+        reproduction.updated(written.replace('the simplex is', 'it is'))
