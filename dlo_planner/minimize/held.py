@@ -161,9 +161,9 @@ def descend_held(system: System, q: Floats, tolerance: float, exact: float, max_
             break
         if shift > FALLING and not leans:
             leans = True
-            if lean(system, hessian, state, trial):
-                state, trial = trial, state
-                energy, noise = evaluate(system, state)
+            leant, high, its_noise = lean(system, hessian, state, trial)
+            if leant:
+                state, trial, energy, noise = trial, state, high, its_noise
                 continue
         # (not into obstacles, whose springs only the potential knows)
         back = leans and missed > _ASTRAY * length and not may_block(system.effects)
