@@ -92,7 +92,7 @@ def preferred(system, vector):
             seed = (1103515245 * seed + 12345) & 2147483647
             values[e, i] = smooth * (0.9 + 0.2 * seed / 2147483648.0)
     project(system.basis, values, vector)
-    vector /= np.sqrt(dot(vector, vector))
+    scaled_by(1.0 / np.sqrt(dot(vector, vector)), vector)
 
 
 @kernel
