@@ -39,9 +39,10 @@ from dlo_planner.minimize.linear import (
     solve_held,
 )
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import FALLING, LARGEST_TURN, Descent, safe_shift, without_traces
+from dlo_planner.minimize.newton import FALLING, LARGEST_TURN, Descent, without_traces
 from dlo_planner.minimize.residual import gradient_noise, residual_of
 from dlo_planner.minimize.saddle import kick, lean
+from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
 

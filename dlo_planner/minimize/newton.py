@@ -27,21 +27,19 @@ from dlo_planner.minimize.border import dot
 from dlo_planner.minimize.leash import Leash, left, no_leash
 from dlo_planner.minimize.linear import (
     assembled_definite,
-    factorize,
-    is_definite,
     largest_turn,
     solve,
 )
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.residual import relative
 from dlo_planner.minimize.saddle import kicked, lean
+from dlo_planner.minimize.shifting import LEAST_SHIFT, safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.minimize.workspace import Workspace, new_workspace
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arrays import put_sum, scaled_by
 
 LARGEST_TURN = 0.8  # rad per step, of any node
-_LEAST_SHIFT = 1e-3
 FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
 _NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
@@ -172,7 +170,7 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
                 break
         shift = 0.0 if arrived else shift
         if not assembled_definite(system, state, hessian, shift):
-            shift = safe_shift(system, hessian, max(_LEAST_SHIFT, 4.0 * shift))
+            shift = safe_shift(system, hessian, max(LEAST_SHIFT, 4.0 * shift))
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift, 1e-4)
             break
@@ -231,17 +229,6 @@ def without_traces(q, out):
     for e in range(q.shape[0]):
         for i in range(3):
             out[e, i] = q[e, i] if abs(q[e, i]) > _TRACE else 0.0
-
-
-@kernel
-def safe_shift(system, hessian, shift):
-    """Factorize with the first shift in a growing row that leaves no negative pivot."""
-    while not is_definite(system, hessian, shift):
-        shift = max(_LEAST_SHIFT, 4.0 * shift)
-        if shift > 1e12:
-            factorize(system, hessian, shift)  # to its end, whatever it is
-            break
-    return shift
 
 
 @kernel

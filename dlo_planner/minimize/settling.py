@@ -24,9 +24,10 @@ from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
 from dlo_planner.minimize.leash import no_leash
 from dlo_planner.minimize.linear import assemble, new_hessian
-from dlo_planner.minimize.newton import leashed_descent, safe_shift
+from dlo_planner.minimize.newton import leashed_descent
 from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.minimize.saddle import kicked
+from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.minimize.watching import watching
