@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlo_planner.direct.indicator import hanging_surely_within
-from dlo_planner.direct.statics import MAX_ITERATIONS, NO_FRAMES, NO_NODES, TOLERANCE, hangs_still
+from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hangs_still
 from dlo_planner.minimize.hanging import hang_many
 from dlo_planner.model.value import freeze
 
@@ -44,7 +44,7 @@ def hanging_shapes(simulator: DirectSimulator, positions: np.ndarray,
         return None
     filled = Filled(mesh.s.size - 1, positions, rotations)
     hang_many(mesh.static, filled.rotations, filled.positions, mesh.relaxed, TOLERANCE,
-              MAX_ITERATIONS, NO_FRAMES, NO_NODES, *filled.arrays)
+              MAX_ITERATIONS, *filled.arrays)
     residual, stability, truncated = filled.proofs.T
     good = np.full(len(positions), True)
     if simulator.accuracy is not None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.indicator import hanging_surely_within
 from dlo_planner.direct.many import Filled
-from dlo_planner.direct.statics import MAX_ITERATIONS, NO_FRAMES, NO_NODES, TOLERANCE
+from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.minimize.hanging_rods import RodTable, hang_rods
@@ -68,7 +68,7 @@ def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
         'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')})
     table = _table(mesh, simulator.mesh.s, rods)
     hang_rods(system, table, filled.rotations, filled.positions, TOLERANCE, MAX_ITERATIONS,
-              NO_FRAMES, NO_NODES, *filled.arrays)
+              *filled.arrays)
     if accuracy is None:
         return filled.columns(), np.full(len(rods), True)
     lengths = np.array([rod.length for rod in rods])

@@ -19,6 +19,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.leash import no_leash
 from dlo_planner.minimize.nearby import nearby
 from dlo_planner.minimize.newton import NEUTRAL, leashed_newton
+from dlo_planner.minimize.workspace import new_workspace
 from dlo_planner.model.arrays import Floats
 
 
@@ -75,7 +76,7 @@ def swing(system: System, how: Coefficients, trail: Trail, row: int, tolerance: 
     found, state, residual, stability, iterations = nearby(moving, q, tolerance, check)
     if not found:
         state, residual, stability, more, _ = leashed_newton(
-            moving, q, tolerance, max_iterations, check, no_leash())
+            moving, q, tolerance, max_iterations, check, no_leash(), new_workspace(moving))
         iterations += more
     places, frames = trail.nodes[0, row], trail.frames[row]
     for k in range(places.shape[0]):

@@ -57,13 +57,18 @@ def add_forces(effect, system, state):
     """Add dW/du to `state.slope`; return W in J, and the sum of the sizes of its terms."""
     lengths, natural, stiffness = system.lengths, system.natural, system.stiffness
     strains, slope, part, couple = state.strains, state.slope, effect.part, effect.couple
-    energy = 0.0
+    energies = 0.0, 0.0, 0.0  # three sums: each addition waits for the one before
     for e in range(lengths.size):
-        for i in range(3):
-            away = strains[e, i] - natural[e, i]
-            moment = part[i] * (lengths[e] * stiffness[e, i] * away)
-            slope[e, i] += moment
-            energy += 0.5 * moment * away
+        a, b, c = (strains[e, 0] - natural[e, 0], strains[e, 1] - natural[e, 1],
+                   strains[e, 2] - natural[e, 2])
+        x, y, z = (part[0] * (lengths[e] * stiffness[e, 0] * a),
+                   part[1] * (lengths[e] * stiffness[e, 1] * b),
+                   part[2] * (lengths[e] * stiffness[e, 2] * c))
+        slope[e, 0] += x
+        slope[e, 1] += y
+        slope[e, 2] += z
+        energies = energies[0] + x * a, energies[1] + y * b, energies[2] + z * c
+    energy = 0.5 * (energies[0] + energies[1] + energies[2])
     size = energy
     for e in range(couple.shape[0]):
         for i in range(3):

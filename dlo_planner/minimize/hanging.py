@@ -12,11 +12,13 @@ import numpy as np
 
 from dlo_planner.energy.effects import potential, stored
 from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.energy.system import System, turned_system, unknown_count
+from dlo_planner.energy.system import System, turned_system
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.leash import leash_on
+from dlo_planner.minimize.leash import leash_on, no_leash
 from dlo_planner.minimize.newton import leashed_newton
+from dlo_planner.minimize.workspace import new_workspace
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.ritz.arrays import copy
 from dlo_planner.ritz.truncation import truncation
 
 
@@ -48,54 +50,79 @@ def hang(system: System, base: Floats, origin: Floats, strains: Floats, toleranc
     residual, stability, iterations, kicks
         As of `newton.leashed_newton`.
     """
-    turned = turned_system(system, base.copy(), origin.copy())
-    q = np.empty((unknown_count(system), 3))
-    unknowns_of(turned, strains.copy(), q)
-    leash = leash_on(frames, before, base, nodes, most)
-    check = most > 0.0  # a literal would be compiled for by itself
-    return fallen(turned, system, origin, q, tolerance, max_iterations, check, leash)
+    work = new_workspace(system)
+    turned = turned_system(system, np.empty((3, 3)), np.empty(3))
+    state, residual, stability, iterations, kicks = hung(
+        turned, base, origin, strains, tolerance, max_iterations,
+        leash_on(frames, before, base, nodes, most), work)
+    wrench = np.empty(6)
+    elastic, energy = told(turned, state, wrench)
+    return (state.strains, state.rotations, state.positions, wrench, elastic, energy, residual,
+            stability, iterations, kicks)
 
 
 @kernel(inline='always')
-def fallen(system, static, origin, q, tolerance, max_iterations, check, leash):
-    """Return what `hang` does, from unknowns q (m, 3) on.
+def hung(turned, base, origin, strains, tolerance, max_iterations, leash, work):
+    """Return State, residual, stability, iterations and kicks of what `hang` finds.
 
     Args:
-        static: System whose energy is given: that of the DLO at rest
+        turned: System whose `base` and `origin` are written over
+        base, origin, strains, tolerance, max_iterations: as of `hang`
+        leash: Leash; work: Workspace, of which the State is one
     """
-    state, residual, stability, iterations, kicks = leashed_newton(
-        system, q, tolerance, max_iterations, check, leash)
-    positions, wrench = state.positions, np.empty(6)
+    for i in range(3):
+        turned.origin[i] = origin[i]
+        for j in range(3):
+            turned.base[i, j] = base[i, j]
+    unknowns_of(turned, strains.copy(), work.start)
+    check = tolerance > 0.0  # a literal would be compiled for by itself
+    return leashed_newton(turned, work.start, tolerance, max_iterations, check, leash, work)
+
+
+@kernel
+def told(system, state, wrench):
+    """Put a State's positions into the world, fill wrench (6,); return elastic and all energy, J.
+
+    The wrench is that of the gripper on the DLO.
+    """
+    positions = state.positions
     for k in range(positions.shape[0]):
         for i in range(3):
-            positions[k, i] += origin[i]
-    elastic = stored(static.effects, static, state.strains)
-    energy = elastic + potential(static.effects, static, positions)
+            positions[k, i] += system.origin[i]
+    elastic = stored(system.effects, system, state.strains)
     for i in range(3):
         wrench[i], wrench[3 + i] = state.base_force[i], state.base_moment[i]
-    return (state.strains, state.rotations, positions, wrench, elastic, energy, residual,
-            stability, iterations, kicks)
+    return elastic, elastic + potential(system.effects, system, positions)
 
 
 @kernel
 def hang_many(system: System, bases: Floats, origins: Floats, start: Floats, tolerance: float,
-              max_iterations: int, frames: Floats, nodes: Ints, strains: Floats, rotations: Floats,
-              positions: Floats, wrenches: Floats, energies: Floats, proofs: Floats,
-              iterations: Ints) -> None:
+              max_iterations: int, strains: Floats, rotations: Floats, positions: Floats,
+              wrenches: Floats, energies: Floats, proofs: Floats, iterations: Ints) -> None:
     """Fill the equilibria that the DLO falls into from one shape in many grippers, as `hang`.
 
     Args:
         bases: (n, 3, 3), read-only, rotations of the grippers; origins: (n, 3), read-only, m
         start: (N, 3), read-only, strains, 1/m
-        frames, nodes: of no Leash: (0, 3, 3), read-only, and (0,)
         strains: (n, N, 3), rotations: (n, N + 1, 3, 3), positions: (n, N + 1, 3), wrenches: (n, 6),
             energies: (n, 2) elastic and all, proofs: (n, 3) residual, stability, `truncation`,
             iterations: (n,): all filled
     """
+    work, leash = new_workspace(system), no_leash()
+    turned = turned_system(system, np.empty((3, 3)), np.empty(3))
     for k in range(bases.shape[0]):
-        (strains[k], rotations[k], positions[k], wrenches[k], energies[k, 0], energies[k, 1],
-         proofs[k, 0], proofs[k, 1], iterations[k], _) = hang(
-            system, bases[k], origins[k], start, tolerance, max_iterations, frames, bases[k], nodes,
-            np.inf)
-        proofs[k, 2] = truncation(system.lengths, strains[k], system.natural, system.scale,
-                                  system.basis)
+        state, residual, stability, iterations[k], _ = hung(
+            turned, bases[k], origins[k], start, tolerance, max_iterations, leash, work)
+        proofs[k, 0], proofs[k, 1] = residual, stability
+        energies[k, 0], energies[k, 1] = told(turned, state, wrenches[k])
+        put_shape(system, state, strains[k], rotations[k], positions[k], proofs[k])
+
+
+@kernel
+def put_shape(system, state, strains, rotations, positions, proof):
+    """Fill strains (N, 3), rotations (N + 1, 3, 3), positions (N + 1, 3), and proof[2]."""
+    copy(state.strains, strains)
+    copy(state.positions, positions)
+    for k in range(rotations.shape[0]):
+        copy(state.rotations[k], rotations[k])
+    proof[2] = truncation(system.lengths, strains, system.natural, system.scale, system.basis)

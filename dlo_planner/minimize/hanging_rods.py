@@ -6,12 +6,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.system import System
+from dlo_planner.energy.system import System, turned_system
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.hanging import hang
+from dlo_planner.minimize.hanging import hung, put_shape, told
+from dlo_planner.minimize.leash import no_leash
+from dlo_planner.minimize.workspace import new_workspace
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.record import Record, makes
-from dlo_planner.ritz.truncation import truncation
 
 
 class RodTable(Record):
@@ -52,31 +53,31 @@ def _new_rod_table(mesh, lengths, basis, natural, stiffness, scale, pull):
 
 @kernel
 def hang_rods(system: System, rods: RodTable, bases: Floats, origins: Floats, tolerance: float,
-              max_iterations: int, frames: Floats, nodes: Ints, strains: Floats, rotations: Floats,
-              positions: Floats, wrenches: Floats, energies: Floats, proofs: Floats,
-              iterations: Ints) -> None:
+              max_iterations: int, strains: Floats, rotations: Floats, positions: Floats,
+              wrenches: Floats, energies: Floats, proofs: Floats, iterations: Ints) -> None:
     """Fill the equilibria that n DLOs fall into from their natural shapes, as `hang_many`.
 
     Args:
         system: System whose lengths, natural, stiffness, scale, basis and pull are written over
         rods: RodTable
         bases: (n, 3, 3), read-only, rotations of the grippers; origins: (n, 3), read-only, m
-        tolerance, max_iterations, frames, nodes: as in `hang_many`
+        tolerance, max_iterations: as in `hang_many`
         strains, rotations, positions, wrenches, energies, proofs, iterations: as in `hang_many`
     """
     last = -1
     natural = rods.natural
+    work, leash = new_workspace(system), no_leash()
+    turned = turned_system(system, np.empty((3, 3)), np.empty(3))
     for k in range(bases.shape[0]):
         if rods.mesh[k] != last:
             last = rods.mesh[k]
             _put_mesh(system, rods, last)
         _put_rod(system, rods, k)
-        (strains[k], rotations[k], positions[k], wrenches[k], energies[k, 0], energies[k, 1],
-         proofs[k, 0], proofs[k, 1], iterations[k], _) = hang(
-            system, bases[k], origins[k], natural[k], tolerance, max_iterations, frames, bases[k],
-            nodes, np.inf)
-        proofs[k, 2] = truncation(system.lengths, strains[k], system.natural, system.scale,
-                                  system.basis)
+        state, residual, stability, iterations[k], _ = hung(
+            turned, bases[k], origins[k], natural[k], tolerance, max_iterations, leash, work)
+        proofs[k, 0], proofs[k, 1] = residual, stability
+        energies[k, 0], energies[k, 1] = told(turned, state, wrenches[k])
+        put_shape(system, state, strains[k], rotations[k], positions[k], proofs[k])
 
 
 @kernel

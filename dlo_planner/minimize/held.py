@@ -39,9 +39,10 @@ from dlo_planner.minimize.linear import (
     solve_held,
 )
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.newton import FALLING, LARGEST_TURN, Descent, safe_shift, without_traces
+from dlo_planner.minimize.newton import FALLING, LARGEST_TURN, Descent, without_traces
 from dlo_planner.minimize.residual import gradient_noise, residual_of
 from dlo_planner.minimize.saddle import kick, lean
+from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
 
@@ -161,9 +162,9 @@ def descend_held(system: System, q: Floats, tolerance: float, exact: float, max_
             break
         if shift > FALLING and not leans:
             leans = True
-            if lean(system, hessian, state, trial):
-                state, trial = trial, state
-                energy, noise = evaluate(system, state)
+            leant, high, its_noise = lean(system, hessian, state, trial)
+            if leant:
+                state, trial, energy, noise = trial, state, high, its_noise
                 continue
         # (not into obstacles, whose springs only the potential knows)
         back = leans and missed > _ASTRAY * length and not may_block(system.effects)

@@ -153,7 +153,8 @@ def _bordered(free, held, unknowns):
     border = Border(np.empty((held, unknowns, 3)), np.empty((held, unknowns, 3)),
                     np.empty((held, held)), np.zeros(1))
     return Hessian(free.twist_jacobian, free.cross, free.diagonal, free.base, free.gain,
-                   free.inverse, free.dense, free.factor, border, free.displaced, free.vertical)
+                   free.inverse, free.passed, free.dense, free.factor, border,
+                   free.displaced, free.vertical)
 
 
 @kernel

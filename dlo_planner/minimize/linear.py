@@ -51,6 +51,8 @@ class Hessian(Record):
         Of the Riccati sweep; empty for Ritz.
     inverse : ndarray, shape (N, 3, 3)
         Of the Riccati sweep; empty for Ritz.
+    passed : ndarray, shape (N, 3, 3)
+        Of the Riccati sweep where only rotations count: I - twist_jacobian gain; else empty.
     dense : ndarray, shape (3 m, 3 m)
         The whole Hessian, for Ritz; (0, 0) for local.
     factor : ndarray, shape (3 m, 3 m)
@@ -69,6 +71,7 @@ class Hessian(Record):
     base: Floats
     gain: Floats
     inverse: Floats
+    passed: Floats
     dense: Floats
     factor: Floats
     border: Border | None
@@ -86,7 +89,8 @@ def new_hessian(system):
     wide = width(displaced)
     return Hessian(np.empty((n, wide, 3)), np.empty((n, 3, wide)), np.empty((n, 3, 3)),
                    np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
-                   np.empty((size, size)), np.empty((size, size)),
+                   np.empty((local if wide == 3 else 0, 3, 3)), np.empty((size, size)),
+                   np.empty((size, size)),
                    new_border(system.needs.border, m), displaced, np.zeros(1, dtype=np.bool_))
 
 

@@ -21,27 +21,25 @@ import numpy as np
 
 from dlo_planner.energy.effects import blocks
 from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.system import State, System, new_state
+from dlo_planner.energy.system import State, System, bending_energy
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import dot
 from dlo_planner.minimize.leash import Leash, left, no_leash
 from dlo_planner.minimize.linear import (
     assembled_definite,
-    factorize,
-    is_definite,
     largest_turn,
-    new_hessian,
     solve,
 )
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.residual import residual_of
+from dlo_planner.minimize.residual import relative
 from dlo_planner.minimize.saddle import kicked, lean
+from dlo_planner.minimize.shifting import LEAST_SHIFT, safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.minimize.workspace import Workspace, new_workspace
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arrays import put_sum, scaled_by
 
 LARGEST_TURN = 0.8  # rad per step, of any node
-_LEAST_SHIFT = 1e-3
 FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
 NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
 _NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
@@ -75,16 +73,17 @@ def newton(system: System, q: Floats, tolerance: float, max_iterations: int,
         Whether to find the smallest eigenvalue at the end, and to leave a saddle.
     """
     state, residual, stability, iterations, kicks = leashed_newton(
-        system, q, tolerance, max_iterations, check, no_leash())
+        system, q.copy(), tolerance, max_iterations, check, no_leash(), new_workspace(system))
     return Minimum(state, residual, stability, iterations, kicks, system)
 
 
 @kernel(inline='always')
 def leashed_newton(system: System, q: Floats, tolerance: float, max_iterations: int, check: bool,
-                   leash: Leash) -> tuple[State, float, float, int, int]:
+                   leash: Leash, work: Workspace) -> tuple[State, float, float, int, int]:
     """Do as `newton` does, but give up where the DLO leaves a Leash, or falls off a saddle on it.
 
-    Then the residual is infinite, or the stability negative.
+    Then the residual is infinite, or the stability negative. `q` is where it began for the last
+    time at the end, and the State one of the Workspace.
 
     Returns
     -------
@@ -100,16 +99,15 @@ def leashed_newton(system: System, q: Floats, tolerance: float, max_iterations: 
         How often a saddle was left, 1 at least where the descent had to lean to a side.
     """
     kicks = iterations = 0
-    start = q.copy()
     while True:
         state, residual, stability, steps, mode, leant = leashed_descent(
-            system, start, tolerance, max_iterations - iterations, check, leash)
+            system, q, tolerance, max_iterations - iterations, check, leash, work)
         iterations += steps
         if leant:
             kicks = max(kicks, 1)
         done = not check or stability > -NEUTRAL or leash.nodes.size > 0
         if (done or iterations >= max_iterations or kicks >= MOST_KICKS
-                or not kicked(system, state, mode, start)):
+                or not kicked(system, state, mode, q)):
             break
         kicks += 1
     return state, residual, stability, iterations, kicks
@@ -145,15 +143,17 @@ def descend(system: System, q: Floats, tolerance: float, max_iterations: int,
 
     Arguments as `newton`.
     """
-    return Descent(*leashed_descent(system, q, tolerance, max_iterations, check, no_leash()))
+    return Descent(*leashed_descent(system, q, tolerance, max_iterations, check, no_leash(),
+                                    new_workspace(system)))
 
 
 @kernel
 def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations: int, check: bool,
-                    leash: Leash) -> tuple[State, float, float, int, Floats, bool]:
+                    leash: Leash, work: Workspace) -> tuple[State, float, float, int, Floats,
+                                                            bool]:
     """Return what is in the Descent of `descend`, as a tuple; arguments as `leashed_newton`."""
-    state, trial, hessian = new_state(system), new_state(system), new_hessian(system)
-    step, mode = np.empty_like(state.q), np.zeros_like(state.q)
+    state, trial, hessian, step = work.state, work.trial, work.hessian, work.step
+    mode, bend = work.start, bending_energy(system)
     without_traces(q, state.q)
     energy, noise = evaluate(system, state)
     stability, turn = np.nan, np.inf  # rad, of the last step
@@ -161,7 +161,7 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
     iterations = obstructed = idle = 0
     stalled = leans = False
     while True:
-        residual = residual_of(system, state)
+        residual = relative(state, bend)
         arrived = residual < tolerance or stalled or iterations >= max_iterations
         if arrived and not check:
             break
@@ -172,7 +172,7 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
                 break
         shift = 0.0 if arrived else shift
         if not assembled_definite(system, state, hessian, shift):
-            shift = safe_shift(system, hessian, max(_LEAST_SHIFT, 4.0 * shift))
+            shift = safe_shift(system, hessian, max(LEAST_SHIFT, 4.0 * shift))
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift, 1e-4)
             break
@@ -181,21 +181,20 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
             if leash.nodes.size:
                 residual, stability = np.inf, -np.inf
                 break
-            if lean(system, hessian, state, trial):
-                state, trial = trial, state
-                energy, noise = evaluate(system, state)
-                continue
+            leant, high, its_noise = lean(system, hessian, state, trial)
+            if leant:  # by so little that the factorization is as good there
+                state, trial, energy, noise = trial, state, high, its_noise
         its_turn, gain = _newton_step(system, hessian, state, step)
         if (check and shift > 0.0 and gain < _UNTOLD * noise
                 and not assembled_definite(system, state, hessian, _NEARLY)):
             stalled = True  # rounding errors hide the way down from a saddle: its mode has to tell
             continue
         turn, shifted = its_turn, shift
-        untold = -dot(state.gradient, step) < _UNTOLD * noise
+        untold = gain * LARGEST_TURN < _UNTOLD * noise * max(its_turn, LARGEST_TURN)
         energy, noise, moved, blocked = _fall(system, state, trial, step, energy, noise)
         iterations += 1
-        nearer = dot(trial.gradient, trial.gradient) < 0.9 * dot(state.gradient, state.gradient)
-        idle = idle + 1 if untold and not nearer else 0
+        idle = idle + 1 if untold and not (dot(trial.gradient, trial.gradient)
+                                           < 0.9 * dot(state.gradient, state.gradient)) else 0
         obstructed = obstructed + 1 if blocked else 0
         if moved:
             state, trial = trial, state
@@ -233,17 +232,6 @@ def without_traces(q, out):
     for e in range(q.shape[0]):
         for i in range(3):
             out[e, i] = q[e, i] if abs(q[e, i]) > _TRACE else 0.0
-
-
-@kernel
-def safe_shift(system, hessian, shift):
-    """Factorize with the first shift in a growing row that leaves no negative pivot."""
-    while not is_definite(system, hessian, shift):
-        shift = max(_LEAST_SHIFT, 4.0 * shift)
-        if shift > 1e12:
-            factorize(system, hessian, shift)  # to its end, whatever it is
-            break
-    return shift
 
 
 @kernel

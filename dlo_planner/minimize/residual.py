@@ -18,8 +18,13 @@ _EPS = 2.2e-16
 @kernel
 def residual_of(system: System, state: State) -> float:
     """Return the gradient's size, relative to the elastic energy and that of a 1 rad bend."""
-    return np.sqrt(dot(state.gradient, state.gradient)
-                   / (dot(state.q, state.q) + bending_energy(system)))
+    return relative(state, bending_energy(system))
+
+
+@kernel
+def relative(state: State, bend: float) -> float:
+    """Return what `residual_of` does, of `bend` = `bending_energy`."""
+    return np.sqrt(dot(state.gradient, state.gradient) / (dot(state.q, state.q) + bend))
 
 
 @kernel

@@ -14,9 +14,10 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.bearing import borne, carried
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.linear import assemble
-from dlo_planner.minimize.newton import HARDLY, WELL_STABLE, safe_shift
+from dlo_planner.minimize.newton import HARDLY, WELL_STABLE
 from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.minimize.settling import ROUNDS, STALLED, is_held, settle
+from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.minimize.watching import watching
 from dlo_planner.ritz.matrix3 import matrix, put_vector, times_transposed

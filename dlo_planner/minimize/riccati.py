@@ -35,10 +35,10 @@ def inverse3(a):
     """
     d0 = a[0] if a[0] != 0.0 else TINY
     i0 = 1.0 / d0
+    minor = d0 * a[1] - a[3] * a[3]  # not the pivot itself: the division need not wait for another
+    minor = minor if minor != 0.0 else TINY * d0
+    i1 = d0 / minor
     l10, l20 = a[3] * i0, a[4] * i0
-    d1 = a[1] - l10 * a[3]
-    d1 = d1 if d1 != 0.0 else TINY
-    i1 = 1.0 / d1
     middle = a[5] - l20 * a[3]
     l21 = middle * i1
     d2 = a[2] - l20 * a[4] - l21 * middle
@@ -48,7 +48,7 @@ def inverse3(a):
     xy, xz, yz = -l10 * i1 - l21 * low * i2, low * i2, -l21 * i2
     inverse = (i0 + l10 * l10 * i1 + low * low * i2, xy, xz, xy, i1 + l21 * l21 * i2, yz,
                xz, yz, i2)
-    return inverse, (d0 <= 0) + (d1 <= 0) + (d2 <= 0)
+    return inverse, (d0 <= 0) + (minor * i0 <= 0) + (d2 <= 0)
 
 
 @kernel(forceinline=True)
@@ -59,13 +59,20 @@ def _less(value, coupling, gain):
     return (value[0] - less[0], xy, xz, xy, value[4] - less[4], yz, xz, yz, value[8] - less[8])
 
 
+@kernel(forceinline=True)
+def _passed(turned, gain):
+    """Return I - turned gain: the rotation beyond an element per one before it."""
+    p = times(turned, gain)
+    return (1.0 - p[0], -p[1], -p[2], -p[3], 1.0 - p[4], -p[5], -p[6], -p[7], 1.0 - p[8])
+
+
 @kernel
 def factorize_turns(hessian, shift, most):
     """Factorize where only rotations count; give up where more than `most` pivots are negative."""
     negative = 0
     value = ZERO  # second derivative of the cost to go by theta
     jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
-    gains, inverses = hessian.gain, hessian.inverse
+    gains, inverses, passed = hessian.gain, hessian.inverse, hessian.passed
     for k in range(jacobians.shape[0]):
         e = jacobians.shape[0] - 1 - k
         jacobian, d = matrix(jacobians[e]), matrix(diagonals[e])
@@ -80,6 +87,7 @@ def factorize_turns(hessian, shift, most):
         gain = times(inverse, coupling)
         put_matrix(inverse, inverses[e])
         put_matrix(gain, gains[e])
+        put_matrix(_passed(jacobian, gain), passed[e])
         value = _less(value, coupling, gain)
     return negative
 
@@ -96,6 +104,7 @@ def factorize_dead_loads(system, state, hessian, shift):
     lengths, scale, pull, strains = system.lengths, system.scale, state.pull, state.strains
     rotations, positions, diagonals = state.rotations, state.positions, hessian.diagonal
     jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
+    passed = hessian.passed
     value, first = ZERO, ZERO
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(lengths.size):
@@ -114,6 +123,7 @@ def factorize_dead_loads(system, state, hessian, shift):
         gain = times(inverse, coupling)
         put_matrix(inverse, inverses[e])
         put_matrix(gain, gains[e])
+        put_matrix(_passed(turned, gain), passed[e])
         value = _less(value, coupling, gain)
         along = (positions[e + 1, 0] - positions[e, 0], positions[e + 1, 1] - positions[e, 1],
                  positions[e + 1, 2] - positions[e, 2])
@@ -124,22 +134,29 @@ def factorize_dead_loads(system, state, hessian, shift):
 
 @kernel
 def solve_turns(hessian, right, out):
-    """Solve where only rotations count."""
+    """Solve where only rotations count.
+
+    What one element hands to the next follows from what it was handed by `passed` alone: the rest
+    of the work need not wait for it.
+    """
     jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
+    passed = hessian.passed
     n = jacobians.shape[0]
     to_go = (0.0, 0.0, 0.0)  # slope of the cost to go by theta, negated
     for k in range(n):
         e = n - 1 - k
-        own = plus(vector(right[e]), transposed_applied(matrix(jacobians[e]), to_go))
-        put_vector(applied(matrix(inverses[e]), own), out[e])
+        own = vector(right[e])
         less = transposed_applied(matrix(gains[e]), own)
-        to_go = (to_go[0] - less[0], to_go[1] - less[1], to_go[2] - less[2])
+        turned = transposed_applied(matrix(jacobians[e]), to_go)
+        put_vector(applied(matrix(inverses[e]), plus(own, turned)), out[e])
+        kept = transposed_applied(matrix(passed[e]), to_go)
+        to_go = (kept[0] - less[0], kept[1] - less[1], kept[2] - less[2])
     theta = (0.0, 0.0, 0.0)
     for e in range(n):
+        half = vector(out[e])
         less = applied(matrix(gains[e]), theta)
-        step = (out[e, 0] - less[0], out[e, 1] - less[1], out[e, 2] - less[2])
-        put_vector(step, out[e])
-        theta = plus(theta, applied(matrix(jacobians[e]), step))
+        put_vector((half[0] - less[0], half[1] - less[1], half[2] - less[2]), out[e])
+        theta = plus(applied(matrix(passed[e]), theta), applied(matrix(jacobians[e]), half))
 
 
 @kernel

@@ -22,12 +22,15 @@ _ALIKE = 0.5     # of the lower side's fall: a side that falls by more is as goo
 
 @kernel
 def lean(system, hessian, state, trial):
-    """Fill `trial` with the shape of `state` leant to the preferred side; return if it can be."""
+    """Fill `trial` with the shape of `state` leant to the preferred side.
+
+    Returns whether it can be, and what `evaluate` does.
+    """
     preferred(system, trial.gradient)
     amount = _LEAN / largest_turn(system, hessian, trial.gradient)
     put_sum(state.q, amount, trial.gradient, trial.q)
-    evaluate(system, trial)
-    return not blocks(system.effects, system, state, trial)
+    energy, noise = evaluate(system, trial)
+    return not blocks(system.effects, system, state, trial), energy, noise
 
 
 def kick(system: System, state: State, mode: Floats) -> Floats | None:

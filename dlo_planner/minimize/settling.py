@@ -24,12 +24,14 @@ from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
 from dlo_planner.minimize.leash import no_leash
 from dlo_planner.minimize.linear import assemble, new_hessian
-from dlo_planner.minimize.newton import leashed_descent, safe_shift
+from dlo_planner.minimize.newton import leashed_descent
 from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.minimize.saddle import kicked
+from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.minimize.watching import watching
+from dlo_planner.minimize.workspace import new_workspace
 
 ROUNDS = 100
 _TURN = 12          # rounds in which points are chosen anew, then as many in which they are kept
@@ -127,7 +129,7 @@ def _round(system, q, tolerance, exact, most, previous, keeps):
         state, residual, _, steps, _, _ = descend_held(system, q, tolerance, exact, most, never)
     else:
         state, residual, _, steps, _, _ = leashed_descent(system, q, tolerance, most, never,
-                                                          no_leash())
+                                                          no_leash(), new_workspace(system))
     contacts, new = exchanged(system, state) if keeps else watching(system, state)
     # Without a past it has slid to where it needs no friction; on its way it keeps what it has.
     if len(previous) and residual <= _SHORT * tolerance:

@@ -19,7 +19,7 @@ from dlo_planner.ritz.arrays import scaled_by
 
 _STEPS = 40
 _EXACT = 1e-11
-_QUIET = 3       # steps in a row without growth: one alone may be a rest on the way
+_SHARP = 0.05    # of the root of the accuracy: a residual whose square tells the eigenvalue so well
 _REFINED = 8     # Newton steps at most for an eigenvalue of Lanczos' matrix
 _EIGEN = 1e-13   # its relative accuracy
 _LEAST = 1e-200  # a divisor at least
@@ -43,19 +43,19 @@ def lowest_mode(system, hessian, shift, tolerance):
     diagonal = np.empty(steps)
     side = np.empty(steps)
     preferred(system, vectors[0])
-    top, last, quiet = 0.0, 1.0, 0
+    top, last = 0.0, 1.0
     used = steps
     for k in range(steps):
         image, before = vectors[k + 1], vectors[max(k - 1, 0)]
         solve(system, hessian, vectors[k], image)
         diagonal[k] = dot(image, vectors[k])
         side[k] = _orthogonalized(image, diagonal[k], vectors[k], side[k - 1] if k else 0.0, before)
+        top, last = largest_eigenvalue(diagonal, side, k + 1, top, last)
         stable = top * (shift + _MODE_BELOW) < 1.0
         near = tolerance if stable else _EXACT  # of a shape that falls, the mode is wanted as well
-        previous = top
-        top, last = largest_eigenvalue(diagonal, side, k + 1, top, last)
-        quiet = quiet + 1 if top - previous < near * top else 0
-        if quiet == _QUIET or side[k] < 1e-13 * abs(diagonal[k]):
+        # an eigenvalue is as near as the residual, and as its square over the way to the next one
+        residual = side[k] * np.sqrt(last)
+        if residual < _SHARP * np.sqrt(near) * top or side[k] < 1e-13 * abs(diagonal[k]):
             used = k + 1
             break
         scaled_by(1.0 / side[k], image)
@@ -89,10 +89,10 @@ def preferred(system, vector):
         smooth *= 1.2 - where / total
         where += lengths[e]
         for i in range(3):
-            seed = (1103515245 * seed + 12345) % 2147483648
+            seed = (1103515245 * seed + 12345) & 2147483647
             values[e, i] = smooth * (0.9 + 0.2 * seed / 2147483648.0)
     project(system.basis, values, vector)
-    vector /= np.sqrt(dot(vector, vector))
+    scaled_by(1.0 / np.sqrt(dot(vector, vector)), vector)
 
 
 @kernel
@@ -120,7 +120,8 @@ def largest_eigenvalue(diagonal, side, size, before, last):
             the last entry of the eigenvector
 
     A row that is added raises it by no less than in the plane of that eigenvector and the new axis.
-    From there Newton's method finds it, and bisection where it does not.
+    From there Newton's method finds it, and bisection where it does not: the last pivot is concave
+    above `before`, so each step falls short, by its square over the way from `before` at most.
     """
     if size == 1:
         return diagonal[0], 1.0
@@ -130,13 +131,12 @@ def largest_eigenvalue(diagonal, side, size, before, last):
     for _ in range(_REFINED):
         pivot, rise = _last_pivot(diagonal, side, size, value)
         change = pivot / rise
+        told = change * change <= _EIGEN * abs(value * (value - before))
         value -= change
-        if abs(change) < _EIGEN * abs(value):
-            break
-    near = _EIGEN * abs(value)
-    if _exceeded(diagonal, side, size, value - near) and not _exceeded(diagonal, side, size,
-                                                                       value + near):
-        return value, 1.0 / rise
+        if told:
+            if _exceeded(diagonal, side, size, value + _EIGEN * abs(value)):
+                break
+            return value, 1.0 / rise
     value = _bisected(diagonal, side, size)
     return value, 1.0 / _last_pivot(diagonal, side, size, value)[1]
 

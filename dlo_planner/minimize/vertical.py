@@ -66,17 +66,18 @@ def factorize_vertical_loads(system, state, hessian, shift):
     lengths, scale, pull, strains = system.lengths, system.scale, state.pull, state.strains
     rotations, positions, diagonals = state.rotations, state.positions, hessian.diagonal
     jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
+    passed = hessian.passed
     force, first, value = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(lengths.size):
         e = lengths.size - 1 - k
-        d, gain = diagonals[e], gains[e]
+        d, gain, kept = diagonals[e], gains[e], passed[e]
         force += pull[e + 1, 2]
-        turned, c, p = _element(lengths[e], vector(strains[e]), vector(scale[e]),
+        t, c, p = _element(lengths[e], vector(strains[e]), vector(scale[e]),
                                 matrix(rotations[e]), force, first, value)
         inverse, below = inverse3((d[0, 0] + p[0] + shift, d[1, 1] + p[1] + shift,
                                    d[2, 2] + p[2] + shift, d[0, 1] + p[3], d[0, 2] + p[4],
                                    d[1, 2] + p[5]))
-        put_matrix(turned, jacobians[e])
+        put_matrix(t, jacobians[e])
         if below > 0:
             return False
         put_matrix(inverse, inverses[e])
@@ -86,9 +87,13 @@ def factorize_vertical_loads(system, state, hessian, shift):
         b0 = inverse[0] * c[1] + inverse[1] * c[3] + inverse[2] * c[5]
         b1 = inverse[3] * c[1] + inverse[4] * c[3] + inverse[5] * c[5]
         b2 = inverse[6] * c[1] + inverse[7] * c[3] + inverse[8] * c[5]
-        gain[0, 0], gain[0, 1], gain[0, 2] = a0, b0, 0.0
-        gain[1, 0], gain[1, 1], gain[1, 2] = a1, b1, 0.0
-        gain[2, 0], gain[2, 1], gain[2, 2] = a2, b2, 0.0
+        gain[0, 0], gain[0, 1] = a0, b0
+        gain[1, 0], gain[1, 1] = a1, b1
+        gain[2, 0], gain[2, 1] = a2, b2
+        kept[0, 0] = 1.0 - (t[0] * a0 + t[1] * a1 + t[2] * a2)
+        kept[0, 1] = -(t[0] * b0 + t[1] * b1 + t[2] * b2)
+        kept[1, 0] = -(t[3] * a0 + t[4] * a1 + t[5] * a2)
+        kept[1, 1] = 1.0 - (t[3] * b0 + t[4] * b1 + t[5] * b2)
         value = (value[0] - c[0] * a0 - c[2] * a1 - c[4] * a2,
                  value[1] - c[0] * b0 - c[2] * b1 - c[4] * b2,
                  value[2] - c[1] * b0 - c[3] * b1 - c[5] * b2)
@@ -102,25 +107,29 @@ def factorize_vertical_loads(system, state, hessian, shift):
 def solve_vertical_loads(hessian, right, out):
     """Do what `riccati.solve_turns` does, after `factorize_vertical_loads`."""
     jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
+    passed = hessian.passed
     n = jacobians.shape[0]
     x, y = 0.0, 0.0  # slope of the cost to go by the rotation, negated
     for k in range(n):
         e = n - 1 - k
-        t, gain, inverse = jacobians[e], gains[e], inverses[e]
-        r0 = right[e, 0] + t[0, 0] * x + t[1, 0] * y
-        r1 = right[e, 1] + t[0, 1] * x + t[1, 1] * y
-        r2 = right[e, 2] + t[0, 2] * x + t[1, 2] * y
+        t, gain, inverse, kept = jacobians[e], gains[e], inverses[e], passed[e]
+        b0, b1, b2 = right[e, 0], right[e, 1], right[e, 2]
+        r0 = b0 + (t[0, 0] * x + t[1, 0] * y)
+        r1 = b1 + (t[0, 1] * x + t[1, 1] * y)
+        r2 = b2 + (t[0, 2] * x + t[1, 2] * y)
         out[e, 0] = inverse[0, 0] * r0 + inverse[0, 1] * r1 + inverse[0, 2] * r2
         out[e, 1] = inverse[1, 0] * r0 + inverse[1, 1] * r1 + inverse[1, 2] * r2
         out[e, 2] = inverse[2, 0] * r0 + inverse[2, 1] * r1 + inverse[2, 2] * r2
-        x -= gain[0, 0] * r0 + gain[1, 0] * r1 + gain[2, 0] * r2
-        y -= gain[0, 1] * r0 + gain[1, 1] * r1 + gain[2, 1] * r2
+        x, y = (kept[0, 0] * x + kept[1, 0] * y
+                - (gain[0, 0] * b0 + gain[1, 0] * b1 + gain[2, 0] * b2),
+                kept[0, 1] * x + kept[1, 1] * y
+                - (gain[0, 1] * b0 + gain[1, 1] * b1 + gain[2, 1] * b2))
     x, y = 0.0, 0.0  # rotation of what lies beyond
     for e in range(n):
-        t, gain = jacobians[e], gains[e]
-        s0 = out[e, 0] - gain[0, 0] * x - gain[0, 1] * y
-        s1 = out[e, 1] - gain[1, 0] * x - gain[1, 1] * y
-        s2 = out[e, 2] - gain[2, 0] * x - gain[2, 1] * y
-        out[e, 0], out[e, 1], out[e, 2] = s0, s1, s2
-        x += t[0, 0] * s0 + t[0, 1] * s1 + t[0, 2] * s2
-        y += t[1, 0] * s0 + t[1, 1] * s1 + t[1, 2] * s2
+        t, gain, kept = jacobians[e], gains[e], passed[e]
+        h0, h1, h2 = out[e, 0], out[e, 1], out[e, 2]
+        out[e, 0] = h0 - (gain[0, 0] * x + gain[0, 1] * y)
+        out[e, 1] = h1 - (gain[1, 0] * x + gain[1, 1] * y)
+        out[e, 2] = h2 - (gain[2, 0] * x + gain[2, 1] * y)
+        x, y = (kept[0, 0] * x + kept[0, 1] * y + (t[0, 0] * h0 + t[0, 1] * h1 + t[0, 2] * h2),
+                kept[1, 0] * x + kept[1, 1] * y + (t[1, 0] * h0 + t[1, 1] * h1 + t[1, 2] * h2))

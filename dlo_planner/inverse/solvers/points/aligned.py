@@ -25,8 +25,9 @@ from dlo_planner.minimize.linear import (
     new_hessian,
     solve,
 )
-from dlo_planner.minimize.newton import HARDLY, WELL_STABLE, safe_shift
+from dlo_planner.minimize.newton import HARDLY, WELL_STABLE
 from dlo_planner.minimize.residual import residual_of
+from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord

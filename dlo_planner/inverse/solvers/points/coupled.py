@@ -17,9 +17,9 @@ from dlo_planner.energy.system import State, System, new_state, turned_system, u
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, turn_by
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
-from dlo_planner.minimize.newton import safe_shift
 from dlo_planner.minimize.outcome import outcome
 from dlo_planner.minimize.residual import residual_of
+from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot
