@@ -5,15 +5,14 @@
 The data set itself is not here; another engine makes recordings in its layout.
 """
 
-import pickle
-
 import numpy as np
 import pytest
 
 from benchmarks import deform, deform_doubt
 from benchmarks.deform_chain import by_chain, save
-from benchmarks.deform_data import DT, Recording, arc_lengths, load, recordings, smoothed
+from benchmarks.deform_data import DT, Recording, arc_lengths, smoothed
 from benchmarks.deform_doubt import doubted
+from benchmarks.deform_files import recordings
 from dlo_planner import DirectSimulator, Rod
 
 LENGTH, MASS, DRAG, MARKERS = 0.9, 0.03, 0.8, 12
@@ -39,22 +38,6 @@ def test_what_was_saved_is_read(tmp_path, recorded):
     np.testing.assert_array_equal(found[1].markers, recorded + 1)
     with pytest.raises(FileNotFoundError, match='DLO2'):
         recordings(tmp_path, 2, 'eval')
-
-
-def test_arrays_are_read_and_code_is_not(tmp_path):
-    path = tmp_path / 'one.pkl'
-    for content in (np.ones((5, 3, 12)), list(np.ones((5, 3, 12))), [((1.0,) * 12,) * 3] * 5,
-                    [[[np.float64(1.0)] * 12] * 3] * 5):
-        path.write_bytes(pickle.dumps(content))
-        with path.open('rb') as file:
-            assert load(file).shape == (5, 12, 3)
-    for content, words in ((np.ones((5, 12, 3)), 'shape'), (np.full((5, 3, 12), np.nan), 'finite')):
-        path.write_bytes(pickle.dumps(content))
-        with path.open('rb') as file, pytest.raises(ValueError, match=words):
-            load(file)
-    path.write_bytes(pickle.dumps(print))
-    with path.open('rb') as file, pytest.raises(pickle.UnpicklingError, match='builtins.print'):
-        load(file)
 
 
 def test_arc_lengths_of_a_circle():
