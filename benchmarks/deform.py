@@ -40,6 +40,7 @@ _STEPS = 8, 4             # frames between the poses given: at first, then; ever
 _COARSE = {'basis': 'local', 'n_elements': 20}  # of the first of them
 _ROUGHLY = 1e-2           # of the length: error of motions from which the first guess is chosen
 _FIRST_SEEN = 48          # frames after which a motion is compared: how it began is forgotten
+_ROUNDS = 2               # of doubts and fit
 _LEAST = 100              # frames of a recording for training
 
 
@@ -93,7 +94,8 @@ def identified(found: list[Recording], effort: Effort = Effort()) -> Cable:  # n
     """Return the Cable of training Recordings.
 
     First stiffness and damping of a straight cable, then natural curvature along it with them, and
-    with all that the recordings leave in doubt.
+    with all that the recordings leave in doubt. How far that moves the markers depends on the
+    cable, and is found again with the one that was found.
     """
     began = perf_counter()
     s = arc_lengths(found)
@@ -104,12 +106,19 @@ def identified(found: list[Recording], effort: Effort = Effort()) -> Cable:  # n
     straight = fit_rod(_first_guess(s[-1], motions, effort), motions=motions[:1],
                        parameters=('bending_stiffness', 'damping'), **_COARSE).rod
     rod = replace(straight, torsional_stiffness=_TWIST * float(straight.stiffness[1]))
-    direct = DirectSimulator(rod, **effort.mesh)
-    motions = [doubted(_motion(*one, s), *one, direct) for one in fine]
-    noise = float(np.sqrt(np.mean([one.noise**2 for one, _ in fine])))
-    fit = fit_rod(rod, motions=motions, knots=np.linspace(0, s[-1], effort.knots), noise=noise,
-                  parameters=('bending_stiffness', 'damping', 'natural_curvature'), **effort.mesh)
+    for _ in range(_ROUNDS):
+        fit = refined(rod, fine, s, effort)
+        rod = fit.rod
     return Cable(fit.rod, s, fit, effort, perf_counter() - began)
+
+
+def refined(rod: Rod, seen: list[tuple[Recording, range]], s: Array, effort: Effort) -> Fit:
+    """Return the Fit of frames of Recordings from a Rod on, with what is in doubt with that Rod."""
+    direct = DirectSimulator(rod, **effort.mesh)
+    motions = [doubted(_motion(*one, s), *one, direct) for one in seen]
+    noise = float(np.sqrt(np.mean([one.noise**2 for one, _ in seen])))
+    return fit_rod(rod, motions=motions, knots=np.linspace(0, s[-1], effort.knots), noise=noise,
+                   parameters=('bending_stiffness', 'damping', 'natural_curvature'), **effort.mesh)
 
 
 def predicted(cable: Cable, one: Recording) -> tuple[Array | None, float]:
