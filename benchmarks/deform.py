@@ -23,8 +23,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks import report
-from benchmarks.deform_data import DT, Array, Recording, arc_lengths, recordings
+from benchmarks.deform_data import DT, Array, Recording, arc_lengths
 from benchmarks.deform_doubt import doubted
+from benchmarks.deform_files import recordings
 from dlo_planner import DirectSimulator, Fit, ObservedMotion, Rod, fit_rod
 
 FOLDER = Path(__file__).parent.parent / 'docs' / 'benchmarks'
@@ -39,6 +40,8 @@ _STEPS = 8, 4             # frames between the poses given: at first, then; ever
 _COARSE = {'basis': 'local', 'n_elements': 20}  # of the first of them
 _ROUGHLY = 1e-2           # of the length: error of motions from which the first guess is chosen
 _FIRST_SEEN = 48          # frames after which a motion is compared: how it began is forgotten
+_ROUNDS = 2               # of doubts and fit
+_LEAST = 100              # frames of a recording for training
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,8 @@ def identified(found: list[Recording], effort: Effort = Effort()) -> Cable:  # n
     """Return the Cable of training Recordings.
 
     First stiffness and damping of a straight cable, then natural curvature along it with them, and
-    with all that the recordings leave in doubt.
+    with all that the recordings leave in doubt. How far that moves the markers depends on the
+    cable, and is found again with the one that was found.
     """
     began = perf_counter()
     s = arc_lengths(found)
@@ -102,12 +106,19 @@ def identified(found: list[Recording], effort: Effort = Effort()) -> Cable:  # n
     straight = fit_rod(_first_guess(s[-1], motions, effort), motions=motions[:1],
                        parameters=('bending_stiffness', 'damping'), **_COARSE).rod
     rod = replace(straight, torsional_stiffness=_TWIST * float(straight.stiffness[1]))
-    direct = DirectSimulator(rod, **effort.mesh)
-    motions = [doubted(_motion(*one, s), *one, direct) for one in fine]
-    noise = float(np.sqrt(np.mean([one.noise**2 for one, _ in fine])))
-    fit = fit_rod(rod, motions=motions, knots=np.linspace(0, s[-1], effort.knots), noise=noise,
-                  parameters=('bending_stiffness', 'damping', 'natural_curvature'), **effort.mesh)
+    for _ in range(_ROUNDS):
+        fit = refined(rod, fine, s, effort)
+        rod = fit.rod
     return Cable(fit.rod, s, fit, effort, perf_counter() - began)
+
+
+def refined(rod: Rod, seen: list[tuple[Recording, range]], s: Array, effort: Effort) -> Fit:
+    """Return the Fit of frames of Recordings from a Rod on, with what is in doubt with that Rod."""
+    direct = DirectSimulator(rod, **effort.mesh)
+    motions = [doubted(_motion(*one, s), *one, direct) for one in seen]
+    noise = float(np.sqrt(np.mean([one.noise**2 for one, _ in seen])))
+    return fit_rod(rod, motions=motions, knots=np.linspace(0, s[-1], effort.knots), noise=noise,
+                   parameters=('bending_stiffness', 'damping', 'natural_curvature'), **effort.mesh)
 
 
 def predicted(cable: Cable, one: Recording) -> tuple[Array | None, float]:
@@ -215,6 +226,20 @@ def line(number: int, cable: Cable, score: Score) -> list[str]:
             f'{cable.seconds:.0f}', f'{np.median(score.seconds):.2f}']
 
 
+def recorded(root: Path, number: int) -> tuple[list[Recording], list[Recording]]:
+    """Return the Recordings of a cable for training and for evaluation.
+
+    Raises:
+        OSError, ValueError: a file is missing or wrong; the message names it
+    """
+    training = recordings(root, number, 'train', _LEAST)
+    evaluated = recordings(root, number, 'eval', HORIZON.stop)
+    counts = [parts[0].markers.shape[1] for parts in (training, evaluated)]
+    if counts[0] != counts[1]:
+        raise ValueError(f'cable {number}: {counts[0]} markers in train, {counts[1]} in eval')
+    return training, evaluated
+
+
 def as_json(cable: Cable, score: Score) -> dict[str, Any]:
     """Return what JSON can hold of a cable."""
     return {'length_m': cable.rod.length, 'stiffness_Nm2': float(cable.rod.stiffness[1]),
@@ -232,10 +257,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--cables', type=int, nargs='+', default=list(CABLES), choices=CABLES)
     parser.add_argument('--output', type=Path, default=FOLDER)
     given = parser.parse_args(arguments)
+    try:  # all of them first: a fit takes minutes
+        found = {number: recorded(given.data, number) for number in given.cables}
+    except (OSError, ValueError) as error:
+        parser.error(str(error))
     lines, data, failed = [], {}, 0
-    for number in given.cables:
-        cable = identified(recordings(given.data, number, 'train'))
-        score = scored(cable, recordings(given.data, number, 'eval'))
+    for number, (training, evaluated) in found.items():
+        cable = identified(training)
+        score = scored(cable, evaluated)
         failed += score.failed
         lines.append(line(number, cable, score))
         data[str(number)] = as_json(cable, score)

@@ -1,18 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of the DEFORM data set, and what holds the cable in them.
+"""Recordings of the DEFORM data set (see `deform_files`), and what holds the cable in them."""
 
-The layout, as the public code of roahmlab/DEFORM reads it (`train_DEFORM.py`): files
-`data_set/DLOk/train/*.pkl` and `data_set/DLOk/eval/*.pkl`; each is a sequence over time (100 Hz) of
-x, y, z (3 rows, m, z up) of n markers, 13 on cable 1, 12 on the others. The first two and the last
-two markers sit on the grippers; between the second and the last but one the cable is free.
-"""
-
-import pickle
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
-from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,52 +21,6 @@ _FLOOR = 2e-3 + 1e-6      # m: their evaluation lifts markers that are below it
 _N_AXIS = np.array([0.0, 0.6, 0.8])  # the axis n at time 0, as in their code, across the tangent
 _HARDLY = 0.05            # share of a component that smoothing keeps, and less is nothing
 _EVERY = 25               # frames between two that the lengths are taken from
-_ALLOWED = {('builtins', name) for name in ('list', 'tuple', 'float', 'int')} | {
-    (f'numpy.{core}.{module}', name) for core in ('core', '_core')
-    for module, name in (('multiarray', '_reconstruct'), ('multiarray', 'scalar'),
-                         ('numeric', '_frombuffer'))} | {('numpy', 'ndarray'), ('numpy', 'dtype')}
-
-
-class _NumbersOnly(pickle.Unpickler):
-    """Reads arrays, lists and numbers; a pickle can ask for any code, which is refused."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) not in _ALLOWED:
-            raise pickle.UnpicklingError(f'expected numbers only, found {module}.{name}')
-        return super().find_class(module, name)
-
-
-def load(file: BinaryIO) -> Array:
-    """Return the markers (frames, markers, 3) in m of a recording.
-
-    Raises:
-        ValueError: the file holds anything else
-        pickle.UnpicklingError: it asks for more than numbers
-    """
-    found = np.array(_NumbersOnly(file).load(), dtype=float)
-    if found.ndim != 3 or found.shape[1] != 3 or found.shape[0] < 3 or found.shape[2] < 6:
-        raise ValueError(f'a recording has shape {found.shape}: expected (frames, 3, markers), at '
-                         'least 3 frames and 6 markers')
-    if not np.isfinite(found).all():
-        raise ValueError('a recording has markers that are not finite')
-    return np.ascontiguousarray(found.swapaxes(1, 2))
-
-
-def recordings(root: Path, cable: int, part: str) -> list['Recording']:
-    """Return the Recordings of a cable (1 to 5); part: 'train' or 'eval'; root: of the clone.
-
-    Raises:
-        FileNotFoundError: there are none
-    """
-    folder = root / 'data_set' / f'DLO{cable}' / part
-    paths = sorted(folder.glob('*.pkl'), key=lambda path: (len(path.stem), path.stem))
-    if not paths:
-        raise FileNotFoundError(f'{folder}: expected recordings, files *.pkl')
-    out = []
-    for path in paths:
-        with path.open('rb') as file:
-            out.append(Recording(path.stem, load(file)))
-    return out
 
 
 @dataclass(frozen=True)
@@ -146,6 +91,12 @@ class Recording:
         out = self.markers[frames].copy()
         out[..., 2] = np.maximum(out[..., 2], _FLOOR)
         return out
+
+    @property
+    def sag(self) -> Array:
+        """By how much (3,), m, the cable is off the straight way between its ends, on average."""
+        middle = 0.5 * (self.markers[:, 1] + self.markers[:, -2])
+        return np.asarray((self.markers[:, 2:-2].mean(axis=1) - middle).mean(axis=0))
 
     def arcs(self) -> Array:
         """Return (k, markers - 3) arc lengths between neighboring markers in frames, m.

@@ -9,17 +9,18 @@ markers by far more than their own noise, and alike for instants and markers tha
 fit that takes them for noise is neither as exact as it could be nor free of bias.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.deform_data import Array, Recording
-from dlo_planner import DirectSimulator, FarEnd, ObservedMotion, Pose
+from dlo_planner import DirectSimulator, FarEnd, NotConverged, ObservedMotion, Pose
 
 _BEFORE = 0.05      # of the length: deviation of the grippers in the motion before
 _SMALL = 5e-3       # rad, m: displacement by which derivatives are taken
+_ROUGHNESSES = np.inf, 1e-4  # of steps: even ones, of which differences are smooth, if they do
 
 
 def doubted(one: ObservedMotion, recording: Recording, frames: range, direct: DirectSimulator
@@ -29,15 +30,34 @@ def doubted(one: ObservedMotion, recording: Recording, frames: range, direct: Di
     Args:
         recording, frames: what it was made of; the poses that come before the frames are a lead
         direct: with the cable as far as it is known
+
+    Raises:
+        NotConverged: the motion of that cable cannot be simulated
     """
-    here = _seen(direct, one)
-    away = []
-    for twists in _doubts(one, recording, frames, direct.rod.length):
-        part = min(1.0, _SMALL / np.abs(twists).max())
-        there = _seen(direct, _moved(one, part * twists))
-        if here is not None and there is not None:
-            away.append((there - here) / part)
-    return replace(one, displacements=np.array(away)) if away else one
+    for roughness in _ROUGHNESSES:
+        here = _seen(direct, one, roughness)
+        if here is not None:
+            break
+    else:
+        raise NotConverged(f'recording {recording.name}: its motion could not be simulated')
+    away = [_away(one, twists, here, lambda moved: _seen(direct, moved, roughness))
+            for twists in _doubts(one, recording, frames, direct.rod.length)]
+    return replace(one, displacements=np.array(away))
+
+
+def _away(one: ObservedMotion, twists: Array, here: Array, seen: Callable[..., Array | None]
+          ) -> Array:
+    """Return by how much (k, m, 3) points move with twists (2, poses, 6) of both ends, m.
+
+    A motion that cannot be simulated is rare, and has others beside it.
+    """
+    small = min(1.0, _SMALL / np.abs(twists).max())
+    for part in small * np.array([1.0, -1.0, 0.5, -0.5, 2.0, -2.0]):
+        there = seen(_moved(one, part * twists))
+        if there is not None:
+            return np.asarray((there - here) / part)
+    raise NotConverged('a motion could not be simulated with its ends moved by any small part of '
+                       'what they may be off')
 
 
 def _doubts(one: ObservedMotion, recording: Recording, frames: range, length: float
@@ -80,9 +100,10 @@ def _displaced(pose: Pose, twist: Array) -> Pose:
                               Rotation.from_rotvec(twist[:3]).as_matrix() @ pose.rotation)
 
 
-def _seen(direct: DirectSimulator, one: ObservedMotion) -> Array | None:
-    """Return where the points are (k, m, 3), or None; in even steps: differences stay smooth."""
-    motion = direct.simulate(one.grippers, one.dt, far_ends=one.far_ends, tolerance=np.inf)
+def _seen(direct: DirectSimulator, one: ObservedMotion, roughness: float) -> Array | None:
+    """Return where the points are (k, m, 3), or None; roughness: tolerance, of the length."""
+    motion = direct.simulate(one.grippers, one.dt, far_ends=one.far_ends,
+                             tolerance=roughness * direct.rod.length)
     if not motion.converged:
         return None
     instants = (one.times / one.dt).round().astype(int)

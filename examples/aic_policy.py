@@ -3,7 +3,10 @@
 """A policy for the AI for Industry Challenge (github.com/intrinsic-dev/aic) that asks this node.
 
     ros2 run dlo_planner planner_node --ros-args -p frame_id:=base_link --params-file CABLE.yaml
-    DLO_PLANNER_CONFIG=CABLE.yaml ros2 run aic_model aic_model --ros-args -p policy:=aic_policy
+    export DLO_PLANNER_CONFIG=CABLE.yaml PYTHONPATH=examples:$PYTHONPATH
+    ros2 run aic_model aic_model --ros-args -p policy:=aic_policy
+
+Both need the RMW_IMPLEMENTATION of the challenge, rmw_zenoh_cpp.
 
 The node plans the way of the gripper (`~/plan_threading`, GetPlan in base_link); the poses go out
 at 20 Hz. What the cable itself does to the force sensor, its predicted `gripper_wrench`, is taken
@@ -36,6 +39,7 @@ BASE, GRIPPER = 'base_link', 'gripper/tcp'
 PERIOD = 0.05                  # s between two targets
 LARGEST = 10.0, 1.0            # N, N m: more than the cable explains is contact
 PATIENCE = 60.0                # s for a plan
+WAIT = 10.0                    # s for frames and the first observation
 # a plug goes against the z axis of its port; a cut-out's x axis is the way through it
 INTO_PORT = Pose.from_rotation((0, 0, 0), Rotation.from_euler('y', 90, degrees=True).as_matrix())
 
@@ -54,7 +58,15 @@ class AicPolicy(Policy):
     def insert_cable(self, task: Any, get_observation: Callable, set_pose_target: Callable,
                      send_feedback: Callable[[str], None]) -> bool:
         """Insert the cable of a Task; return whether the gripper came to the end of the plan."""
-        port = self._pose_of(f'task_board/{task.target_module_name}/{task.port_name}_link')
+        frame = f'task_board/{task.target_module_name}/{task.port_name}_link'
+        if not self._waited(lambda: get_observation() is not None):
+            send_feedback(f'no observation within {WAIT:g} s')
+            return False
+        for needed in (frame, GRIPPER, get_observation().wrist_wrench.header.frame_id):
+            if not self._waited(lambda needed=needed: self._is_known(needed)):
+                send_feedback(f'no frame {needed} in tf within {WAIT:g} s')
+                return False
+        port = self._pose_of(frame)
         path = self._planned(self._pose_of(GRIPPER), port.compose(INTO_PORT))
         if path is None or not path.poses:
             send_feedback(f'no plan: {PLANNER}/status says why')
@@ -68,6 +80,17 @@ class AicPolicy(Policy):
             set_pose_target(pose_msg(pose), BASE)
             self.sleep_for(PERIOD)
         return True
+
+    def _waited(self, ready: Callable[[], bool]) -> bool:
+        """Return whether something is ready within WAIT."""
+        for _ in range(round(WAIT / PERIOD)):
+            if ready():
+                return True
+            self.sleep_for(PERIOD)
+        return ready()
+
+    def _is_known(self, frame: str) -> bool:
+        return bool(self._parent_node._tf_buffer.can_transform(BASE, frame, Time()))
 
     def _pose_of(self, frame: str) -> Pose:
         """Return where a frame is, as a Pose in base_link."""

@@ -5,16 +5,18 @@
 The data set itself is not here; another engine makes recordings in its layout.
 """
 
-import pickle
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from benchmarks import deform, deform_doubt
 from benchmarks.deform_chain import by_chain, save
-from benchmarks.deform_data import DT, Recording, arc_lengths, load, recordings, smoothed
+from benchmarks.deform_data import DT, Recording, arc_lengths, smoothed
 from benchmarks.deform_doubt import doubted
-from dlo_planner import DirectSimulator, Rod
+from benchmarks.deform_files import recordings
+from dlo_planner import DirectSimulator, NotConverged, Rod
 
 LENGTH, MASS, DRAG, MARKERS = 0.9, 0.03, 0.8, 12
 STIFFNESS = MASS * 9.81 * LENGTH**3 / 60
@@ -39,22 +41,6 @@ def test_what_was_saved_is_read(tmp_path, recorded):
     np.testing.assert_array_equal(found[1].markers, recorded + 1)
     with pytest.raises(FileNotFoundError, match='DLO2'):
         recordings(tmp_path, 2, 'eval')
-
-
-def test_arrays_are_read_and_code_is_not(tmp_path):
-    path = tmp_path / 'one.pkl'
-    for content in (np.ones((5, 3, 12)), list(np.ones((5, 3, 12))), [((1.0,) * 12,) * 3] * 5,
-                    [[[np.float64(1.0)] * 12] * 3] * 5):
-        path.write_bytes(pickle.dumps(content))
-        with path.open('rb') as file:
-            assert load(file).shape == (5, 12, 3)
-    for content, words in ((np.ones((5, 12, 3)), 'shape'), (np.full((5, 3, 12), np.nan), 'finite')):
-        path.write_bytes(pickle.dumps(content))
-        with path.open('rb') as file, pytest.raises(ValueError, match=words):
-            load(file)
-    path.write_bytes(pickle.dumps(print))
-    with path.open('rb') as file, pytest.raises(pickle.UnpicklingError, match='builtins.print'):
-        load(file)
 
 
 def test_arc_lengths_of_a_circle():
@@ -177,10 +163,63 @@ def test_what_is_left_in_doubt_covers_what_was_off(recorded):
     columns = doubted(motion, one, frames, direct).displacements
     assert columns.shape[1:] == motion.points.shape
     assert 20 < len(columns) < 150
-    away = (motion.points - deform_doubt._seen(direct, motion)).ravel()
+    away = (motion.points - deform_doubt._seen(direct, motion, np.inf)).ravel()
     flat = columns.reshape(len(columns), -1).T
     amounts = np.linalg.lstsq(np.vstack([flat / 1e-3, np.eye(len(columns))]),
                               np.append(away / 1e-3, np.zeros(len(columns))), rcond=None)[0]
     assert np.abs(away).max() > 3e-3           # the grippers are turned by their noise
     assert np.abs(away - flat @ amounts).max() < 1e-3
     assert np.abs(amounts).max() < 4
+
+
+class Stubborn:
+    """A simulator of points between the grippers, of which some motions fail."""
+
+    rod = Rod(LENGTH, MASS, STIFFNESS, STIFFNESS)
+
+    def __init__(self, fails):
+        self.fails, self.calls = fails, 0
+
+    def simulate(self, grippers, _, far_ends, tolerance):
+        self.calls += 1
+        shapes = [self.shape(*both) for both in zip(grippers, far_ends, strict=True)]
+        return SimpleNamespace(converged=not self.fails(self.calls, tolerance), shapes=shapes)
+
+    @staticmethod
+    def shape(pose, end):
+        way = 0.1 * (pose.direction + end.pose.direction)
+        return SimpleNamespace(positions_at=lambda s: way + np.outer(
+            1 - s / LENGTH, pose.position) + np.outer(s / LENGTH, end.pose.position))
+
+
+def test_no_doubt_is_left_out_where_a_motion_fails(recorded):
+    frames = range(0, 60, 4)
+    noisy = recorded + 1e-3 * np.random.default_rng(3).standard_normal(recorded.shape)
+    one = Recording('7', noisy)
+    motion = deform._motion(one, frames, _cable().s)
+    wanted = doubted(motion, one, frames, Stubborn(lambda *_: False)).displacements
+    assert len(wanted) > 30 and np.abs(wanted[:30]).max(axis=(1, 2, 3)).min() > 1e-5
+    for fails in (lambda calls, _: calls % 2 == 0, lambda calls, _: calls % 3 != 1,
+                  lambda _, tolerance: np.isinf(tolerance)):
+        found = doubted(motion, one, frames, Stubborn(fails)).displacements
+        np.testing.assert_allclose(found, wanted, atol=0.01 * np.abs(wanted).max())
+    with pytest.raises(NotConverged, match='recording 7'):
+        doubted(motion, one, frames, Stubborn(lambda *_: True))
+    with pytest.raises(NotConverged, match='any small part'):
+        doubted(motion, one, frames, Stubborn(lambda calls, _: calls > 1))
+
+
+def test_doubts_are_found_again_with_the_cable_that_was_found(monkeypatch, recorded):
+    rods = []
+
+    def fitted(rod, **_):
+        rods.append(rod)
+        return type('Fit', (), {'rod': replace(rod, damping=(len(rods), 0.0))})
+
+    monkeypatch.setattr(deform, 'fit_rod', lambda rod, parameters, motions, **more: fitted(rod))
+    monkeypatch.setattr(deform, 'doubted', lambda motion, *_: rods.append(_[-1].rod) or motion)
+    monkeypatch.setattr(deform, '_first_guess', lambda *_: _cable().rod)
+    cable = deform.identified([Recording('0', recorded)])
+    # the straight one; doubts and fit, twice, each with what was found last
+    assert [rod.damping[0] for rod in rods] == [DRAG, 1, 1, 3, 3]
+    assert cable.rod.damping[0] == 5

@@ -47,3 +47,34 @@ def test_a_row_says_what_is_covered():
     assert len(cells) == len(deform_surrogate.HEADS)
     assert cells[6] == '2 of 3'
     assert '1 of 2 not predicted' in deform_surrogate.said(2, score)
+
+
+def test_natural_curvature_is_compared_with_what_it_was_made_of():
+    fit = type('Fit', (), {
+        'values': {'natural_curvature': ((1.1, 0.3), (0.4, 0.45), (0.8, 0.05))},
+        'deviations': {'natural_curvature': ((0.1, 0.1), (0.1, 0.1), (0.1, 0.01))}})
+    data = deform_surrogate.bent(4, type('Cable', (), {'fit': fit}))
+    np.testing.assert_allclose(data['made'], [[1.0, 0.3], [0.4, 0.8], [0.8, 0.0]], atol=1e-12)
+    assert deform_surrogate.bent_line('4', data) == [
+        '4', '1, 0.3; 0.4, 0.8; 0.8, 0', '1.10 ± 0.10, 0.30 ± 0.10; 0.40 ± 0.10, 0.45 ± 0.10; '
+        '0.80 ± 0.10, 0.05 ± 0.01', '4 of 6']
+
+
+def test_a_table_keeps_the_rows_of_other_cables(tmp_path):
+    heads, bends = deform_surrogate.HEADS, {'made': [[1, 0]], 'found': [[1, 0]],
+                                            'deviations': [[1, 1]]}
+    rows = {number: [number, *(f'{number} {k}' for k in range(1, len(heads)))] for number in '135'}
+    deform_surrogate.write(tmp_path, {'3': rows['3']}, {'3': {'fit_s': 3}})
+    deform_surrogate.write(tmp_path, {'1': rows['1']}, {'1': {'natural_curvature': bends}})
+    deform_surrogate.write(tmp_path, {'5': rows['5']}, {'5': {'fit_s': 5}})
+    found, data = deform_surrogate.kept(tmp_path)
+    assert found == rows and list(data) == ['1', '3', '5'] and data['3'] == {'fit_s': 3}
+    again = [*rows['3'][:-1], 'new']
+    deform_surrogate.write(tmp_path, {'3': again}, {'3': {'fit_s': 4}})
+    found, data = deform_surrogate.kept(tmp_path)
+    assert found == {**rows, '3': again} and data['3'] == {'fit_s': 4}
+    text = (tmp_path / 'deform_surrogate.md').read_text()
+    assert text.count('| 1 | 1, 0 |') == 1  # the other table
+    text = text.replace(heads[1], 'other')
+    (tmp_path / 'deform_surrogate.md').write_text(text)
+    assert deform_surrogate.kept(tmp_path) == ({}, {})

@@ -42,6 +42,9 @@ class _Tf:
     def __init__(self, frames):
         self.frames = frames
 
+    def can_transform(self, _, source, __):
+        return source in self.frames
+
     def lookup_transform(self, _, source, __):
         found, pose = TransformStamped(), self.frames[source]
         for axis, value in zip('xyz', pose.position, strict=True):
@@ -140,6 +143,22 @@ def test_the_weight_of_the_wire_is_no_contact_but_more_is(policy):
     assert not done
     assert targets == []
     assert 'contact: 15.0 N' in words[-1]
+
+
+def test_what_is_not_there_yet_is_waited_for_and_then_named(policy, node):
+    node.slept.clear()
+    assert _insert(policy, None) == (False, [], ['no observation within 10 s'])
+    assert sum(node.slept) == pytest.approx(10)
+    port = node._tf_buffer.frames.pop('task_board/nic/sfp_link')
+    try:  # as without the ground truth
+        assert _insert(policy, _felt(_weight(), np.zeros(3))) == (
+            False, [], ['no frame task_board/nic/sfp_link in tf within 10 s'])
+    finally:
+        node._tf_buffer.frames['task_board/nic/sfp_link'] = port
+    seen = iter([None, None])
+    task = SimpleNamespace(target_module_name='nic', port_name='sfp')
+    assert policy.insert_cable(task, lambda: next(seen, _felt(_weight(), np.zeros(3))),
+                               lambda *_: None, lambda _: None)
 
 
 def test_without_a_plan_it_says_so(policy, monkeypatch):

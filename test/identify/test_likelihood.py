@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a fit minimizes, by differences; what it says of its errors, by repeated draws."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dlo_planner import Rod
+from dlo_planner.identify.likelihood import LOSSES, Errors
+
+ROBUST = sorted({*LOSSES} - {'linear'})
+NOISE, SCALE = 2e-3, 1.5
+
+
+@pytest.mark.parametrize('loss', LOSSES)
+def test_slopes_of_losses_against_differences(loss):
+    rho = LOSSES[loss]
+    z = np.array([1e-3, 0.2, 0.6, 0.97, 1.04, 1.5, 4.0, 30.0])
+    h = 1e-4 * z
+    value, first, second = rho(z)
+    np.testing.assert_allclose((rho(z + h)[0] - rho(z - h)[0]) / (2 * h), first, rtol=1e-6)
+    np.testing.assert_allclose((rho(z + h)[1] - rho(z - h)[1]) / (2 * h), second, rtol=1e-6,
+                               atol=1e-9)
+    near = np.array([1e-6])  # what is near counts by its square
+    np.testing.assert_allclose(rho(near)[:2], [near, [1.0]], rtol=1e-5)
+    assert (value <= z * (1 + 1e-12)).all() and (second <= 0).all()
+
+
+class Places:
+    """Points (m, 3) in m seen of one place x (3,) in cm, in the part of `Observed`."""
+
+    UNIT = 0.01
+
+    def __init__(self, points):
+        self.points, self.size, self.n_parameters = points, 3, 3
+        self.rod, self.motions, self.precision = Rod(1.0, 0.07, 0.02, 0.015), (), 1e-6
+        self.bounds = np.full(3, -np.inf), np.full(3, np.inf)
+
+    def at(self, x):
+        slopes = np.tile(self.UNIT * np.eye(3), (len(self.points), 1, 1))
+        return SimpleNamespace(away=self.UNIT * x - self.points, slopes=slopes,
+                               counts=np.ones(self.points.shape, bool), any=True)
+
+    def begin(self):
+        pass
+
+    def differ_centrally(self):
+        pass
+
+    def of_motions(self, values):
+        return []
+
+
+def errors_of(points, loss, noise=NOISE):
+    return Errors(Places(points), np.zeros(3), noise, LOSSES[loss], SCALE)
+
+
+@pytest.mark.parametrize('loss', LOSSES)
+def test_the_mean_slope_of_forces_is_that_of_the_cost(loss, rng):
+    # a unit of x is 5 deviations: of each point's cost, sum of second derivatives along the axes
+    points, x = NOISE * rng.normal(size=(40, 3)) * 2, np.array([0.1, -0.2, 0.15])
+    errors = errors_of(points, loss)
+    information = errors._information(x, NOISE)
+    h, here = 1e-3, errors.cost(x)
+    bend = sum(errors.cost(x + step) - 2 * here + errors.cost(x - step)
+               for step in h * np.eye(3)) / h**2
+    assert information.stiffness == pytest.approx(
+        bend * (NOISE / Places.UNIT) ** 2 / points.size, rel=2e-4)
+    slope = [(errors.cost(x + step) - errors.cost(x - step)) / (2 * h) for step in h * np.eye(3)]
+    np.testing.assert_allclose(slope, errors._slopes(x, NOISE).T @ errors._residuals(x, NOISE),
+                               rtol=1e-5)
+
+
+@pytest.mark.parametrize('known', [True, False])
+@pytest.mark.parametrize('loss', LOSSES)
+def test_deviations_of_a_place_are_those_of_repeated_draws(loss, known):
+    rng, off = np.random.default_rng(3), []
+    for _ in range(60):
+        # one point in eight is far off, which the deviations of a robust loss count
+        away = NOISE * rng.normal(size=(40, 3)) * np.where(
+            (loss != 'linear') & (rng.random((40, 1)) < 0.125), 4.0, 1.0)
+        errors = errors_of(away, loss, NOISE if known else None)
+        found, told = errors.settled(errors.minimum(np.array([0.3, -0.2, 0.1])))
+        off.append(found.x / told.deviations)
+    # 180 independent numbers: within four deviations of their root mean square
+    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1, abs=4 / np.sqrt(2 * 180))
