@@ -58,6 +58,10 @@ class Instant:
         instant.__dict__.update(contents)
         return instant
 
+    def changed(self, **contents: Any) -> 'Instant':
+        """Return the same Instant with other values of some fields."""
+        return self.made(**(self.__dict__ | contents))
+
     @property
     def balance(self) -> float:
         """Energy that is there, less what was put in, plus what was taken out, J."""

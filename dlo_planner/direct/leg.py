@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.instant import Instant, There
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.proof import CONVERGED
 from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hanging_shape
-from dlo_planner.direct.swinging import entered, swing, swing_along
+from dlo_planner.direct.swinging import entered, set_off, swing_along
 from dlo_planner.direct.trail import PAST, Trail
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.value import freeze
@@ -101,9 +101,6 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
     """Return the Leg of a DLO that hangs freely, see `Stepper.along`."""
     rounding = stepper.rounding(scheme)
     trail = _trail(stepper, now.nodes, now.bends, np.append(now.place, places))
-    for one, known in zip((trail.bases, trail.origins, trail.twists),
-                          stepper.grips.gripper.along(np.append(now.place, places)), strict=True):
-        one[PAST:] = known
     nodes = trail.nodes[0]
     for row, (time, positions) in enumerate(past or [
             (trail.times[PAST] - k * scheme.dt, now.nodes.position) for k in (2, 1)]):
@@ -126,37 +123,35 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
                nodes[PAST + 1:last + 1, stepper.watched], made.get(last + 1))
 
 
-def swung_shortly(stepper: Stepper, courses: tuple[KinematicState, KinematicState], place: float,
-                  brief: Scheme,
-                  damping: tuple[float, float]) -> There:
-    """Return what is There at the end of a very short step of a DLO that hangs freely.
+def set_going(stepper: Stepper, now: Instant, brief: Scheme, going: bool) -> Instant:
+    """Return an Instant of a DLO that hangs freely, moving as its grips and forces allow.
 
     Parameters
     ----------
-    courses : tuple
-        Of the nodes and of the strains.
-    place : float
-        Time / dt, one step of the Scheme `brief` from now.
-    damping : tuple
-        (a, b) as of a Rod.
+    brief : Scheme
+        Scheme of the very short steps by which that is found.
+    going : bool
+        Whether its velocities are changed, too; else its accelerations only.
     """
-    trail = _trail(stepper, *courses, np.array([place - brief.dt / stepper.dt, place]))
-    gripper = stepper.grips.gripper.at(place)
-    trail.bases[PAST + 1], trail.origins[PAST + 1] = gripper.rotation, gripper.position
-    swing(stepper.discretization.static, stepper.coefficients(brief, damping), trail, PAST + 1,
-          TOLERANCE + stepper.rounding(brief), MAX_ITERATIONS, False)
-    return There(trail.nodes[0, PAST + 1].copy(), trail.bends[0, PAST + 1].copy(),
-                 trail.wrenches[PAST + 1].copy(), np.zeros(6))
+    there = brief.dt / stepper.dt
+    trail = _trail(stepper, now.nodes, now.bends,
+                   now.place + there * np.array([0.0, 1.0, 0.0, -1.0]))
+    set_off(stepper.discretization.static, stepper.coefficients(brief, (0.0, 0.0)),
+            stepper.coefficients(brief), trail, going, TOLERANCE + stepper.rounding(brief),
+            MAX_ITERATIONS)
+    nodes, bends = (course[:, PAST].copy() for course in (trail.nodes, trail.bends))
+    freeze([nodes, bends])
+    kinetic, power, damping = trail.energies[PAST, [2, 4, 6]].tolist()
+    return now.changed(nodes=KinematicState.of(nodes), bends=KinematicState.of(bends),
+                       kinetic=kinetic, power=power, damping=damping)
 
 
 def _trail(stepper: Stepper, nodes: KinematicState, bends: KinematicState, places: Floats) -> Trail:
-    """Return a Trail at `places` (n,), of which the first is now, with how it moves now.
-
-    The grips are not filled in.
-    """
+    """Return a Trail at `places` (n,), of which the first is now, with how it moves now."""
     rows, elements = PAST + places.size, len(bends.position)
-    times, grips = np.empty(rows), [np.empty((rows, *size)) for size in ((3, 3), (3,), (6,))]
+    times = np.empty(rows)
     times[PAST:] = stepper.dt * places
+    grips = stepper.grips.gripper.along(np.concatenate([places[:1]] * PAST + [places]))
     courses = [np.empty((4, rows, *one.position.shape)) for one in (nodes, bends)]
     for course, known in zip(courses, (nodes, bends), strict=True):
         course[:, PAST] = known.arrays

@@ -229,13 +229,6 @@ def _rows_of(x: Any, y: Any, z: Any, w: Any) -> list[list[Any]]:
             [2 * (xz - yw), 2 * (yz + xw), zz - xx - yy + ww]]
 
 
-def rotations_of(quaternions: Floats) -> Floats:
-    """Return (k, 3, 3) of quaternions (k, 4), not zero, of any size."""
-    x, y, z, w = quaternions.T / np.linalg.norm(quaternions, axis=1)
-    rows = _rows_of(x, y, z, w)
-    return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))
-
-
 def _volume(m: Floats) -> float:
     """Return the determinant of a 3 x 3 matrix."""
     (a, b, c), (d, e, f), (g, h, i) = m.tolist()
