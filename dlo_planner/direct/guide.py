@@ -63,16 +63,16 @@ class Guide(Value):
             first, many = self.poses[0], (len(places), 1)
             return (np.tile(first.rotation, (*many, 1)), np.tile(first.position, many),
                     np.zeros((len(places), 6)))
-        return along_spline(*self._pieces, self.dt, np.ascontiguousarray(places), *self._given)
+        return along_spline(self._cubics, len(self.poses), self.dt, places, *self._given)
 
     @cached_property
-    def _pieces(self) -> tuple[Floats, int]:
-        """Coefficients (4, n - 1, 7) of the spline's cubics, and n."""
+    def _cubics(self) -> Floats:
+        """(4, n - 1, 7) coefficients of the spline."""
         spline: Any = self._spline  # there is one where the poses differ
-        return np.ascontiguousarray(spline.c), len(self.poses)
+        return np.ascontiguousarray(spline.c)
 
     @cached_property
-    def _given(self) -> tuple[Floats, Floats, Floats]:
+    def _given(self) -> tuple[Floats, Floats]:
         """What `along` returns for the poses: not as the spline rounds them."""
         return (np.array([pose.rotation for pose in self.poses]),
                 np.array([pose.position for pose in self.poses]))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -166,25 +167,46 @@ def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], pla
     at: Any = rows
     if rows and 2 * len(rows) > trail.times.size and rows[-1] - rows[0] == len(rows) - 1:
         at = slice(rows[0], rows[-1] + 1)  # nothing is copied
-    nodes, bends, frames, wrenches = (trail.nodes[:, at], trail.bends[:, at], trail.frames[at],
-                                      trail.wrenches[at])
-    freeze([nodes, bends, frames, wrenches])
-    energies, proofs = trail.energies[rows].tolist(), trail.proofs[rows].tolist()
+    arrays = (trail.nodes[:, at], trail.bends[:, at], trail.frames[at], trail.wrenches[at])
+    freeze(arrays)
+    energies = trail.energies[rows].tolist()
+    known = _Rows(stepper, *arrays, energies, trail.proofs[rows].tolist(),
+                  trail.iterations[rows].tolist(), rounding)
     found = []
-    for k, row in enumerate(rows):
-        elastic, energy, kinetic, work, power, lost, damping = energies[k]
-        residual, stability, _ = proofs[k]
-        place = float(places[k])
-        shape = hanging_shape(stepper.discretization, stepper.grips.gripper.at(place), (
-            bends[0, k], frames[k], nodes[0, k], wrenches[k], elastic, energy, residual, stability,
-            int(trail.iterations[row]), 0), rounding)
+    for k, place in enumerate(places.tolist()):
+        _, energy, kinetic, work, power, lost, damping = energies[k]
         losses = now.losses.copy()
         losses[0] = lost
         found.append(Instant.made(
-            place=place, shape=shape, nodes=KinematicState.of(nodes[:, k]),
-            bends=KinematicState.of(bends[:, k]), kinetic=kinetic, potential=energy, work=work,
-            power=power, losses=losses, damping=damping, touched=False))
+            place=place, kinetic=kinetic, potential=energy, work=work, power=power, losses=losses,
+            damping=damping, touched=False, boxed=partial(_unboxed, known, k, place)))
     return found
+
+
+class _Rows(NamedTuple):
+    """What Shapes and KinematicStates of several Instants are made of, as of a Trail."""
+
+    stepper: Stepper
+    nodes: Floats
+    bends: Floats
+    frames: Floats
+    wrenches: Floats
+    energies: list[list[float]]
+    proofs: list[list[float]]
+    iterations: list[int]
+    rounding: float
+
+
+def _unboxed(rows: _Rows, k: int, place: float, name: str) -> Any:
+    """Return 'nodes', 'bends' or 'shape' of an Instant, when that is first asked for."""
+    if name == 'nodes':
+        return KinematicState.of(rows.nodes[:, k])
+    if name == 'bends':
+        return KinematicState.of(rows.bends[:, k])
+    stepper, energies, (residual, stability, _) = rows.stepper, rows.energies[k], rows.proofs[k]
+    return hanging_shape(stepper.discretization, stepper.grips.gripper.at(place), (
+        rows.bends[0, k], rows.frames[k], rows.nodes[0, k], rows.wrenches[k], *energies[:2],
+        residual, stability, rows.iterations[k], 0), rows.rounding)
 
 
 def stepped(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], place: float,

@@ -39,7 +39,8 @@ def along_spline(cubics: Floats, count: int, dt: float, places: Floats, frames: 
 
 
 @kernel
-def _fill_cubic(cubics, count, place, dt, value, rate):
+def _fill_cubic(cubics: Floats, count: int, place: float, dt: float, value: Floats,
+                rate: Floats) -> None:
     """Fill value (7,) and rate (7,), 1/s, of the spline at a place, beyond its ends too."""
     piece = min(max(int(np.floor(place)), 0), count - 2)
     x = place - piece
@@ -51,7 +52,7 @@ def _fill_cubic(cubics, count, place, dt, value, rate):
 
 
 @kernel
-def _fill_twist(value, rate, twist):
+def _fill_twist(value: Floats, rate: Floats, twist: Floats) -> None:
     """Fill (6,) velocity and angular velocity, world, of a pose (7,) and its rate (7,)."""
     x, y, z, w = value[3], value[4], value[5], value[6]
     a, b, c, d = rate[3], rate[4], rate[5], rate[6]
@@ -64,7 +65,7 @@ def _fill_twist(value, rate, twist):
 
 
 @kernel
-def _fill_rotation(value, rotation):
+def _fill_rotation(value: Floats, rotation: Floats) -> None:
     """Fill (3, 3) of the quaternion, of any size, in a pose (7,) (Diebel 2006, eq. 125)."""
     x, y, z, w = value[3], value[4], value[5], value[6]
     s = 1 / (x * x + y * y + z * z + w * w)
