@@ -148,6 +148,7 @@ def set_off(system: System, calm: Coefficients, how: Coefficients, trail: Trail,
         tolerance, max_iterations: as `newton`
     """
     now, ahead, again, back = PAST, PAST + 1, PAST + 2, PAST + 3
+    check = tolerance < 0.0  # False; a literal would be compiled for by itself
     courses = trail.nodes, trail.bends
     for course in courses:
         for k in range(course.shape[2]):
@@ -158,14 +159,14 @@ def set_off(system: System, calm: Coefficients, how: Coefficients, trail: Trail,
                 course[2, again, k, i] = course[3, again, k, i] = 0.0
     if going:
         # what damps acts against either way: it would not cancel
-        swing(system, calm, trail, ahead, tolerance, max_iterations, False)
-        swing(system, calm, trail, back, tolerance, max_iterations, False)
+        swing(system, calm, trail, ahead, tolerance, max_iterations, check)
+        swing(system, calm, trail, back, tolerance, max_iterations, check)
         for course in courses:
             for k in range(course.shape[2]):
                 for i in range(3):
                     course[1, now, k, i] = (course[0, ahead, k, i]
                                             - course[0, back, k, i]) / (2 * how.dt)
-    swing(system, how, trail, ahead, tolerance, max_iterations, False)
+    swing(system, how, trail, ahead, tolerance, max_iterations, check)
     for course in courses:
         for k in range(course.shape[2]):
             for i in range(3):

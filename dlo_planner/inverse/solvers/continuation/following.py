@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
@@ -129,7 +127,7 @@ def follow(condition: Condition, passing: Passing, depth: float, goal: float,
     length = passing.shape.s[-1]
     step = longest = _LONGEST_STEP * length
     while True:
-        target = depth + float(np.clip(goal - depth, -step, step))
+        target = depth + min(max(goal - depth, -step), step)
         roll = 0.0 if route is None else route.roll(condition, passing, depth, target)
         for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once, is rolled later
             candidate = condition.at(passing, target, share * roll, target == goal)
