@@ -16,8 +16,8 @@ from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
 from dlo_planner.direct.motion import Boxed, Motion
 from dlo_planner.direct.motion_error import HALVINGS, Begun, Recipe, Trace, error_of
 from dlo_planner.direct.setting_off import begin, renewed
-from dlo_planner.direct.statics import MAX_ITERATIONS
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import MAX_ITERATIONS
 from dlo_planner.direct.stepping import Stepper
 from dlo_planner.model.arrays import Floats
 from dlo_planner.progress import Progress

@@ -39,6 +39,8 @@ class Passing(NamedTuple):
         Its depth, m; nan: not known.
     since : (Shape, float) or None
         The Shape that it was followed from, and its depth, m. None: not known.
+    axes : ndarray, shape (3, 3), or None
+        Axes of the DLO at the first center. None: not known.
     """
 
     shape: Shape
@@ -46,6 +48,7 @@ class Passing(NamedTuple):
     second: float | None = None
     depth: float = float('nan')
     since: tuple[Shape, float] | None = None
+    axes: Floats | None = None
 
     @property
     def gripper(self) -> tuple[Floats, Floats]:
