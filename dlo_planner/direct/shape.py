@@ -225,11 +225,12 @@ class Shape(OfDLO):
         displacement = vector('displacement', displacement, 3)
         gripper = shifted(self.gripper, displacement)
         positions = self.positions + displacement
-        freeze(positions)
+        positions.flags.writeable = False
         other = object.__new__(type(self))  # without another look at what is the same
         contents = self.__dict__.copy()
-        for name in contents.keys() - _FIELDS:  # what was computed from it since
-            del contents[name]
+        if len(contents) > len(_FIELDS):
+            for name in contents.keys() - _FIELDS:  # what was computed from it since
+                del contents[name]
         contents.update(gripper=gripper, positions=positions, energy=self.energy + float(
             displacement @ self.gripper_wrench[:3]))
         other.__dict__.update(contents)

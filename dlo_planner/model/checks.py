@@ -253,7 +253,8 @@ def items(name: str, value: object, kinds: type | tuple[type, ...],
         raise error(f'{name} = {shown(value)}: expected at most {_MOST} of {_named(kinds)}')
     if len(result) < least:
         raise error(f'{name} = {shown(value)}: expected {least} or more of {_named(kinds)}')
-    if kinds is not object and not set(map(type, result)) <= set(kinds if isinstance(kinds, tuple) else (kinds,)):
+    whole = kinds if isinstance(kinds, tuple) else (kinds,)
+    if object not in whole and not set(map(type, result)) <= set(whole):
         for index, item in enumerate(result):  # which of them it is, if it is not a subclass
             instance(f'{name}[{index}]', item, kinds, error)
     return result

@@ -183,7 +183,8 @@ def shifted(pose: Pose, displacement: Floats) -> Pose:
     """Return a Pose with its origin displaced by (3,) m."""
     position, other = pose.position + displacement, object.__new__(Pose)
     position.flags.writeable = False
-    put(other, **{**pose.__dict__, 'position': position})
+    other.__dict__.update(pose.__dict__)
+    other.__dict__['position'] = position
     return other
 
 

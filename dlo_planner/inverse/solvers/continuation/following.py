@@ -104,11 +104,14 @@ class Step(NamedTuple):
         Depth that was reached, m.
     leap : float
         How far the gripper would have to leap there, m; 0: no shape was found beyond it.
+    at_once : bool
+        Whether it was reached in a single step, in which the gripper does not leap.
     """
 
     passing: Passing | None
     depth: float
     leap: float
+    at_once: bool = False
 
 
 def follow(condition: Condition, passing: Passing, depth: float, goal: float,
@@ -129,6 +132,7 @@ def follow(condition: Condition, passing: Passing, depth: float, goal: float,
     """
     length = passing.shape.s[-1]
     step = longest = _LONGEST_STEP * length
+    begun = depth
     while True:
         target = depth + min(max(goal - depth, -step), step)
         roll = 0.0 if route is None else route.roll(condition, passing, depth, target)
@@ -139,9 +143,10 @@ def follow(condition: Condition, passing: Passing, depth: float, goal: float,
             if candidate is not None and not too_far:
                 break
         if candidate is not None and not too_far:
+            at_once = depth == begun
             passing, depth = candidate, target
             if depth == goal:
-                return Step(passing, depth, 0.0)
+                return Step(passing, depth, 0.0, at_once)
             step = min(2 * step, longest)
             continue
         if step <= _SHORTEST_STEP * length or target == depth:

@@ -169,7 +169,7 @@ def _refusal(simulator: DirectSimulator, builder: PlanBuilder, before: Passing |
     if shape.stability < -NEUTRAL:
         return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the shape '
                                f'that passes the cut-out; stability {shape.stability:.3g} < 0')
-    return refusal_for_step(simulator, builder, before, step.passing)
+    return refusal_for_step(simulator, builder, None if step.at_once else before, step.passing)
 
 
 def _rolled(simulator: DirectSimulator, builder: PlanBuilder, aligned: Aligned, before: Passing,
