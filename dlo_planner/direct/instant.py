@@ -33,8 +33,6 @@ class Instant:
         Power of the grips now, W.
     losses : ndarray, shape (3,)
         Energy lost to damping, plasticity and friction so far, J.
-    damping : float
-        Power taken by damping now, W.
     touched : bool
         Whether the DLO has touched an obstacle.
     """
@@ -48,7 +46,6 @@ class Instant:
     work: float
     power: float
     losses: Floats
-    damping: float
     touched: bool = False
 
     def __getattr__(self, name: str) -> Any:

@@ -107,7 +107,7 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
             (trail.times[PAST] - k * scheme.dt, now.nodes.position) for k in (2, 1)]):
         trail.times[row], nodes[row] = time, positions
     trail.energies[PAST] = (now.shape.elastic_energy, now.potential, now.kinetic, now.work,
-                            now.power, now.losses[0], now.damping)
+                            now.power, now.losses[0])
     books = np.array([CONVERGED + 100 * rounding, limits.error, limits.part, limits.noise])
     last = swing_along(stepper.discretization.static, stepper.coefficients(scheme), trail,
                        limits.books, books, TOLERANCE + rounding, limits.patience)
@@ -142,9 +142,9 @@ def set_going(stepper: Stepper, now: Instant, brief: Scheme, going: bool) -> Ins
             MAX_ITERATIONS)
     nodes, bends = (course[:, PAST].copy() for course in (trail.nodes, trail.bends))
     freeze([nodes, bends])
-    kinetic, power, damping = trail.energies[PAST, [2, 4, 6]].tolist()
+    kinetic, power = trail.energies[PAST, [2, 4]].tolist()
     return now.changed(nodes=KinematicState.of(nodes), bends=KinematicState.of(bends),
-                       kinetic=kinetic, power=power, damping=damping)
+                       kinetic=kinetic, power=power)
 
 
 def _trail(stepper: Stepper, nodes: KinematicState, bends: KinematicState, places: Floats) -> Trail:
@@ -158,7 +158,7 @@ def _trail(stepper: Stepper, nodes: KinematicState, bends: KinematicState, place
         course[:, PAST] = known.arrays
     return Trail(times, *grips, *courses, np.empty((rows, elements + 1, 3, 3)),
                  np.empty((rows, 6)), np.empty((rows, 3)), np.empty(rows, dtype=np.int64),
-                 np.empty((rows, 7)))
+                 np.empty((rows, 6)))
 
 
 def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], places: Floats,
@@ -174,12 +174,12 @@ def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], pla
                   trail.iterations[rows].tolist(), rounding)
     found = []
     for k, place in enumerate(places.tolist()):
-        _, energy, kinetic, work, power, lost, damping = energies[k]
+        _, energy, kinetic, work, power, lost = energies[k]
         losses = now.losses.copy()
         losses[0] = lost
         found.append(Instant.made(
             place=place, kinetic=kinetic, potential=energy, work=work, power=power, losses=losses,
-            damping=damping, touched=False, boxed=partial(_unboxed, known, k, place)))
+            touched=False, boxed=partial(_unboxed, known, k, place)))
     return found
 
 
@@ -216,7 +216,7 @@ def stepped(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]]
     here, there = ((each.place * stepper.dt, each.nodes.position) for each in (now, after))
     error = scheme.error(*zip(*past, here, there, strict=True)) if past else 0.0
     energies = np.array([after.shape.elastic_energy, after.potential, after.kinetic, after.work,
-                         after.power, after.losses.sum(), after.damping])
+                         after.power, after.losses.sum()])
     good = (after.shape.converged
             and (error <= limits.error or after.touched and limits.touched)
             and entered(limits.books, energies, limits.part, limits.noise))

@@ -46,7 +46,7 @@ def begin(stepper: Stepper, shape: Shape, velocity: Floats | None = None) -> Ins
     nodes, bends = (KinematicState.begun(where, still, still) for where, still in
                     zip((positions, here.strains), rest, strict=True))
     begun = Instant(0.0, replace(shape, state=shape.state.estimating(unknown)), nodes, bends,
-                    0.0, shape.energy, 0.0, 0.0, np.zeros(3), 0.0)
+                    0.0, shape.energy, 0.0, 0.0, np.zeros(3))
     if velocity is not None:
         begun = begun.changed(nodes=replace(nodes, velocity=np.array(velocity)))
     return _let_go(stepper, begun, _AT_FIRST * stepper.dt, velocity is not None)
@@ -107,8 +107,7 @@ class _Watch:
         power = stepper.grips.power(instant.place, there.wrench, there.far_wrench,
                                     nodes.position[-1])
         return replace(instant, nodes=nodes, bends=bends, power=power,
-                       kinetic=stepper.kinetic(nodes.velocity),
-                       damping=stepper.damping_power(nodes.velocity, bends.velocity))
+                       kinetic=stepper.kinetic(nodes.velocity))
 
     def set_going(self, nodes: KinematicState, bends: KinematicState,
                   velocity: Floats) -> tuple[KinematicState, KinematicState]:
