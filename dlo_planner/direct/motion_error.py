@@ -15,6 +15,7 @@ from dlo_planner.direct.leg import MOST, Limits, leg_of
 from dlo_planner.direct.setting_off import begin, renewed
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.stepping import Stepper
+from dlo_planner.energy.potential import placed
 from dlo_planner.model.arrays import Floats
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
             places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
             leg = leg_of(finer, now, (), places, scheme, Limits())
             if leg.refused is not None:
-                return found
+                return _estimate(coarse, plan, found)
             count = len(leg.errors)
             ends = np.arange(1 - made % 2, count, 2)  # two of these are one of the others
             if trace.samples is not None and ends.size:
@@ -103,6 +104,11 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
                 worst = found[k] = max(worst, _apart(instant.nodes.position[::2],
                                                      trace.positions[k]))
             now, made, at, left = leg.last, made + count, at + size * count, left - count
+    return _estimate(coarse, plan, found)
+
+
+def _estimate(coarse: Discretization, plan: Recipe, found: Floats) -> Floats:
+    """Return the errors (n,) that differences `found` (n,) from a finer motion tell, m."""
     rounding = 1e-15 * coarse.s.size * coarse.s[-1]
     second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
     errors: Floats = (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
@@ -125,7 +131,9 @@ def _finer_start(mesh: Discretization, begun: Begun) -> Shape:
     if strains is None:
         strains = np.repeat(start.element_strains, 2, axis=0)
     state = replace(start.state, mesh=mesh, history=mesh.past(start.state.history))
-    return replace(start, element_strains=strains, state=state)
+    there = placed(mesh.system(start.gripper.rotation), strains)
+    return replace(start, s=mesh.s, element_strains=strains, frames=there.rotations,
+                   positions=there.positions + start.gripper.position, state=state)
 
 
 def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
