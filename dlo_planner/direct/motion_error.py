@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import Scheme
-from dlo_planner.direct.leg import MOST, Limits, leg_of
+from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
 from dlo_planner.direct.setting_off import begin, renewed
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.stepping import Stepper
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from dlo_planner.direct.shape import Shape
 
 HALVINGS = 12  # of an interval between two instants, at most
+_SHORTER = 4   # halvings of a step of the finer motion that is not solved
 _STILL = 1e-7  # of the length: what moves no farther rests
 
 
@@ -93,7 +95,9 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
         while left:
             places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
             leg = leg_of(finer, now, (), places, scheme, Limits())
-            if leg.refused is not None:
+            if leg.refused is not None and not leg.errors.size:
+                leg = _in_parts(finer, now, float(places[0]), scheme)
+            if not leg.errors.size:
                 return _estimate(coarse, plan, found)
             count = len(leg.errors)
             ends = np.arange(1 - made % 2, count, 2)  # two of these are one of the others
@@ -105,6 +109,27 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
                                                      trace.positions[k]))
             now, made, at, left = leg.last, made + count, at + size * count, left - count
     return _estimate(coarse, plan, found)
+
+
+def _in_parts(stepper: Stepper, now: Instant, place: float, scheme: Scheme) -> Leg:
+    """Return the Leg of one step that is not solved at once, made in shorter ones.
+
+    Its errors are empty if it is not solved so either.
+    """
+    for halvings in range(1, _SHORTER + 1):
+        parts = 1 << halvings
+        brief = replace(scheme, dt=scheme.dt / parts)
+        begun = now if now.touched else renewed(stepper, now, brief.dt)
+        last = begun
+        for at in now.place + (place - now.place) * np.arange(1, parts + 1) / parts:
+            leg = leg_of(stepper, last, (), np.array([at]), brief, Limits())
+            if leg.refused is not None:
+                break
+            last = leg.last
+        if leg.refused is None:
+            last = last if last.touched else renewed(stepper, last, scheme.dt)
+            return leg._replace(kept=[last] if place == round(place) else [], last=last)
+    return leg._replace(errors=np.zeros(0))
 
 
 def _estimate(coarse: Discretization, plan: Recipe, found: Floats) -> Floats:

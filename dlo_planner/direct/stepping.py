@@ -235,7 +235,7 @@ class Stepper:
                        ((before.nodes, there.nodes), (before.bends, there.bends)))
         slow = float(self.masses @ np.sum(moved**2, axis=1))
         quick = float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
-        return (drag * slow + viscosity * quick) / dt
+        return float(drag * slow + viscosity * quick) / dt
 
 
 def _viscous(system: System, bends: KinematicState, viscosity: float, scheme: Scheme) -> System:

@@ -159,7 +159,7 @@ def frame_along(nodes: Floats, strains: Floats, rotations: Floats, positions: Fl
         nodes: (N + 1,), read-only as all of these, arc lengths of the nodes, m
         strains: (N, 3) 1/m; rotations: (N + 1, 3, 3); positions: (N + 1, 3), m
     """
-    element = min(np.searchsorted(nodes, s, side='right') - 1, nodes.size - 2)
+    element = min(int(np.searchsorted(nodes, s, side='right')) - 1, nodes.size - 2)
     h, begin = s - nodes[element], rotations[element]
     turn, chord = rotation_and_chord(h * strains[element, 0], h * strains[element, 1],
                                      h * strains[element, 2], h)

@@ -7,7 +7,7 @@ import pytest
 from motion_cases import LEVEL, rod, tilted
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner import DirectSimulator, Plane, Pose, Rod
 from dlo_planner.direct import dynamics
 from dlo_planner.direct.guide import Grips, Guide
 from dlo_planner.direct.integrator import Scheme
@@ -121,3 +121,11 @@ def test_the_shortest_steps_can_be_halved_for_an_estimate():
     estimate = func(stepper, begun, plan, trace._replace(samples=None))
     # a DLO at rest: it is as wrong after 8192 of them as at the beginning
     assert estimate[-1] == pytest.approx(motion.error_estimate[0], rel=1e-3)
+
+
+def test_the_error_of_a_motion_along_a_floor_is_known():
+    soft = Rod.circular(1.0, 6e-3, 1200.0, 3e7, 0.4, damping=(0.5, 5e-3))
+    simulator = DirectSimulator(soft, n_elements=16, obstacles=[Plane((0, 0, -0.2), (0, 0, 1))])
+    motion = simulator.simulate([Pose((0, 0, -0.01 * k), (0, 0, 0, 1)) for k in range(6)], 0.04)
+    assert motion.converged and any(shape.contacts for shape in motion.shapes)
+    assert (motion.error_estimate < 0.1).all()
