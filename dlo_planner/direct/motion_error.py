@@ -83,7 +83,7 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
     velocity = begun.velocity
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
-    now = begin(finer, _finer_start(mesh, begun), velocity)
+    now = begin(finer, finer_start(mesh, begun), velocity)
     found = np.full(len(trace.places), np.inf)
     found[0] = worst = _apart(now.nodes.position[::2], trace.positions[0])
     made = at = 0  # steps, and time in the shortest ones
@@ -145,7 +145,7 @@ def _apart(one: Floats, other: Floats) -> float:
     return float(np.linalg.norm(one - other, axis=-1).max())
 
 
-def _finer_start(mesh: Discretization, begun: Begun) -> Shape:
+def finer_start(mesh: Discretization, begun: Begun) -> Shape:
     """Return the Shape at time 0 on a mesh whose elements are halves of those of the motion.
 
     A DLO at rest hangs otherwise there: this is a part of the error, and no reason to swing. So is

@@ -12,6 +12,7 @@ from dlo_planner.direct import dynamics
 from dlo_planner.direct.guide import Grips, Guide
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.leg import Limits, leg_of
+from dlo_planner.direct.motion_error import Begun, finer_start
 from dlo_planner.direct.setting_off import begin, renewed
 from dlo_planner.direct.stepping import Stepper
 
@@ -123,9 +124,11 @@ def test_the_shortest_steps_can_be_halved_for_an_estimate():
     assert estimate[-1] == pytest.approx(motion.error_estimate[0], rel=1e-3)
 
 
-def test_the_error_of_a_motion_along_a_floor_is_known():
-    soft = Rod.circular(1.0, 6e-3, 1200.0, 3e7, 0.4, damping=(0.5, 5e-3))
-    simulator = DirectSimulator(soft, n_elements=16, obstacles=[Plane((0, 0, -0.2), (0, 0, 1))])
-    motion = simulator.simulate([Pose((0, 0, -0.01 * k), (0, 0, 0, 1)) for k in range(6)], 0.04)
-    assert motion.converged and any(shape.contacts for shape in motion.shapes)
-    assert (motion.error_estimate < 0.1).all()
+def test_a_finer_motion_begins_with_the_geometry_of_its_own_mesh():
+    floor = Plane((0, 0, -0.2), (0, 0, 1))  # which it is compared with
+    start = DirectSimulator(rod(radius=3e-3), n_elements=16, obstacles=[floor]).solve(LEVEL)
+    mesh = start.state.mesh.finer
+    finer = finer_start(mesh, Begun(None, start, None))
+    np.testing.assert_array_equal(finer.s, mesh.s)
+    assert finer.frames.shape == (33, 3, 3) and finer.positions.shape == (33, 3)
+    np.testing.assert_allclose(finer.positions[::2], start.positions, atol=1e-3)
