@@ -64,11 +64,11 @@ from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import curve_distance, workspace
 from dlo_planner.plan.motion.oscillators import vibrated
 from dlo_planner.ritz.grading import even_shares
-from dlo_planner.ritz.kinematics import point_inside
+from dlo_planner.ritz.kinematics import frame_along
 from dlo_planner.ritz.nearest_place import nearest_place
 
 _KINDS = 3
-KERNELS = [leashed_descent, unknowns_of, aligned_newton, integrate_from_tip, point_inside,
+KERNELS = [leashed_descent, unknowns_of, aligned_newton, integrate_from_tip, frame_along,
            passes_through, evaluate, nearest_inside, nearest, signed_distance, settled, watching,
            with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
            add_sliding, gripper_answers, curve_distance.element_rooms,

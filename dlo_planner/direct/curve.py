@@ -12,7 +12,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.pictured import Pictured
-from dlo_planner.ritz.kinematics import point_inside
+from dlo_planner.ritz.kinematics import frame_along
 
 _ROUNDING = 1e-9  # of the length
 
@@ -110,12 +110,9 @@ class Curve(Pictured):
         if not (isinstance(s, float) and 0.0 <= s <= length):
             s = number('s', s, minimum=-_ROUNDING * length, maximum=(1 + _ROUNDING) * length)
             s = min(max(s, 0.0), length)
-        element = min(int(self.s.searchsorted(s, side='right')) - 1, self.s.size - 2)
-        kernels = self.for_kernels
-        rotation, position = np.empty((3, 3)), np.empty(3)
-        point_inside(*kernels, element, (s - self.s[element]) / kernels[0][element], rotation,
-                     position)
-        return rotation, position
+        found: tuple[Floats, Floats] = frame_along(self.s, self.element_strains, self.frames,
+                                                   self.positions, s)
+        return found
 
     @cached_property
     def for_kernels(self) -> 'ForKernels':

@@ -5,7 +5,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,9 +13,10 @@ from dlo_planner.direct.beginning import check_velocity
 from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import KinematicState
 from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
-from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.motion import Boxed, Motion
 from dlo_planner.direct.motion_error import HALVINGS, Begun, Recipe, Trace, error_of
 from dlo_planner.direct.setting_off import begin, renewed
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import MAX_ITERATIONS
 from dlo_planner.direct.stepping import Stepper
 from dlo_planner.model.arrays import Floats
@@ -67,7 +68,7 @@ def simulate(stepper: Stepper, begun: Begun, plan: Recipe, progress: Progress) -
         return _motion(stepper, ended, plan.tolerance, None)
     made = _run(stepper, first, plan, progress)
     trace = Trace([instant.place for instant in made.reached],
-                  [instant.shape.positions for instant in made.reached], made.samples)
+                  [instant.nodes.position for instant in made.reached], made.samples)
     estimate = partial(error_of, stepper, begun, replace(plan, steps=tuple(made.steps)), trace)
     return _motion(stepper, made, plan.tolerance, estimate)
 
@@ -198,7 +199,13 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
     kinetic, potential, work, losses = (
         np.array([getattr(instant, name) for instant in reached])
         for name in ('kinetic', 'potential', 'work', 'losses'))
+    # of a motion that is not complete, the last shape is not converged
+    shapes: Any = Boxed(len(reached), partial(_shapes, reached), made.status == 'complete')
     return Motion(
-        stepper.dt * places, tuple(instant.shape for instant in reached),
+        stepper.dt * places, shapes,
         np.array([instant.nodes.velocity for instant in reached]), kinetic, potential, work,
         losses, tolerance, made.status, message, **given)
+
+
+def _shapes(reached: list[Instant]) -> tuple[Shape, ...]:
+    return tuple(instant.shape for instant in reached)

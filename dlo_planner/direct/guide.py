@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from dlo_planner.direct.spline import along_spline
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.pose import Pose, rotations_of
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 
 
@@ -62,45 +63,26 @@ class Guide(Value):
             first, many = self.poses[0], (len(places), 1)
             return (np.tile(first.rotation, (*many, 1)), np.tile(first.position, many),
                     np.zeros((len(places), 6)))
-        nearest = np.rint(places).astype(int)
-        given = (places == nearest) & (nearest >= 0) & (nearest < len(self.poses))
-        rotations, positions, twists = (one[np.where(given, nearest, 0)] for one in self._given)
-        if not given.all():  # else they are not as the spline rounds them
-            values, other = self._spline(places[~given]), ~given
-            rotations[other], positions[other] = rotations_of(values[:, 3:]), values[:, :3]
-            twists[other] = self._twist(places[other], values)
-        return rotations, positions, twists
+        return along_spline(self._cubics, len(self.poses), self.dt, places, *self._given)
 
     @cached_property
-    def _given(self) -> tuple[Floats, Floats, Floats]:
-        """What `along` returns for the poses."""
+    def _cubics(self) -> Floats:
+        """(4, n - 1, 7) coefficients of the spline."""
+        spline: Any = self._spline  # there is one where the poses differ
+        return np.ascontiguousarray(spline.c)
+
+    @cached_property
+    def _given(self) -> tuple[Floats, Floats]:
+        """What `along` returns for the poses: not as the spline rounds them."""
         return (np.array([pose.rotation for pose in self.poses]),
-                np.array([pose.position for pose in self.poses]), self._twists)
+                np.array([pose.position for pose in self.poses]))
 
     def twist(self, place: float) -> Floats:
         """Return (6,) velocity (m/s) and angular velocity (rad/s) at `place` = time / dt, world."""
         if self._spline is None:
             return np.zeros(6)
-        nearest = round(place)
-        if place == nearest and 0 <= nearest < len(self.poses):
-            given: Floats = self._twists[nearest]
-            return given
-        between: Floats = self._twist([place])[0]
-        return between
-
-    @cached_property
-    def _twists(self) -> Floats:
-        """(n, 6) at the poses: most of what is asked for, and quicker all at once."""
-        return self._twist(np.arange(len(self.poses)))
-
-    def _twist(self, places: Any, values: Floats | None = None) -> Floats:
-        spline: Any = self._spline  # there is one where the poses differ
-        quaternions = (spline(places) if values is None else values)[:, 3:]
-        rates = spline(places, 1) / self.dt
-        vectors, w = quaternions[:, :3], quaternions[:, 3:]
-        turn = w * rates[:, 3:6] - rates[:, 6:] * vectors + np.cross(vectors, rates[:, 3:6])
-        return np.hstack([rates[:, :3],
-                          2 * turn / np.sum(quaternions**2, axis=1, keepdims=True)])
+        twist: Floats = self.along(np.array([float(place)]))[2][0]
+        return twist
 
 
 def _spline(poses: Sequence[Pose], at_rest: bool) -> CubicSpline:

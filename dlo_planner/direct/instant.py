@@ -33,8 +33,6 @@ class Instant:
         Power of the grips now, W.
     losses : ndarray, shape (3,)
         Energy lost to damping, plasticity and friction so far, J.
-    damping : float
-        Power taken by damping now, W.
     touched : bool
         Whether the DLO has touched an obstacle.
     """
@@ -48,20 +46,39 @@ class Instant:
     work: float
     power: float
     losses: Floats
-    damping: float
     touched: bool = False
+
+    def __getattr__(self, name: str) -> Any:
+        """Make a shape, nodes or bends that a motion may never be asked for."""
+        if name not in _BOXED or 'boxed' not in self.__dict__:
+            raise AttributeError(name)
+        made = self.__dict__[name] = self.__dict__['boxed'](name)
+        return made
 
     @classmethod
     def made(cls, **contents: Any) -> 'Instant':
-        """Return the Instant with these fields, all of them: quicker than by its constructor."""
+        """Return the Instant with these fields: quicker than by its constructor.
+
+        Parameters
+        ----------
+        contents : object
+            All fields, but for those in _BOXED which `boxed`, a function of their name, makes.
+        """
         instant = object.__new__(cls)
         instant.__dict__.update(contents)
         return instant
+
+    def changed(self, **contents: Any) -> 'Instant':
+        """Return the same Instant with other values of some fields."""
+        return self.made(**(self.__dict__ | contents))
 
     @property
     def balance(self) -> float:
         """Energy that is there, less what was put in, plus what was taken out, J."""
         return self.kinetic + self.potential - self.work + float(self.losses.sum())
+
+
+_BOXED = ('shape', 'nodes', 'bends')
 
 
 class There(NamedTuple):

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.instant import Instant, There
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.proof import CONVERGED
 from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hanging_shape
-from dlo_planner.direct.swinging import entered, swing, swing_along
+from dlo_planner.direct.swinging import entered, set_off, swing_along
 from dlo_planner.direct.trail import PAST, Trail
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.value import freeze
@@ -101,15 +102,12 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
     """Return the Leg of a DLO that hangs freely, see `Stepper.along`."""
     rounding = stepper.rounding(scheme)
     trail = _trail(stepper, now.nodes, now.bends, np.append(now.place, places))
-    for one, known in zip((trail.bases, trail.origins, trail.twists),
-                          stepper.grips.gripper.along(np.append(now.place, places)), strict=True):
-        one[PAST:] = known
     nodes = trail.nodes[0]
     for row, (time, positions) in enumerate(past or [
             (trail.times[PAST] - k * scheme.dt, now.nodes.position) for k in (2, 1)]):
         trail.times[row], nodes[row] = time, positions
     trail.energies[PAST] = (now.shape.elastic_energy, now.potential, now.kinetic, now.work,
-                            now.power, now.losses[0], now.damping)
+                            now.power, now.losses[0])
     books = np.array([CONVERGED + 100 * rounding, limits.error, limits.part, limits.noise])
     last = swing_along(stepper.discretization.static, stepper.coefficients(scheme), trail,
                        limits.books, books, TOLERANCE + rounding, limits.patience)
@@ -126,43 +124,41 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
                nodes[PAST + 1:last + 1, stepper.watched], made.get(last + 1))
 
 
-def swung_shortly(stepper: Stepper, courses: tuple[KinematicState, KinematicState], place: float,
-                  brief: Scheme,
-                  damping: tuple[float, float]) -> There:
-    """Return what is There at the end of a very short step of a DLO that hangs freely.
+def set_going(stepper: Stepper, now: Instant, brief: Scheme, going: bool) -> Instant:
+    """Return an Instant of a DLO that hangs freely, moving as its grips and forces allow.
 
     Parameters
     ----------
-    courses : tuple
-        Of the nodes and of the strains.
-    place : float
-        Time / dt, one step of the Scheme `brief` from now.
-    damping : tuple
-        (a, b) as of a Rod.
+    brief : Scheme
+        Scheme of the very short steps by which that is found.
+    going : bool
+        Whether its velocities are changed, too; else its accelerations only.
     """
-    trail = _trail(stepper, *courses, np.array([place - brief.dt / stepper.dt, place]))
-    gripper = stepper.grips.gripper.at(place)
-    trail.bases[PAST + 1], trail.origins[PAST + 1] = gripper.rotation, gripper.position
-    swing(stepper.discretization.static, stepper.coefficients(brief, damping), trail, PAST + 1,
-          TOLERANCE + stepper.rounding(brief), MAX_ITERATIONS, False)
-    return There(trail.nodes[0, PAST + 1].copy(), trail.bends[0, PAST + 1].copy(),
-                 trail.wrenches[PAST + 1].copy(), np.zeros(6))
+    there = brief.dt / stepper.dt
+    trail = _trail(stepper, now.nodes, now.bends,
+                   now.place + there * np.array([0.0, 1.0, 0.0, -1.0]))
+    set_off(stepper.discretization.static, stepper.coefficients(brief, (0.0, 0.0)),
+            stepper.coefficients(brief), trail, going, TOLERANCE + stepper.rounding(brief),
+            MAX_ITERATIONS)
+    nodes, bends = (course[:, PAST].copy() for course in (trail.nodes, trail.bends))
+    freeze([nodes, bends])
+    kinetic, power = trail.energies[PAST, [2, 4]].tolist()
+    return now.changed(nodes=KinematicState.of(nodes), bends=KinematicState.of(bends),
+                       kinetic=kinetic, power=power)
 
 
 def _trail(stepper: Stepper, nodes: KinematicState, bends: KinematicState, places: Floats) -> Trail:
-    """Return a Trail at `places` (n,), of which the first is now, with how it moves now.
-
-    The grips are not filled in.
-    """
+    """Return a Trail at `places` (n,), of which the first is now, with how it moves now."""
     rows, elements = PAST + places.size, len(bends.position)
-    times, grips = np.empty(rows), [np.empty((rows, *size)) for size in ((3, 3), (3,), (6,))]
+    times = np.empty(rows)
     times[PAST:] = stepper.dt * places
+    grips = stepper.grips.gripper.along(np.concatenate([places[:1]] * PAST + [places]))
     courses = [np.empty((4, rows, *one.position.shape)) for one in (nodes, bends)]
     for course, known in zip(courses, (nodes, bends), strict=True):
         course[:, PAST] = known.arrays
     return Trail(times, *grips, *courses, np.empty((rows, elements + 1, 3, 3)),
                  np.empty((rows, 6)), np.empty((rows, 3)), np.empty(rows, dtype=np.int64),
-                 np.empty((rows, 7)))
+                 np.empty((rows, 6)))
 
 
 def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], places: Floats,
@@ -171,25 +167,46 @@ def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], pla
     at: Any = rows
     if rows and 2 * len(rows) > trail.times.size and rows[-1] - rows[0] == len(rows) - 1:
         at = slice(rows[0], rows[-1] + 1)  # nothing is copied
-    nodes, bends, frames, wrenches = (trail.nodes[:, at], trail.bends[:, at], trail.frames[at],
-                                      trail.wrenches[at])
-    freeze([nodes, bends, frames, wrenches])
-    energies, proofs = trail.energies[rows].tolist(), trail.proofs[rows].tolist()
+    arrays = (trail.nodes[:, at], trail.bends[:, at], trail.frames[at], trail.wrenches[at])
+    freeze(arrays)
+    energies = trail.energies[rows].tolist()
+    known = _Rows(stepper, *arrays, energies, trail.proofs[rows].tolist(),
+                  trail.iterations[rows].tolist(), rounding)
     found = []
-    for k, row in enumerate(rows):
-        elastic, energy, kinetic, work, power, lost, damping = energies[k]
-        residual, stability, _ = proofs[k]
-        place = float(places[k])
-        shape = hanging_shape(stepper.discretization, stepper.grips.gripper.at(place), (
-            bends[0, k], frames[k], nodes[0, k], wrenches[k], elastic, energy, residual, stability,
-            int(trail.iterations[row]), 0), rounding)
+    for k, place in enumerate(places.tolist()):
+        _, energy, kinetic, work, power, lost = energies[k]
         losses = now.losses.copy()
         losses[0] = lost
         found.append(Instant.made(
-            place=place, shape=shape, nodes=KinematicState.of(nodes[:, k]),
-            bends=KinematicState.of(bends[:, k]), kinetic=kinetic, potential=energy, work=work,
-            power=power, losses=losses, damping=damping, touched=False))
+            place=place, kinetic=kinetic, potential=energy, work=work, power=power, losses=losses,
+            touched=False, boxed=partial(_unboxed, known, k, place)))
     return found
+
+
+class _Rows(NamedTuple):
+    """What Shapes and KinematicStates of several Instants are made of, as of a Trail."""
+
+    stepper: Stepper
+    nodes: Floats
+    bends: Floats
+    frames: Floats
+    wrenches: Floats
+    energies: list[list[float]]
+    proofs: list[list[float]]
+    iterations: list[int]
+    rounding: float
+
+
+def _unboxed(rows: _Rows, k: int, place: float, name: str) -> Any:
+    """Return 'nodes', 'bends' or 'shape' of an Instant, when that is first asked for."""
+    if name == 'nodes':
+        return KinematicState.of(rows.nodes[:, k])
+    if name == 'bends':
+        return KinematicState.of(rows.bends[:, k])
+    stepper, energies, (residual, stability, _) = rows.stepper, rows.energies[k], rows.proofs[k]
+    return hanging_shape(stepper.discretization, stepper.grips.gripper.at(place), (
+        rows.bends[0, k], rows.frames[k], rows.nodes[0, k], rows.wrenches[k], *energies[:2],
+        residual, stability, rows.iterations[k], 0), rows.rounding)
 
 
 def stepped(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], place: float,
@@ -199,7 +216,7 @@ def stepped(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]]
     here, there = ((each.place * stepper.dt, each.nodes.position) for each in (now, after))
     error = scheme.error(*zip(*past, here, there, strict=True)) if past else 0.0
     energies = np.array([after.shape.elastic_energy, after.potential, after.kinetic, after.work,
-                         after.power, after.losses.sum(), after.damping])
+                         after.power, after.losses.sum()])
     good = (after.shape.converged
             and (error <= limits.error or after.touched and limits.touched)
             and entered(limits.books, energies, limits.part, limits.noise))

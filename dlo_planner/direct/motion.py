@@ -36,6 +36,14 @@ class Instant(NamedTuple):
     losses: Floats
 
 
+class Boxed(NamedTuple):
+    """Shapes that are made when they are first asked for: how many, how, and whether converged."""
+
+    length: int
+    make: Callable[[], tuple[Shape, ...]]
+    converged: bool
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Motion(Filmed):
     """A DLO in motion at n instants.
@@ -81,12 +89,15 @@ class Motion(Filmed):
     REMEMBERED = ('error_estimate',)
 
     def __post_init__(self) -> None:
-        shapes = items('Motion.shapes', self.shapes, Shape)
-        n = len(shapes)
+        boxed: Any = self.__dict__.pop('shapes')
+        if isinstance(boxed, Boxed):
+            put(self, _boxed=boxed)
+        else:
+            put(self, shapes=items('Motion.shapes', boxed, Shape))
+        n = len(self)
         work = np.zeros(n) if self.work is None else self.work
         losses = np.zeros((n, 3)) if self.losses is None else self.losses
-        put(self, shapes=shapes, velocities=results('Motion.velocities', self.velocities,
-                                                    (n, None, 3)),
+        put(self, velocities=results('Motion.velocities', self.velocities, (n, None, 3)),
             losses=results('Motion.losses', losses, (n, 3)),
             work=results('Motion.work', work, (n,)),
             tolerance=figure('Motion.tolerance', self.tolerance),
@@ -102,6 +113,18 @@ class Motion(Filmed):
         if not callable(self._estimate):
             raise InvalidTask(f'Motion._estimate = {shown(self._estimate)}: expected a function')
         super().__post_init__()
+
+    def __getattr__(self, name: str) -> Any:
+        """Make the shapes: it takes longer than to find them, and many are never looked at."""
+        if name != 'shapes' or '_boxed' not in self.__dict__:
+            raise AttributeError(f'Motion has no attribute {name!r}')
+        put(self, shapes=self.__dict__['_boxed'].make())
+        del self.__dict__['_boxed']
+        return self.__dict__[name]
+
+    def __getstate__(self) -> dict[str, Any]:
+        assert self.shapes is not None  # made, if they are not yet
+        return super().__getstate__()
 
     def __repr__(self) -> str:
         return brief(self, f'{len(self)} instants',
@@ -144,7 +167,8 @@ class Motion(Filmed):
                    _estimate=Constant(arrays['error_estimate']))
 
     def __len__(self) -> int:
-        return len(self.shapes)
+        boxed = self.__dict__.get('_boxed')
+        return len(self.shapes) if boxed is None else int(boxed.length)
 
     def __getitem__(self, index: int | slice) -> 'Instant | tuple[Instant, ...]':
         """Return one Instant, or several."""
@@ -204,4 +228,7 @@ class Motion(Filmed):
     @property
     def converged(self) -> bool:
         """Whether every step was solved, without a gain of energy."""
-        return self.status == 'complete' and all(shape.converged for shape in self.shapes)
+        boxed = self.__dict__.get('_boxed')
+        solved = (all(shape.converged for shape in self.shapes) if boxed is None
+                  else bool(boxed.converged))
+        return self.status == 'complete' and solved

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import Scheme
-from dlo_planner.direct.leg import MOST, Limits, leg_of
+from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
 from dlo_planner.direct.setting_off import begin, renewed
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.stepping import Stepper
+from dlo_planner.energy.potential import placed
 from dlo_planner.model.arrays import Floats
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from dlo_planner.direct.shape import Shape
 
 HALVINGS = 12  # of an interval between two instants, at most
+_SHORTER = 4   # halvings of a step of the finer motion that is not solved
 _STILL = 1e-7  # of the length: what moves no farther rests
 
 
@@ -80,7 +83,7 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
     velocity = begun.velocity
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
-    now = begin(finer, _finer_start(mesh, begun), velocity)
+    now = begin(finer, finer_start(mesh, begun), velocity)
     found = np.full(len(trace.places), np.inf)
     found[0] = worst = _apart(now.nodes.position[::2], trace.positions[0])
     made = at = 0  # steps, and time in the shortest ones
@@ -92,8 +95,10 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
         while left:
             places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
             leg = leg_of(finer, now, (), places, scheme, Limits())
-            if leg.refused is not None:
-                return found
+            if leg.refused is not None and not leg.errors.size:
+                leg = _in_parts(finer, now, float(places[0]), scheme)
+            if not leg.errors.size:
+                return _estimate(coarse, plan, found)
             count = len(leg.errors)
             ends = np.arange(1 - made % 2, count, 2)  # two of these are one of the others
             if trace.samples is not None and ends.size:
@@ -103,6 +108,32 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
                 worst = found[k] = max(worst, _apart(instant.nodes.position[::2],
                                                      trace.positions[k]))
             now, made, at, left = leg.last, made + count, at + size * count, left - count
+    return _estimate(coarse, plan, found)
+
+
+def _in_parts(stepper: Stepper, now: Instant, place: float, scheme: Scheme) -> Leg:
+    """Return the Leg of one step that is not solved at once, made in shorter ones.
+
+    Its errors are empty if it is not solved so either.
+    """
+    for halvings in range(1, _SHORTER + 1):
+        parts = 1 << halvings
+        brief = replace(scheme, dt=scheme.dt / parts)
+        begun = now if now.touched else renewed(stepper, now, brief.dt)
+        last = begun
+        for at in now.place + (place - now.place) * np.arange(1, parts + 1) / parts:
+            leg = leg_of(stepper, last, (), np.array([at]), brief, Limits())
+            if leg.refused is not None:
+                break
+            last = leg.last
+        if leg.refused is None:
+            last = last if last.touched else renewed(stepper, last, scheme.dt)
+            return leg._replace(kept=[last] if place == round(place) else [], last=last)
+    return leg._replace(errors=np.zeros(0))
+
+
+def _estimate(coarse: Discretization, plan: Recipe, found: Floats) -> Floats:
+    """Return the errors (n,) that differences `found` (n,) from a finer motion tell, m."""
     rounding = 1e-15 * coarse.s.size * coarse.s[-1]
     second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
     errors: Floats = (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
@@ -114,7 +145,7 @@ def _apart(one: Floats, other: Floats) -> float:
     return float(np.linalg.norm(one - other, axis=-1).max())
 
 
-def _finer_start(mesh: Discretization, begun: Begun) -> Shape:
+def finer_start(mesh: Discretization, begun: Begun) -> Shape:
     """Return the Shape at time 0 on a mesh whose elements are halves of those of the motion.
 
     A DLO at rest hangs otherwise there: this is a part of the error, and no reason to swing. So is
@@ -125,7 +156,9 @@ def _finer_start(mesh: Discretization, begun: Begun) -> Shape:
     if strains is None:
         strains = np.repeat(start.element_strains, 2, axis=0)
     state = replace(start.state, mesh=mesh, history=mesh.past(start.state.history))
-    return replace(start, element_strains=strains, state=state)
+    there = placed(mesh.system(start.gripper.rotation), strains)
+    return replace(start, s=mesh.s, element_strains=strains, frames=there.rotations,
+                   positions=there.positions + start.gripper.position, state=state)
 
 
 def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:

@@ -13,7 +13,7 @@ import numpy as np
 from dlo_planner.direct.history import History
 from dlo_planner.direct.instant import Instant, There
 from dlo_planner.direct.integrator import KinematicState, Scheme
-from dlo_planner.direct.leg import swung_shortly
+from dlo_planner.direct.leg import set_going
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import Search, solve, unknown
 from dlo_planner.direct.stepping import Stepper
@@ -39,7 +39,6 @@ def begin(stepper: Stepper, shape: Shape, velocity: Floats | None = None) -> Ins
     velocity : ndarray, shape (N + 1, 3), optional
         Velocities of the nodes, m/s. If None, at rest.
     """
-    watch = _Watch(stepper, _AT_FIRST * stepper.dt, 0.0, shape.state.history)
     strains = np.array(shape.element_strains)
     here = placed(stepper.discretization.system(shape.gripper.rotation), strains)
     positions = here.positions + shape.gripper.position
@@ -47,10 +46,10 @@ def begin(stepper: Stepper, shape: Shape, velocity: Floats | None = None) -> Ins
     nodes, bends = (KinematicState.begun(where, still, still) for where, still in
                     zip((positions, here.strains), rest, strict=True))
     begun = Instant(0.0, replace(shape, state=shape.state.estimating(unknown)), nodes, bends,
-                    0.0, shape.energy, 0.0, 0.0, np.zeros(3), 0.0)
+                    0.0, shape.energy, 0.0, 0.0, np.zeros(3))
     if velocity is not None:
-        nodes, bends = watch.set_going(nodes, bends, velocity)
-    return watch.accelerated(begun, nodes, bends)
+        begun = begun.changed(nodes=replace(nodes, velocity=np.array(velocity)))
+    return _let_go(stepper, begun, _AT_FIRST * stepper.dt, velocity is not None)
 
 
 def renewed(stepper: Stepper, instant: Instant, dt: float) -> Instant:
@@ -60,29 +59,41 @@ def renewed(stepper: Stepper, instant: Instant, dt: float) -> Instant:
     harmless as long as the steps stay the same, not where they change. What that makes wrong is of
     second order in the steps of dt (s) that follow, as the scheme is.
     """
-    watch = _Watch(stepper, dt, instant.place * stepper.dt, instant.shape.state.history)
-    nodes, bends = watch.set_going(instant.nodes.uniform(), instant.bends.uniform(),
-                                   instant.nodes.velocity)
+    return _let_go(stepper, instant, dt, True)
+
+
+def _let_go(stepper: Stepper, instant: Instant, dt: float, going: bool) -> Instant:
+    """Return an Instant with the accelerations that its grips and forces allow before steps of dt.
+
+    If `going`, with such velocities, too.
+    """
+    short = max(_BRIEF[0] * dt, _BRIEFEST * stepper.own_time)
+    brief = Scheme.named('paper', min(short, _BRIEF[1] * stepper.own_time))
+    if stepper.swings:
+        return set_going(stepper, instant, brief, going)
+    watch = _Watch(stepper, brief, instant.place * stepper.dt, instant.shape.state.history)
+    nodes, bends = instant.nodes.uniform(), instant.bends.uniform()
+    if going:
+        nodes, bends = watch.set_going(nodes, bends, nodes.velocity)
     return watch.accelerated(instant, nodes, bends)
 
 
 class _Watch:
-    """Watches a DLO for a very short time, before steps of dt (s).
+    """Watches a DLO for a very short time, by a Scheme of such steps.
 
     Parameters
     ----------
     stepper : Stepper
-    dt : float
+    brief : Scheme
     time : float
         Now, s.
     history : History or None
         What the DLO remembers.
     """
 
-    def __init__(self, stepper: Stepper, dt: float, time: float, history: History | None) -> None:
-        short = max(_BRIEF[0] * dt, _BRIEFEST * stepper.own_time)
-        self._brief = Scheme.named('paper', min(short, _BRIEF[1] * stepper.own_time))
-        self._stepper, self._time, self._history = stepper, time, history
+    def __init__(self, stepper: Stepper, brief: Scheme, time: float,
+                 history: History | None) -> None:
+        self._stepper, self._brief, self._time, self._history = stepper, brief, time, history
 
     def accelerated(self, instant: Instant, nodes: KinematicState,
                     bends: KinematicState) -> Instant:
@@ -96,8 +107,7 @@ class _Watch:
         power = stepper.grips.power(instant.place, there.wrench, there.far_wrench,
                                     nodes.position[-1])
         return replace(instant, nodes=nodes, bends=bends, power=power,
-                       kinetic=stepper.kinetic(nodes.velocity),
-                       damping=stepper.damping_power(nodes.velocity, bends.velocity))
+                       kinetic=stepper.kinetic(nodes.velocity))
 
     def set_going(self, nodes: KinematicState, bends: KinematicState,
                   velocity: Floats) -> tuple[KinematicState, KinematicState]:
@@ -114,8 +124,6 @@ class _Watch:
         """Return what is There a very short time later (sign = 1) or before (-1)."""
         stepper, brief = self._stepper, self._brief
         mesh, place = stepper.discretization, (self._time + sign * brief.dt) / stepper.dt
-        if stepper.swings:
-            return swung_shortly(stepper, (nodes, bends), place, brief, damping)
         grips = gripper, _ = stepper.grips.at(place)
         system = stepper.moving_system(grips, self._history, (nodes, bends), brief, damping)
         q = np.empty((mesh.n_unknowns, 3))

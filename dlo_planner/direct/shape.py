@@ -225,15 +225,19 @@ class Shape(OfDLO):
         displacement = vector('displacement', displacement, 3)
         gripper = shifted(self.gripper, displacement)
         positions = self.positions + displacement
-        freeze(positions)
+        positions.flags.writeable = False
         other = object.__new__(type(self))  # without another look at what is the same
-        put(other, **{name: self.__dict__[name] for name in _FIELDS})
-        put(other, gripper=gripper, positions=positions,
-            energy=self.energy + float(displacement @ self.gripper_wrench[:3]))
+        contents = self.__dict__.copy()
+        if len(contents) > len(_FIELDS):
+            for name in contents.keys() - _FIELDS:  # what was computed from it since
+                del contents[name]
+        contents.update(gripper=gripper, positions=positions, energy=self.energy + float(
+            displacement @ self.gripper_wrench[:3]))
+        other.__dict__.update(contents)
         return other
 
 
-_FIELDS = tuple(item.name for item in fields(Shape))
+_FIELDS = frozenset(item.name for item in fields(Shape))
 _DEFAULTS = {item.name: item.default for item in fields(Shape) if item.default is not MISSING}
 _ARRAYS = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 

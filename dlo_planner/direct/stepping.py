@@ -141,8 +141,7 @@ class Stepper:
         nodes = scheme.after(before.nodes, shape.positions)
         bends = scheme.after(before.bends, shape.element_strains)
         return self._after(before, place, scheme, replace(
-            before, shape=shape, nodes=nodes, bends=bends, kinetic=self.kinetic(nodes.velocity),
-            damping=self.damping_power(nodes.velocity, bends.velocity)))
+            before, shape=shape, nodes=nodes, bends=bends, kinetic=self.kinetic(nodes.velocity)))
 
     def along(self, now: Instant, past: Sequence[Any], places: Floats, scheme: Scheme,
               limits: Limits) -> Leg:
@@ -205,7 +204,7 @@ class Stepper:
             then = self.grips.power(before.place, shape.gripper_wrench, shape.far_wrench,
                                     shape.positions[-1])
             work = half * (then + power)
-        losses = before.losses + (half * (before.damping + there.damping),
+        losses = before.losses + (self._damped(before, there, scheme.dt),
                                   shape.dissipated - before.shape.dissipated,
                                   _rubbed(before.shape, shape))
         return replace(there, place=place, potential=shape.energy, work=before.work + work,
@@ -228,12 +227,15 @@ class Stepper:
         """Return the kinetic energy, J."""
         return 0.5 * float(self.masses @ np.sum(velocity**2, axis=1))
 
-    def damping_power(self, velocity: Floats, rate: Floats) -> float:
-        """Return the power that damping takes, W."""
+    def _damped(self, before: Instant, there: Instant, dt: float) -> float:
+        """Return the energy that damping takes at least in a step, J, see `swinging.damped`."""
         damping: Any = self.discretization.rod.damping
         (drag, viscosity), system = damping, self.discretization.static
-        viscous = np.sum(system.lengths[:, None] * system.stiffness * rate**2)
-        return float(2 * drag * self.kinetic(velocity) + viscosity * float(viscous))
+        moved, bent = (other.position - one.position for one, other in
+                       ((before.nodes, there.nodes), (before.bends, there.bends)))
+        slow = float(self.masses @ np.sum(moved**2, axis=1))
+        quick = float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
+        return float(drag * slow + viscosity * quick) / dt
 
 
 def _viscous(system: System, bends: KinematicState, viscosity: float, scheme: Scheme) -> System:

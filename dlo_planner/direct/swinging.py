@@ -101,13 +101,6 @@ def swing(system: System, how: Coefficients, trail: Trail, row: int, tolerance: 
 def account(system: System, how: Coefficients, trail: Trail, row: int) -> None:
     """Fill a row of a Trail with its energies and the local error of the step there."""
     nodes, bends, energies = trail.nodes, trail.bends, trail.energies
-    kinetic = viscous = 0.0
-    for k in range(how.masses.size):
-        for i in range(3):
-            kinetic += 0.5 * how.masses[k] * nodes[1, row, k, i] ** 2
-    for e in range(system.lengths.size):
-        for i in range(3):
-            viscous += system.lengths[e] * system.stiffness[e, i] * bends[1, row, e, i] ** 2
     power = then = 0.0
     for i in range(6):
         power += trail.wrenches[row, i] * trail.twists[row, i]
@@ -115,16 +108,88 @@ def account(system: System, how: Coefficients, trail: Trail, row: int) -> None:
         then += trail.wrenches[row, i] * trail.twists[row - 1, i]
     if how.gamma != 1.0:
         then = energies[row - 1, 4]
-    damping = 2 * how.slow * kinetic + how.viscous * viscous
     elastic = stored(system.effects, system, bends[0, row])
     energies[row, 0] = elastic
     energies[row, 1] = elastic + potential(system.effects, system, nodes[0, row])
-    energies[row, 2] = kinetic
+    energies[row, 2] = _kinetic(how, nodes, row)
     energies[row, 3] = energies[row - 1, 3] + 0.5 * how.dt * (then + power)
     energies[row, 4] = power
-    energies[row, 5] = energies[row - 1, 5] + 0.5 * how.dt * (energies[row - 1, 6] + damping)
-    energies[row, 6] = damping
+    energies[row, 5] = energies[row - 1, 5] + damped(system, how, nodes, bends, row)
     trail.proofs[row, 2] = how.third * third_difference(trail.times, nodes[0], row)
+
+
+@kernel
+def _kinetic(how: Coefficients, nodes: Floats, row: int) -> float:
+    """Return the kinetic energy in a row, J."""
+    kinetic = 0.0
+    for k in range(how.masses.size):
+        for i in range(3):
+            kinetic += 0.5 * how.masses[k] * nodes[1, row, k, i] ** 2
+    return kinetic
+
+
+@kernel
+def damped(system: System, how: Coefficients, nodes: Floats, bends: Floats, row: int) -> float:
+    """Return the energy that damping takes at least in the step to a row, J.
+
+    That is what it takes of an even motion from one end of the step to the other. Vibrations too
+    quick for the step have rates at its ends that are not those on the way: of what they seem to
+    take, the scheme takes next to nothing, and a motion would seem to gain it.
+    """
+    slow = quick = 0.0
+    for k in range(how.masses.size):
+        for i in range(3):
+            slow += how.masses[k] * (nodes[0, row, k, i] - nodes[0, row - 1, k, i]) ** 2
+    for e in range(system.lengths.size):
+        for i in range(3):
+            quick += system.lengths[e] * system.stiffness[e, i] * (
+                bends[0, row, e, i] - bends[0, row - 1, e, i]) ** 2
+    return (how.slow * slow + how.viscous * quick) / how.dt
+
+
+@kernel
+def set_off(system: System, calm: Coefficients, how: Coefficients, trail: Trail, going: bool,
+            tolerance: float, max_iterations: int) -> None:
+    """Fill row PAST of a Trail with how a DLO moves that grips and forces let go from there.
+
+    Done there: velocities, accelerations, energies. Rows beyond are of very short steps, ahead and
+    back; the grips are given in rows PAST to PAST + 3, the last one back in time.
+
+    Args:
+        system: System of the DLO at rest; trail: Trail of PAST + 4 rows
+        calm, how: Coefficients of the short steps, without damping, with that of the rod
+        going: whether velocities are to be made those that the grips allow
+        tolerance, max_iterations: as `newton`
+    """
+    now, ahead, again, back = PAST, PAST + 1, PAST + 2, PAST + 3
+    check = tolerance < 0.0  # False; a literal would be compiled for by itself
+    courses = trail.nodes, trail.bends
+    for course in courses:
+        for k in range(course.shape[2]):
+            for i in range(3):
+                course[2, now, k, i] = course[3, now, k, i] = 0.0
+                course[0, again, k, i], course[1, again, k, i] = (course[0, now, k, i],
+                                                                  -course[1, now, k, i])
+                course[2, again, k, i] = course[3, again, k, i] = 0.0
+    if going:
+        # what damps acts against either way: it would not cancel
+        swing(system, calm, trail, ahead, tolerance, max_iterations, check)
+        swing(system, calm, trail, back, tolerance, max_iterations, check)
+        for course in courses:
+            for k in range(course.shape[2]):
+                for i in range(3):
+                    course[1, now, k, i] = (course[0, ahead, k, i]
+                                            - course[0, back, k, i]) / (2 * how.dt)
+    swing(system, how, trail, ahead, tolerance, max_iterations, check)
+    for course in courses:
+        for k in range(course.shape[2]):
+            for i in range(3):
+                course[2, now, k, i] = course[3, now, k, i] = course[2, ahead, k, i]
+    power = 0.0
+    for i in range(6):
+        power += trail.wrenches[ahead, i] * trail.twists[now, i]
+    trail.energies[now, 4] = power
+    trail.energies[now, 2] = _kinetic(how, trail.nodes, now)
 
 
 @kernel

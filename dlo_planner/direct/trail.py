@@ -83,9 +83,9 @@ class Trail(Record):
         Residual, stability, local error of the step there, m.
     iterations : ndarray, shape (r,)
         Of the search.
-    energies : ndarray, shape (r, 7)
-        Elastic, with the loads, kinetic; work and power of the gripper; what is lost to damping,
-        and its power: J, W.
+    energies : ndarray, shape (r, 6)
+        Elastic, with the loads, kinetic; work and power of the gripper; what is lost to damping:
+        J, W.
     """
 
     times: np.ndarray

@@ -148,11 +148,11 @@ def assembled_definite(system, state, hessian, shift):
     if _definite_at_once(system, state, hessian, hessian.displaced, shift):
         return True
     assemble(system, state, hessian)
-    return not _at_once(system, hessian.displaced) and is_definite(system, hessian, shift)
+    return not at_once(system, hessian.displaced) and is_definite(system, hessian, shift)
 
 
 @kernel
-def _at_once(system, displaced):
+def at_once(system, displaced):
     """Whether the Hessian is assembled and factorized in one sweep."""
     if displaced is None:
         return system.basis.shape[1] == 0

@@ -183,7 +183,8 @@ def shifted(pose: Pose, displacement: Floats) -> Pose:
     """Return a Pose with its origin displaced by (3,) m."""
     position, other = pose.position + displacement, object.__new__(Pose)
     position.flags.writeable = False
-    put(other, **{**pose.__dict__, 'position': position})
+    other.__dict__.update(pose.__dict__)
+    other.__dict__['position'] = position
     return other
 
 
@@ -227,13 +228,6 @@ def _rows_of(x: Any, y: Any, z: Any, w: Any) -> list[list[Any]]:
     return [[xx - yy - zz + ww, 2 * (xy - zw), 2 * (xz + yw)],
             [2 * (xy + zw), yy - xx - zz + ww, 2 * (yz - xw)],
             [2 * (xz - yw), 2 * (yz + xw), zz - xx - yy + ww]]
-
-
-def rotations_of(quaternions: Floats) -> Floats:
-    """Return (k, 3, 3) of quaternions (k, 4), not zero, of any size."""
-    x, y, z, w = quaternions.T / np.linalg.norm(quaternions, axis=1)
-    rows = _rows_of(x, y, z, w)
-    return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))
 
 
 def _volume(m: Floats) -> float:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ from dlo_planner.plan.passing import Passes
 _FREE = (np.inf,) * 3
 
 
-@dataclass(frozen=True)
-class Waypoint:
+class Waypoint(NamedTuple):
     """A Shape in its place, and how well it passes a center."""
 
     shape: Shape
@@ -40,8 +39,8 @@ class Waypoint:
     def with_via_point(self, center: Floats, s: float) -> Waypoint:
         """Return the same waypoint, its error that of the worse of this and another center."""
         other = float(np.linalg.norm(self.shape.frame_at(s)[1] - center))
-        return replace(self, position_error=max(self.position_error, other),
-                       via_points=(*self.via_points, (center, s, None)))
+        return self._replace(position_error=max(self.position_error, other),
+                             via_points=(*self.via_points, (center, s, None)))
 
     def with_clearances(self, cutouts: Sequence[CutOut], sheets: Sequence[Sheet | None],
                         surface: Surface) -> Waypoint:
@@ -56,14 +55,15 @@ class Waypoint:
             Surface of the DLO.
         """
         both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
-        return replace(
-            self, sheets=tuple((sheet, normal) for sheet, normal in both if sheet is not None),
-            clearances=tuple(
+        return self._replace(
+            sheets=tuple((sheet, normal) for sheet, normal in both if sheet is not None),
+            clearances=tuple([
                 _FREE if sheet is None else hole_clearances(sheet, normal, surface, self.shape)
-                for sheet, normal in both))
+                for sheet, normal in both]))
 
 
-def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:
+def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None,
+                known: tuple[Floats, Floats] | None = None) -> Waypoint:
     """Return the Waypoint of a Shape carried so that it passes `center` at `s`: section 5.2.
 
     Parameters
@@ -75,8 +75,10 @@ def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None) -
         Arc length, m.
     normal : ndarray, shape (3,), or None
         Along which it should pass; None: along any.
+    known : (ndarray, ndarray), optional
+        What `shape.frame_at(s)` returns.
     """
-    axes, position = shape.frame_at(s)
+    axes, position = shape.frame_at(s) if known is None else known
     displacement = center - position
     return _waypoint(shape.moved(displacement), axes, position + displacement, center, s, normal)
 

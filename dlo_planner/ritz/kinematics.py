@@ -148,3 +148,26 @@ def point_inside(lengths: Floats, strains: Floats, rotations: Floats, positions:
     frame = matrix(rotations[element])
     put_vector(plus(vector(positions[element]), applied(frame, chord)), position)
     put_matrix(times(frame, turn), rotation)
+
+
+@kernel
+def frame_along(nodes: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                s: float) -> tuple[Floats, Floats]:
+    """Return rotation (3, 3) and position (3,) at arc length `s`, on its exact arc.
+
+    Args:
+        nodes: (N + 1,), read-only as all of these, arc lengths of the nodes, m
+        strains: (N, 3) 1/m; rotations: (N + 1, 3, 3); positions: (N + 1, 3), m
+    """
+    element = min(int(np.searchsorted(nodes, s, side='right')) - 1, nodes.size - 2)
+    h, begin = s - nodes[element], rotations[element]
+    turn, chord = rotation_and_chord(h * strains[element, 0], h * strains[element, 1],
+                                     h * strains[element, 2], h)
+    frame = (begin[0, 0], begin[0, 1], begin[0, 2], begin[1, 0], begin[1, 1], begin[1, 2],
+             begin[2, 0], begin[2, 1], begin[2, 2])
+    rotation, position = np.empty((3, 3)), np.empty(3)
+    way = applied(frame, chord)
+    for i in range(3):
+        position[i] = positions[element, i] + way[i]
+    put_matrix(times(frame, turn), rotation)
+    return rotation, position

@@ -204,3 +204,15 @@ def test_a_motion_travels_with_its_estimate(tmp_path):
     assert read == motion
     np.testing.assert_array_equal(read.error_estimate, motion.error_estimate)
     assert motion.within_tolerance == (motion.error_estimate <= motion.tolerance).all()
+
+
+@pytest.mark.parametrize('viscosity', [1e-4, 1e-3, 5e-3])
+def test_damping_takes_no_more_than_there_is_of_what_is_too_quick_for_the_steps(viscosity):
+    thing = Rod.circular(1.0, 4e-3, 1200.0, 5e6, 0.4, damping=(0.0, viscosity))
+    simulator = DirectSimulator(thing, n_elements=24, basis='local')
+    start = simulator.solve(LEVEL)
+    across = np.sin(12 * np.pi * start.s) * np.minimum(1, 6 * start.s)
+    motion = simulator.simulate([LEVEL] * 30, 0.03, start, integrator='paper',
+                                velocity=np.outer(across, (0, 1, 0)))
+    assert motion.losses[-1, 0] > 0
+    assert motion.numerical_loss.min() > -1e-3 * motion.kinetic_energy[0]

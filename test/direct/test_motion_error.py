@@ -7,11 +7,12 @@ import pytest
 from motion_cases import LEVEL, rod, tilted
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner import DirectSimulator, Plane, Pose, Rod
 from dlo_planner.direct import dynamics
 from dlo_planner.direct.guide import Grips, Guide
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.leg import Limits, leg_of
+from dlo_planner.direct.motion_error import Begun, finer_start
 from dlo_planner.direct.setting_off import begin, renewed
 from dlo_planner.direct.stepping import Stepper
 
@@ -121,3 +122,13 @@ def test_the_shortest_steps_can_be_halved_for_an_estimate():
     estimate = func(stepper, begun, plan, trace._replace(samples=None))
     # a DLO at rest: it is as wrong after 8192 of them as at the beginning
     assert estimate[-1] == pytest.approx(motion.error_estimate[0], rel=1e-3)
+
+
+def test_a_finer_motion_begins_with_the_geometry_of_its_own_mesh():
+    floor = Plane((0, 0, -0.2), (0, 0, 1))  # which it is compared with
+    start = DirectSimulator(rod(radius=3e-3), n_elements=16, obstacles=[floor]).solve(LEVEL)
+    mesh = start.state.mesh.finer
+    finer = finer_start(mesh, Begun(None, start, None))
+    np.testing.assert_array_equal(finer.s, mesh.s)
+    assert finer.frames.shape == (33, 3, 3) and finer.positions.shape == (33, 3)
+    np.testing.assert_allclose(finer.positions[::2], start.positions, atol=1e-3)

@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
@@ -41,6 +39,8 @@ class Passing(NamedTuple):
         Its depth, m; nan: not known.
     since : (Shape, float) or None
         The Shape that it was followed from, and its depth, m. None: not known.
+    axes : ndarray, shape (3, 3), or None
+        Axes of the DLO at the first center. None: not known.
     """
 
     shape: Shape
@@ -48,6 +48,7 @@ class Passing(NamedTuple):
     second: float | None = None
     depth: float = float('nan')
     since: tuple[Shape, float] | None = None
+    axes: Floats | None = None
 
     @property
     def gripper(self) -> tuple[Floats, Floats]:
@@ -103,11 +104,14 @@ class Step(NamedTuple):
         Depth that was reached, m.
     leap : float
         How far the gripper would have to leap there, m; 0: no shape was found beyond it.
+    at_once : bool
+        Whether it was reached in a single step, in which the gripper does not leap.
     """
 
     passing: Passing | None
     depth: float
     leap: float
+    at_once: bool = False
 
 
 def follow(condition: Condition, passing: Passing, depth: float, goal: float,
@@ -128,8 +132,9 @@ def follow(condition: Condition, passing: Passing, depth: float, goal: float,
     """
     length = passing.shape.s[-1]
     step = longest = _LONGEST_STEP * length
+    begun = depth
     while True:
-        target = depth + float(np.clip(goal - depth, -step, step))
+        target = depth + min(max(goal - depth, -step), step)
         roll = 0.0 if route is None else route.roll(condition, passing, depth, target)
         for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once, is rolled later
             candidate = condition.at(passing, target, share * roll, target == goal)
@@ -138,9 +143,10 @@ def follow(condition: Condition, passing: Passing, depth: float, goal: float,
             if candidate is not None and not too_far:
                 break
         if candidate is not None and not too_far:
+            at_once = depth == begun
             passing, depth = candidate, target
             if depth == goal:
-                return Step(passing, depth, 0.0)
+                return Step(passing, depth, 0.0, at_once)
             step = min(2 * step, longest)
             continue
         if step <= _SHORTEST_STEP * length or target == depth:

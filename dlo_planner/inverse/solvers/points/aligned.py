@@ -10,6 +10,7 @@ does not depend on the gripper's position, which follows afterwards (paper, sect
 Hessian is the direct simulator's, so an inverse solve costs about as much as a direct one.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.linear import (
     Hessian,
     assemble,
+    assembled_definite,
+    at_once,
     factorize,
     largest_turn,
     new_hessian,
@@ -31,15 +34,21 @@ from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
+from dlo_planner.ritz.arrays import copy, put_sum, scaled_by
 from dlo_planner.ritz.matrix3 import (
     applied,
     columns_scaled,
+    inner,
     matrix,
+    plus,
     put_matrix,
     put_vector,
     times,
+    vector,
 )
+from dlo_planner.ritz.matrix3 import cross as crossed
 
+_SINGULAR = 1e-14
 _LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
 
 
@@ -50,7 +59,7 @@ def free_axis(reference: Floats, normal: Floats) -> Floats:
     gripper points against the normal; then it is the gripper's own axis.
     """
     axis = reference[:, 0] + normal
-    size = np.linalg.norm(axis)
+    size = math.sqrt(axis @ axis)
     return axis / size if size > 0.1 else np.array(reference[:, 0])
 
 
@@ -83,6 +92,7 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
     m = state.q.shape[0]
     part, tangent = np.empty((3, 3)), np.empty(3)
     load, answers, turned = np.empty((m, 3)), np.empty((4, m, 3)), np.empty((4, 3))
+    rows, right, turn = np.empty((3, 3)), np.empty(3), np.empty(3)
     state.q[:] = q
     evaluate(here, state)
     miss = _miss(here, state, element, fraction, across, reference, axis, part, tangent)
@@ -96,33 +106,31 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         stale = converged and negative == 0 and size < HARDLY
         if stale:
             break
-        assemble(here, state, hessian)
-        negative = factorize(here, hessian, 0.0)
+        negative = 0
+        if not assembled_definite(here, state, hessian, 0.0):
+            negative = factorize(here, hessian, 0.0)
         if converged or iterations >= max_iterations:
             break
         iterations += 1
         # change of the equilibrium per gripper rotation, and the plain Newton step
+        _answer(here, state, hessian, load, answers)
         for column in range(4):
-            _right_side(here, state, hessian, column, load)
-            solve(here, hessian, load, answers[column])
-        rows = np.empty((3, 3))
-        right = np.empty(3)
-        for column in range(4):
-            turned[column] = _turn_at(here, hessian, part, element, answers[column])
+            _fill_turn(here, hessian, part, element, answers[column], turned[column])
         for row in range(2):
-            lever = np.cross(tangent, across[row])
+            lever = crossed(vector(tangent), vector(across[row]))
             for column in range(3):
-                rows[row, column] = lever[column] + dot(lever, turned[column])
-            right[row] = -miss[row] - dot(lever, turned[3])
+                rows[row, column] = lever[column] + inner(lever, vector(turned[column]))
+            right[row] = -miss[row] - inner(lever, vector(turned[3]))
         for column in range(3):
             rows[2, column] = _turn_rate(here.base, reference, axis, column)
         right[2] = -miss[2]
-        if abs(np.linalg.det(rows)) < 1e-14:
+        if not _solved(rows, right, turn):
             break
-        turn: Any = np.linalg.solve(rows, right)
         step = answers[3]
-        for column in range(3):
-            step += turn[column] * answers[column]
+        for e in range(m):
+            for i in range(3):
+                step[e, i] += (turn[0] * answers[0, e, i] + turn[1] * answers[1, e, i]
+                               + turn[2] * answers[2, e, i])
         size = max(np.sqrt(dot(turn, turn)), largest_turn(here, hessian, step))
         if not np.isfinite(size):
             break
@@ -130,7 +138,7 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         moved = False
         for _ in range(8):
             turn_by(here.base, portion * turn, there.base)
-            trial.q[:] = state.q + portion * step
+            put_sum(state.q, portion, step, trial.q)
             evaluate(there, trial)
             new_miss = _miss(there, trial, element, fraction, across, reference, axis, part,
                              tangent)
@@ -199,18 +207,58 @@ def _merit(system: System, state: State, miss: Floats) -> Any:
 
 
 @kernel
-def _right_side(system: System, state: State, hessian: Hessian, column: int, load: Floats) -> None:
-    """Fill -(change of the gradient per gripper rotation about axis `column`); 3: -gradient."""
-    if column == 3:
-        load[:] = -state.gradient
-        return
-    project(system.basis, -hessian.cross[:, :, column], load)
+def _answer(system: System, state: State, hessian: Hessian, load: Floats,
+            answers: Floats) -> None:
+    """Fill answers (4, m, 3): changes of the equilibrium per gripper rotation about x, y, z.
+
+    The fourth is Newton's step in a gripper that rests. `load` (m, 3) is for use here.
+    """
+    copy(state.gradient, load)
+    scaled_by(-1.0, load)
+    solve(system, hessian, load, answers[3])
+    for column in range(3):
+        if at_once(system, hessian.displaced):
+            _answer_by_gains(hessian, column, answers[column])
+        else:
+            project(system.basis, -hessian.cross[:, :, column], load)
+            solve(system, hessian, load, answers[column])
 
 
 @kernel
-def _turn_at(system: System, hessian: Hessian, part: Floats, element: int, step: Floats) -> Floats:
-    """Return the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
-    theta = np.zeros(3)
+def _answer_by_gains(hessian: Hessian, column: int, answer: Floats) -> None:
+    """Fill the change (m, 3) of the equilibrium per gripper rotation about an axis.
+
+    A turn of the gripper is one of all that lies before the first element: the sweep of
+    `riccati.solve_turns` to the free end begins with it.
+    """
+    jacobians, gains = hessian.twist_jacobian, hessian.gain
+    theta = (1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0, 1.0 if column == 2 else 0.0)
+    for e in range(answer.shape[0]):
+        less = applied(matrix(gains[e]), theta)
+        step = (-less[0], -less[1], -less[2])
+        put_vector(step, answer[e])
+        theta = plus(theta, applied(matrix(jacobians[e]), step))
+
+
+@kernel
+def _solved(rows: Floats, right: Floats, out: Floats) -> bool:
+    """Fill out (3,) with the solution of rows (3, 3) out = right (3,), if there is one."""
+    a, b, c = vector(rows[0]), vector(rows[1]), vector(rows[2])
+    bc, ca, ab = crossed(b, c), crossed(c, a), crossed(a, b)
+    volume = inner(a, bc)
+    if not abs(volume) >= _SINGULAR:
+        return False
+    for i in range(3):
+        out[i] = (right[0] * bc[i] + right[1] * ca[i] + right[2] * ab[i]) / volume
+    return True
+
+
+@kernel
+def _fill_turn(system: System, hessian: Hessian, part: Floats, element: int, step: Floats,
+               theta: Floats) -> None:
+    """Fill the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
+    for i in range(3):
+        theta[i] = 0.0
     turnings, basis = hessian.twist_jacobian, system.basis
     for e in range(element + 1):
         turning = part if e == element else turnings[e]
@@ -218,7 +266,6 @@ def _turn_at(system: System, hessian: Hessian, part: Floats, element: int, step:
             value = at_element(basis, step, e, j)
             for i in range(3):
                 theta[i] += turning[i, j] * value
-    return theta
 
 
 @kernel

@@ -69,8 +69,10 @@ class Aligned:
         align = self._align if final else aligned_shape
         s = self.simulator.rod.length - depth
         shape = align(self.simulator, guess, s, self.normal, reference, trend)
-        return None if shape is None else Passing(
-            shape, shape.gripper.position - shape.frame_at(s)[1], depth=depth)
+        if shape is None:
+            return None
+        axes, position = shape.frame_at(s)
+        return Passing(shape, shape.gripper.position - position, depth=depth, axes=axes)
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
@@ -101,6 +103,8 @@ def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Fl
         shape = aligned_on(discretization, guess, s, normal, reference, trend)
         if shape is None:
             return None
+        if simulator.accuracy is None:  # its mesh is the same everywhere
+            return shape
         better = simulator.discretization(shape.gripper, shape)
         if better is discretization:
             return shape
@@ -111,9 +115,10 @@ def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Fl
 def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: Floats,
                reference: Floats, trend: tuple[Shape, float] | None = None) -> Shape | None:
     """Return what `aligned_shape` returns, on a Discretization."""
-    element = min(int(np.searchsorted(discretization.s, s, side='right')) - 1,
+    element = min(int(discretization.s.searchsorted(s, side='right')) - 1,
                   discretization.s.size - 2)
-    fraction = (s - discretization.s[element]) / discretization.static.lengths[element]
+    begin, end = discretization.s[element:element + 2].tolist()
+    fraction = (s - begin) / (end - begin)
     goal = (element, fraction, np.array(normal), np.array(reference, order='C'),
             free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
     if discretization.hangs:

@@ -119,7 +119,8 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
             raise refusal
         last, depth = as_replayed(simulator, aligned, builder.last, passing, target), target
         passings.append(last)
-        waypoint = waypoint_of(last.shape, cutout.center, length - target, cutout.normal)
+        known = None if last.axes is None else (last.axes, last.shape.gripper.position - last.place)
+        waypoint = waypoint_of(last.shape, cutout.center, length - target, cutout.normal, known)
         builder.add(waypoint.with_clearances([cutout], [sheet], demands.surface))
     plan = builder.finished()
     return _evenly(simulator, task, begin, plan, passings) if jerks else plan
@@ -168,7 +169,7 @@ def _refusal(simulator: DirectSimulator, builder: PlanBuilder, before: Passing |
     if shape.stability < -NEUTRAL:
         return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the shape '
                                f'that passes the cut-out; stability {shape.stability:.3g} < 0')
-    return refusal_for_step(simulator, builder, before, step.passing)
+    return refusal_for_step(simulator, builder, None if step.at_once else before, step.passing)
 
 
 def _rolled(simulator: DirectSimulator, builder: PlanBuilder, aligned: Aligned, before: Passing,
