@@ -3,12 +3,12 @@
 """What numba does while it compiles a kernel, and need not do: its ways are changed for so long.
 
 Machine code is made of each function, though most are copied into those that call them; here only
-of what is called: `Library.emit`. Each function is optimized before it is linked with others, and
-again afterwards; here afterwards. The same operation on the same types is resolved anew wherever
+of what is called: `Library.emit`. The same operation on the same types is resolved anew wherever
 it is written; here once in a process. Python looks for cycles among millions of objects that all
 stay; here it does not.
 
-The numbers that a kernel returns do not change: nothing is reordered that rounds.
+What LLVM does is left as it is: without its first round over each function alone, loops over
+constants came out up to 1.7 times slower.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from numba.core.environment import lookup_environment
 from numba.core.registry import cpu_target
 from numba.core.types.functions import BaseFunction
 
-VERSION = 1  # of what this and `pipeline` change in what is compiled
+VERSION = 2  # of what this and `pipeline` change in what is compiled
 _ENVIRONMENT = '_ZN08NumbaEnv'  # how numba's names of what holds a function's constants begin
 _depth: list[None] = []
 _resolved: dict[tuple[Any, ...], Any] = {}
@@ -126,9 +126,6 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba is not annotated
             return self.name, 'object', (b'', self._get_module_for_linking().as_bitcode())
         state: tuple[str, str, tuple[bytes, bytes]] = super().serialize_using_object_code()
         return state
-
-    def _optimize_functions(self, ll_module: Any) -> None:
-        ll_module.data_layout = self._codegen._data_layout
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
