@@ -139,7 +139,7 @@ def _rebuilt(target_context: Any, library: tuple[str, str, tuple[bytes, bytes]],
 
 def _loaded(codegen: Any, library: tuple[str, str, tuple[bytes, bytes]], symbol: str) -> Any:
     """Return a library with the machine code of one symbol."""
-    loaded = Library._unserialize(codegen, library)
+    loaded = codegen.unserialize_library(library)
     loaded.emit()
     codegen._engine._defined_symbols.add(symbol)
     return loaded

@@ -16,6 +16,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 from numba.core import types
@@ -53,11 +54,12 @@ def _lean() -> Iterator[None]:
     context.refresh()  # the first makes what all code calls that allocates
     codegen = context.codegen()
     gc.disable()
-    codegen._library_class, BaseFunction.get_call_type = Library, _call_type
+    codegen.create_library = partial(Library, codegen)
+    BaseFunction.get_call_type = _call_type
     try:
         yield
     finally:
-        del codegen._library_class  # that of its class is there again
+        del codegen.create_library  # that of its class is there again
         BaseFunction.get_call_type = _resolve
         if collects:
             gc.enable()
@@ -93,7 +95,7 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba is not annotated
         """Take the environment of a function, for when there is machine code that reads it."""
         if not self._emitted:
             self._environments[name] = environment
-        elif self._codegen._engine.get_global_value_address(name):
+        else:
             self._codegen.set_env(name, environment)
 
     def emit(self) -> None:
