@@ -18,6 +18,7 @@ from numba.core.dispatcher import Dispatcher
 from dlo_planner.kernels import files, linking
 from dlo_planner.kernels.fingerprint import Unseen, fingerprint
 from dlo_planner.kernels.folders import folders
+from dlo_planner.kernels.lean import Library
 
 KERNELS: dict[Callable[..., Any], Dispatcher] = {}  # all that have been decorated, by function
 
@@ -61,10 +62,12 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
         """Keep what was compiled; where that cannot be done it stays in memory."""
         large = linking.is_large(self._kernel, data)
         if large:
+            data.library.emit()
             linking.keep_apart(self._kernel, data)
         if not data.library.has_dynamic_globals and all(one.can_cache for one in data.lifted):
             called = linking.called_by(data)
-            self._keep(_arguments(sig), 'kernel', (large, called, data._reduce()))
+            reduced = data._replace(type_annotation='')._reduce()  # a text for people
+            self._keep(_arguments(sig), 'kernel', (large, called, reduced))
 
     def for_python(self, result: Any) -> Any:
         """Return what Python calls for a kernel that was compiled: loaded, or made and kept."""
@@ -75,13 +78,13 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
                 loaded = _loaded(context.codegen(), library, described.llvm_cpython_wrapper_name)
                 result.environment.consts[:] = constants
                 return context.get_executable(loaded, described, result.environment)
-        made = context.codegen().create_library(f'{described.llvm_func_name} for Python')
+        made = Library(context.codegen(), f'{described.llvm_func_name} for Python')
         made.enable_object_caching()
-        made._get_module_for_linking = linking.no_code
+        made.add_linking_library(result.library)  # no code, if that is called where it is
         context.create_cpython_wrapper(made, described, result.environment, None,
                                        self._kernel.targetoptions.get('nogil', False))
-        made.finalize()
         callable_ = context.get_executable(made, described, result.environment)
+        made._get_module_for_linking = linking.no_code
         self._keep(kinds, 'python', (made.serialize_using_object_code(),
                                      list(result.environment.consts)))
         return callable_
@@ -121,6 +124,8 @@ def _rebuilt(target_context: Any, library: tuple[str, str, tuple[bytes, bytes]],
     no_code = linking.no_code().as_bitcode()
     result = CompileResult._rebuild(
         target_context, (name, kind, (machine_code, no_code)), described, *rest)
+    if machine_code:
+        result.library.emit()
 
     @cache
     def read() -> Any:
@@ -135,5 +140,6 @@ def _rebuilt(target_context: Any, library: tuple[str, str, tuple[bytes, bytes]],
 def _loaded(codegen: Any, library: tuple[str, str, tuple[bytes, bytes]], symbol: str) -> Any:
     """Return a library with the machine code of one symbol."""
     loaded = codegen.unserialize_library(library)
+    loaded.emit()
     codegen._engine._defined_symbols.add(symbol)
     return loaded

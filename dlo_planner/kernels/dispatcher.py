@@ -12,45 +12,16 @@ Python calls a kernel for the first time.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 from numba.core import types
-from numba.core.compiler import Compiler, DefaultPassBuilder
-from numba.core.compiler_lock import global_compiler_lock
-from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.dispatcher import OmittedArg
 from numba.core.registry import CPUDispatcher
-from numba.core.typed_passes import NopythonTypeInference
+from numba.core.sigutils import normalize_signature
 
-from dlo_planner.kernels.cache import KERNELS, KernelCache
-from dlo_planner.kernels.fingerprint import Unseen
-
-
-@register_pass(mutates_CFG=False, analysis_only=True)
-class _NameBySources(AnalysisPass):  # type: ignore[misc]  # numba is not annotated
-    """Give the machine code a name that is the same in each process.
-
-    Kernels that are kept in different files call each other by it.
-    """
-
-    _name = 'dlo_planner_name_by_sources'
-
-    def __init__(self) -> None:
-        super().__init__()
-
-    def run_pass(self, state: Any) -> bool:
-        with suppress(Unseen):  # what is in no file needs no name
-            state.func_id.unique_id = int(KERNELS[state.func_id.func].sources[:16], 16)
-        return False
-
-
-class _Pipeline(Compiler):  # type: ignore[misc]
-    def define_pipelines(self) -> list[Any]:
-        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.add_pass_after(_NameBySources, NopythonTypeInference)
-        passes.finalize()
-        return [passes]
+from dlo_planner.kernels.cache import KernelCache
+from dlo_planner.kernels.lean import compiling
+from dlo_planner.kernels.pipeline import Pipeline
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]
@@ -64,7 +35,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         """Return the kernel of a function, with numba's options."""
         options = {'nopython': True, 'boundscheck': None, 'no_cpython_wrapper': True,
                    'no_cfunc_wrapper': True} | options
-        kernel = cls(function, targetoptions=options, pipeline_class=_Pipeline)
+        kernel = cls(function, targetoptions=options, pipeline_class=Pipeline)
         kernel._cache, kernel._called = KernelCache(kernel), {}
         return kernel
 
@@ -90,17 +61,32 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
             The kernel's fingerprint, which follows from that of a kernel that calls it.
         """
         self._cache.sources = sources
-        if kinds not in self.overloads:
-            # numba's own way takes the time of all that is below each level anew
+        self.compile(kinds)
+        return self.overloads[kinds]
+
+    def compile(self, sig: Any) -> Any:
+        """Load or compile what is for types of arguments; numba asks for it, too.
+
+        numba's own way takes the time of all that is below each level anew.
+        """
+        with compiling(), self._compiling_counter:
+            if not self._can_compile:
+                raise RuntimeError('compilation disabled')
+            kinds, returned = normalize_signature(sig)
+            if kinds in self.overloads:
+                return self.overloads[kinds].entry_point
             result = self._cache.load(kinds, self.targetctx)
             if result is None:
-                self.compile(kinds)
+                self._cache_misses[kinds] += 1
+                result = self._compiler.compile(kinds, returned)
+                self.add_overload(result)
+                self._cache.save_overload(sig, result)
             else:
                 self._cache_hits[kinds] += 1
                 self.targetctx.insert_user_function(result.entry_point, result.fndesc,
                                                     [result.library])
                 self.add_overload(result)
-        return self.overloads[kinds]
+            return result.entry_point
 
     def add_overload(self, result: Any) -> None:
         """Take what was compiled: kernels can call it."""
@@ -111,7 +97,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         super()._compile_for_args(*args, **kws)
         kinds = tuple(types.Omitted(one.value) if isinstance(one, OmittedArg)
                       else self.typeof_pyval(one) for one in args)
-        with global_compiler_lock:
+        with compiling():
             if kinds not in self._called:  # another thread may have asked
                 called = self._called[kinds] = self._cache.for_python(self.overloads[kinds])
                 self._insert([kind._code for kind in kinds], called, False)  # keeps no reference

@@ -32,6 +32,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
+from dlo_planner.kernels import lean
 from dlo_planner.kernels.fingerprint import fingerprint
 from dlo_planner.kernels.folders import folders, prune
 from dlo_planner.kernels.processor import accepted
@@ -118,12 +119,12 @@ def _digest(*parts: object) -> str:
 
 @cache
 def environment() -> tuple[Any, ...]:
-    """Return what compiles: the versions of Python, numba, LLVM and numpy, and numba's settings."""
+    """Return what compiles: versions, also of `lean` and `pipeline`, and numba's settings."""
     numpy = np.__version__.split('.')[:2]
     settings = [(name, repr(getattr(numba.config, name, None))) for name in _SETTINGS]
     optimized = str(getattr(numba.config.OPT, '_raw_value', numba.config.OPT))
-    return (sys.implementation.cache_tag, getattr(sys, 'abiflags', ''), numba.__version__,
-            llvmlite.__version__, *numpy, optimized, *settings)
+    return (lean.VERSION, sys.implementation.cache_tag, getattr(sys, 'abiflags', ''),
+            numba.__version__, llvmlite.__version__, *numpy, optimized, *settings)
 
 
 def _read(path: Path) -> bytes | None:

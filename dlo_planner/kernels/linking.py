@@ -13,6 +13,7 @@ from __future__ import annotations
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
+from itertools import islice
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
@@ -52,7 +53,8 @@ def is_large(kernel: Any, result: Any) -> bool:
     if kernel.targetoptions.get('forceinline'):
         return False
     code = result.library._final_module.get_function(result.fndesc.llvm_func_name)
-    return sum(1 for block in code.blocks for _ in block.instructions) > _SMALL
+    instructions = (one for block in code.blocks for one in block.instructions)
+    return next(islice(instructions, _SMALL, None), None) is not None
 
 
 def keep_apart(kernel: Any, result: Any) -> None:

@@ -7,32 +7,44 @@ import numpy as np
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.riccati import TINY
 
-# The width of the blocks is written out in the calls, so that the compiler, which inlines this
+# What many kinds of DLO do alike gets arrays, not Records, so that it is compiled once for all. The
+# width of the blocks is written out in the calls, so that the compiler, which inlines this
 # function, sees constant loops and unrolls them.
 
 
 @kernel
 def project_all(basis, hessian, displaced):
     """Fill hessian.dense (3 m, 3 m) from its blocks; `displaced` as of a Hessian."""
+    blocks = hessian.twist_jacobian, hessian.cross, hessian.diagonal
     if displaced is None:
-        _project(basis, hessian, 3)
+        _project_turns(basis, blocks, hessian.dense)
         return
     if displaced:
-        _project(basis, hessian, 6)
+        _project_twists(basis, blocks, hessian.dense)
     else:
-        _project(basis, hessian, 3)
+        _project_turns(basis, blocks, hessian.dense)
+
+
+@kernel
+def _project_turns(basis, blocks, dense):
+    _project(basis, blocks, dense, 3)
+
+
+@kernel
+def _project_twists(basis, blocks, dense):
+    _project(basis, blocks, dense, 6)
 
 
 @kernel(inline='always')
-def _project(basis, hessian, wide):
-    """Fill hessian.dense (3 m, 3 m), unknown (j, i) at row 3 j + i, in O(N m^2).
+def _project(basis, blocks, dense, wide):
+    """Fill dense (3 m, 3 m) from three kinds of blocks, unknown (j, i) at row 3 j + i, in O(N m^2).
 
     Inner loops run over the terms, which lie side by side: the compiler makes vectors of them.
     """
     n, m = basis.shape
     prefix = np.zeros((3 * wide, m))  # sum over e < f of turning_e basis_e
     rows = np.empty((n, 9 * m))
-    jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
+    jacobians, crosses, diagonals = blocks
     for f in range(n):
         jacobian, cross, diagonal = jacobians[f], crosses[f], diagonals[f]
         for a in range(3):
@@ -48,7 +60,7 @@ def _project(basis, hessian, wide):
                 turning = jacobian[k, b]
                 for j in range(m):
                     prefix[3 * k + b, j] += turning * basis[f, j]
-    half, dense = basis.T @ rows, hessian.dense
+    half = basis.T @ rows
     for k in range(m):
         for j in range(m):
             for a in range(3):
@@ -60,7 +72,11 @@ def _project(basis, hessian, wide):
 @kernel
 def factorize_dense(hessian, shift, most):
     """Factorize; give up where more than `most` pivots are negative; return how many are."""
-    dense, factor = hessian.dense, hessian.factor
+    return _factorized(hessian.dense, hessian.factor, shift, most)
+
+
+@kernel
+def _factorized(dense, factor, shift, most):
     n = dense.shape[0]
     negative = 0
     scaled = np.empty(n)

@@ -63,10 +63,15 @@ def _element(h, strain, scale, frame, force, first, value):
 @kernel
 def factorize_vertical_loads(system, state, hessian, shift):
     """Do what `riccati.factorize_dead_loads` does, where `is_vertical`."""
-    lengths, scale, pull, strains = system.lengths, system.scale, state.pull, state.strains
-    rotations, positions, diagonals = state.rotations, state.positions, hessian.diagonal
-    jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
-    passed = hessian.passed
+    return _factorized(system.lengths, (state.strains, system.scale, state.positions, state.pull),
+                       (hessian.twist_jacobian, state.rotations, hessian.diagonal, hessian.gain,
+                        hessian.inverse, hessian.passed), shift)
+
+
+@kernel
+def _factorized(lengths, rows, blocks, shift):
+    strains, scale, positions, pull = rows
+    jacobians, rotations, diagonals, gains, inverses, passed = blocks
     force, first, value = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(lengths.size):
         e = lengths.size - 1 - k
@@ -106,8 +111,12 @@ def factorize_vertical_loads(system, state, hessian, shift):
 @kernel
 def solve_vertical_loads(hessian, right, out):
     """Do what `riccati.solve_turns` does, after `factorize_vertical_loads`."""
-    jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
-    passed = hessian.passed
+    _solved((hessian.twist_jacobian, hessian.gain, hessian.inverse, hessian.passed), right, out)
+
+
+@kernel
+def _solved(blocks, right, out):
+    jacobians, gains, inverses, passed = blocks
     n = jacobians.shape[0]
     x, y = 0.0, 0.0  # slope of the cost to go by the rotation, negated
     for k in range(n):
