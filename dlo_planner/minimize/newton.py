@@ -193,8 +193,7 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
         untold = gain * LARGEST_TURN < _UNTOLD * noise * max(its_turn, LARGEST_TURN)
         energy, noise, moved, blocked = _fall(system, state, trial, step, energy, noise)
         iterations += 1
-        idle = idle + 1 if untold and not (dot(trial.gradient, trial.gradient)
-                                           < 0.9 * dot(state.gradient, state.gradient)) else 0
+        idle = idle + 1 if untold and not _nearer(state, trial) else 0
         obstructed = obstructed + 1 if blocked else 0
         if moved:
             state, trial = trial, state
@@ -209,6 +208,12 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
             stalled = shift == 0.0 or shift > 1e6
             shift = max(1e-2, 10.0 * shift)
     return state, residual, stability, iterations, mode, leans
+
+
+@kernel
+def _nearer(state, trial):
+    """Whether the gradient of `trial` is smaller."""
+    return dot(trial.gradient, trial.gradient) < 0.9 * dot(state.gradient, state.gradient)
 
 
 @kernel
