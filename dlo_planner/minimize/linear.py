@@ -52,7 +52,8 @@ class Hessian(Record):
     inverse : ndarray, shape (N, 3, 3)
         Of the Riccati sweep; empty for Ritz.
     passed : ndarray, shape (N, 3, 3)
-        Of the Riccati sweep where only rotations count: I - twist_jacobian gain; else empty.
+        Of the Riccati sweep where only rotations count: I - twist_jacobian gain; else empty. Where
+        all loads are vertical, its first two rows and columns.
     dense : ndarray, shape (3 m, 3 m)
         The whole Hessian, for Ritz; (0, 0) for local.
     factor : ndarray, shape (3 m, 3 m)

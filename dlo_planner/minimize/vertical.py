@@ -92,9 +92,9 @@ def _factorized(lengths, rows, blocks, shift):
         b0 = inverse[0] * c[1] + inverse[1] * c[3] + inverse[2] * c[5]
         b1 = inverse[3] * c[1] + inverse[4] * c[3] + inverse[5] * c[5]
         b2 = inverse[6] * c[1] + inverse[7] * c[3] + inverse[8] * c[5]
-        gain[0, 0], gain[0, 1] = a0, b0
-        gain[1, 0], gain[1, 1] = a1, b1
-        gain[2, 0], gain[2, 1] = a2, b2
+        gain[0, 0], gain[0, 1], gain[0, 2] = a0, b0, 0.0
+        gain[1, 0], gain[1, 1], gain[1, 2] = a1, b1, 0.0
+        gain[2, 0], gain[2, 1], gain[2, 2] = a2, b2, 0.0
         kept[0, 0] = 1.0 - (t[0] * a0 + t[1] * a1 + t[2] * a2)
         kept[0, 1] = -(t[0] * b0 + t[1] * b1 + t[2] * b2)
         kept[1, 0] = -(t[3] * a0 + t[4] * a1 + t[5] * a2)

@@ -83,6 +83,7 @@ def test_one_sweep_finds_what_assembling_and_factorizing_do(basis, gravity, curl
         lowest = np.linalg.eigvalsh(dense)[0]
         for shift in (max(0.0, 0.1 - lowest), 0.5 - lowest, -0.1 - lowest):
             definite = lowest + shift > 0
+            at_once.gain[:] = np.nan  # as memory may be that is not filled
             assert assembled_definite(system, state, at_once, shift) == definite
             assert is_definite(system, apart, shift) == definite
             if definite:
@@ -90,6 +91,8 @@ def test_one_sweep_finds_what_assembling_and_factorizing_do(basis, gravity, curl
                 solve(system, at_once, right, out)
                 np.testing.assert_allclose(
                     (dense + shift * np.eye(len(dense))) @ out.ravel(), right.ravel(), atol=1e-9)
+                # what follows from a turn of the gripper is read off the gains
+                np.testing.assert_allclose(at_once.gain, apart.gain, atol=1e-9)
             else:  # it is filled, for other shifts
                 assert is_definite(system, at_once, 0.1 - lowest)
 
