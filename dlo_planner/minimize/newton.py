@@ -182,8 +182,9 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
                 residual, stability = np.inf, -np.inf
                 break
             leant, high, its_noise = lean(system, hessian, state, trial)
-            if leant:  # by so little that the factorization is as good there
+            if leant:
                 state, trial, energy, noise = trial, state, high, its_noise
+                continue
         its_turn, gain = _newton_step(system, hessian, state, step)
         if (check and shift > 0.0 and gain < _UNTOLD * noise
                 and not assembled_definite(system, state, hessian, _NEARLY)):
@@ -204,8 +205,7 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
             # a contact there has to be known before it goes on; rounding errors lead nowhere
             stalled = obstructed > _OFTEN or idle > _IDLE
         else:
-            iterations += _VAIN - 1
-            stalled = shift == 0.0 or shift > 1e6
+            iterations, stalled = iterations + _VAIN - 1, shift == 0.0 or shift > 1e6
             shift = max(1e-2, 10.0 * shift)
     return state, residual, stability, iterations, mode, leans
 
