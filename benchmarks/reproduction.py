@@ -3,8 +3,9 @@
 """The measured ratios that the page of the paper's figures says, from what their scripts wrote."""
 
 import json
-import re
 from pathlib import Path
+
+from benchmarks.said import renewed
 
 _DOCS = Path(__file__).parent.parent / 'docs'
 PAGE = _DOCS / 'reproduction.md'
@@ -59,16 +60,7 @@ def updated(text):
     Raises:
         ValueError: one of the sentences is not there
     """
-    for said, measured in SAID.items():
-        found = re.search(said, text)
-        if not found:
-            raise ValueError(f'{PAGE.name}: expected a sentence like {said!r}')
-        whole, numbers = found[0], measured()
-        for k in reversed(range(len(numbers))):
-            begin, end = (place - found.start() for place in found.span(k + 1))
-            whole = whole[:begin] + numbers[k] + whole[end:]
-        text = text[:found.start()] + whole + text[found.end():]
-    return text
+    return renewed(text, SAID, PAGE.name)
 
 
 def write():

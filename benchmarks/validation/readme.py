@@ -3,11 +3,11 @@
 """The numbers of the README: how they are said there, and which figures of the JSON they are."""
 
 import json
-import re
 from collections.abc import Callable
 from math import ceil
 from pathlib import Path
 
+from benchmarks.said import renewed
 from benchmarks.validation import page
 
 _DOCS = Path(__file__).resolve().parents[2] / 'docs'
@@ -44,24 +44,10 @@ SAID: dict[str, Callable[[], list[str]]] = {
 }
 
 
-def places(said: str) -> str:
-    """Return a pattern that goes on over the ends of lines."""
-    return said.replace(' ', r'\s+')
-
-
 def updated(text: str) -> str:
     """Return a text with the numbers that were measured last.
 
     Raises:
         ValueError: one of the sentences is not there
     """
-    for said, measured in SAID.items():
-        found = re.search(places(said), text)
-        if not found:
-            raise ValueError(f'README.md: expected a sentence like {said!r}')
-        whole, numbers = found[0], measured()
-        for k in reversed(range(len(numbers))):
-            begin, end = (place - found.start() for place in found.span(k + 1))
-            whole = whole[:begin] + numbers[k] + whole[end:]
-        text = text[:found.start()] + whole + text[found.end():]
-    return text
+    return renewed(text, SAID, 'README.md')

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.page import text
+from benchmarks.said import places
 from benchmarks.validation import page, readme
 
 ROOT = Path(__file__).parents[2]
@@ -31,7 +32,7 @@ def test_a_sentence_that_is_missing_is_named():
 def test_the_readme_has_no_other_numbers():
     rest = WORDS
     for said in readme.SAID:
-        rest = re.sub(readme.places(said), ' ', rest)
+        rest = re.sub(places(said), ' ', rest)
     for plain in sorted(PLAIN, key=len, reverse=True):
         rest = re.sub(rf'(?<![\w.]){re.escape(plain)}(?![\w])', ' ', rest)
     assert re.findall(r'(?<![\w.-])\d[\d.]*', rest) == []
