@@ -51,17 +51,17 @@ class Camera:
     node : Gate
         Rclpy Node.
     parts : Parts
-    group : object
-        Callback group.
+    seeing, identifying : object
+        Callback groups: clouds that come quicker than they are looked at starve no service.
     set_parameters : callable
         Takes rclpy Parameters, sets all or none, returns a SetParametersResult.
     """
 
-    def __init__(self, node: Gate, parts: Parts, group: Any,
+    def __init__(self, node: Gate, parts: Parts, seeing: Any, identifying: Any,
                  set_parameters: Callable[..., Any]) -> None:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture, self._frames = parts.reporter, parts.picture, parts.frames
-        self._set, self._lock = set_parameters, Lock()
+        self._set, self._lock, self._turn = set_parameters, Lock(), Lock()
         # (stamp, Pose of the tool frame)
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
         # Scene, Observing of its DLO or None, State.resets
@@ -71,8 +71,8 @@ class Camera:
         self._corrected: tuple[Made | None, float, Correction | None] = None, -np.inf, None
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
         node.create_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST,
-                                 callback_group=group)
-        node.create_service(Trigger, '~/identify', self._on_identify, callback_group=group)
+                                 callback_group=seeing)
+        node.create_service(Trigger, '~/identify', self._on_identify, callback_group=identifying)
 
     def gripper(self, pose: Pose, stamp: Time) -> float:
         """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan.
@@ -93,7 +93,8 @@ class Camera:
     # ---- looks ------------------------------------------------------------------------------
 
     def _on_points(self, msg: PointCloud2) -> None:
-        with self._reporter.answering('observed_points', counter='clouds refused', told=False):
+        with self._turn, self._reporter.answering(
+                'observed_points', counter='clouds refused', told=False):
             self._health.count('clouds received')
             state, stamp = self._store.state, _seconds(msg.header.stamp)
             observing = self._observing_of(state)
@@ -195,7 +196,7 @@ class Camera:
     # ---- identification ---------------------------------------------------------------------
 
     def _on_identify(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        with self._reporter.answering('identify', answer=response) as outcome:
+        with self._turn, self._reporter.answering('identify', answer=response) as outcome:
             state = self._store.state
             if state.executing:
                 raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or '

@@ -40,12 +40,12 @@ class Drive:
         Planning, which `cancel` ends as well.
     clock : object
         Steady Clock.
-    group : object
-        Callback group.
+    moving, canceling : object
+        Callback groups: `cancel` waits for no command.
     """
 
     def __init__(self, node: Gate, parts: Parts, planning: Planning, clock: Any,
-                 group: Any) -> None:
+                 moving: Any, canceling: Any) -> None:
         self._node, self._store, self._planning = node, parts.store, planning
         self._reporter, self._health = parts.reporter, parts.health
         self._picture = parts.picture
@@ -56,9 +56,9 @@ class Drive:
         self._ahead_out = node.create_publisher(MultiDOFJointTrajectory,
                                                 '~/gripper_commands_ahead', REQUEST)
         self._out = node.create_publisher(DiagnosticStatus, '~/execution', LATCHED)
-        node.create_service(Trigger, '~/execute', self._on_execute, callback_group=group)
-        node.create_service(Trigger, '~/cancel', self._on_cancel, callback_group=group)
-        node.create_timer(parts.store.state.scene.period, self._command, callback_group=group,
+        node.create_service(Trigger, '~/execute', self._on_execute, callback_group=moving)
+        node.create_service(Trigger, '~/cancel', self._on_cancel, callback_group=canceling)
+        node.create_timer(parts.store.state.scene.period, self._command, callback_group=moving,
                           clock=clock)
 
     def announce(self) -> None:

@@ -63,14 +63,14 @@ class LiveShapes:
     node : Gate
         Rclpy Node.
     parts : Parts
-    hearing, asking : object
-        Callback groups.
+    hearing, asking, resetting : object
+        Callback groups: poses that come quicker than they are heard starve no service.
     follows : callable
         Takes each Pose of the tool frame and its stamp, returns how far the DLO is off its plan, m,
         or nan.
     """
 
-    def __init__(self, node: Gate, parts: Parts, hearing: Any, asking: Any,
+    def __init__(self, node: Gate, parts: Parts, hearing: Any, asking: Any, resetting: Any,
                  follows: Callable[[Pose, Time], float]) -> None:
         self._follows = follows
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
@@ -81,7 +81,7 @@ class LiveShapes:
         self._out = node.create_publisher(Path, '~/predicted_shape', LATCHED)
         node.create_subscription(PoseStamped, '~/gripper_pose', self._on_pose, LATEST,
                                  callback_group=hearing)
-        node.create_service(Trigger, '~/reset', self._on_reset, callback_group=hearing)
+        node.create_service(Trigger, '~/reset', self._on_reset, callback_group=resetting)
         node.create_service(GetPlan, '~/predict_shape', self._on_predict_shape,
                             callback_group=asking)
         self._thread = Thread(target=self._work, name='shapes', daemon=True)

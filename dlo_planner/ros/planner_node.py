@@ -47,8 +47,8 @@ from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
 __all__ = ['LATCHED', 'REQUEST', 'THREADS', 'PlannerNode']
 
-THREADS = 12    # one for each callback group: below, of transitions, of tf, and the default one
-_GROUPS = 8
+THREADS = 16    # one for each callback group: below, of transitions, of tf, and the default one
+_GROUPS = 12
 _RESTING = 4.5  # s in which a motion may come to rest when the node is told to end
 _ENDING = 2.0   # s in which callbacks that run may end then
 _PICTURE = 0.03  # s between pictures, if something has changed
@@ -116,16 +116,19 @@ class PlannerNode(ManagedNode):
         gate, health = Gate(self), Health()
         picture = Picture(gate.create_publisher(MarkerArray, '~/markers', LATCHED).publish)
         parts = Parts(store, health, Reporter(gate, store, health), picture, frames_of(self))
-        scene, seeing, hearing, asking, planning, proving, moving, drawing = (
-            MutuallyExclusiveCallbackGroup() for _ in range(_GROUPS))
+        # rclpy takes a topic or timer of a group before its services, which would wait for good
+        (scene, seeing, identifying, hearing, asking, resetting, planning, answering, proving,
+         moving, canceling, drawing) = (MutuallyExclusiveCallbackGroup() for _ in range(_GROUPS))
         self._surroundings = Surroundings(gate, parts, scene)
-        self._camera = Camera(gate, parts, seeing, self.set_parameters_atomically)
-        self._live = LiveShapes(gate, parts, hearing, asking, self._camera.gripper)
-        self._planning = Planning(gate, parts, planning)
+        self._camera = Camera(gate, parts, seeing, identifying, self.set_parameters_atomically)
+        self._live = LiveShapes(gate, parts, hearing, asking, resetting,
+                                self._camera.gripper)
+        self._planning = Planning(gate, parts, planning, answering)
         arm = ArmOutput(gate)
         arm.subscribe(hearing)
         self._verification = Verification(gate, parts, self._prover, arm, self._steady, proving)
-        self._drive = Drive(gate, parts, self._planning, self._steady, moving)
+        self._drive = Drive(gate, parts, self._planning, self._steady, moving,
+                            canceling)
         gate.create_timer(_PICTURE, self._show_picture, clock=self._steady,
                           callback_group=drawing)
         self._gate, self._parts, self._store, self._health = gate, parts, store, health

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cut-outs in, gripper trajectories out: one plan at a time is made, and can be canceled."""
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from threading import Lock
 from time import monotonic
 from typing import Any
@@ -70,25 +70,27 @@ class Planning:
     node : Gate
         Rclpy Node.
     parts : Parts
-    group : object
-        Callback group.
+    planning, answering : object
+        Callback groups of the topics and of the services: goals that come quicker than plans are
+        made starve no service.
     """
 
-    def __init__(self, node: Gate, parts: Parts, group: Any) -> None:
+    def __init__(self, node: Gate, parts: Parts, planning: Any, answering: Any) -> None:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
-        self._lock, self._ended = Lock(), ''
+        self._lock, self._turn, self._ended = Lock(), Lock(), ''
         self._run: Run | None = None
         self._out = node.create_publisher(Path, '~/gripper_trajectory', LATCHED)
         for kind, name, callback in ((PoseStamped, 'task_goal', self._on_goal),
                                      (Goals, 'task_goals', self._on_goals)):
-            node.create_subscription(kind, f'~/{name}', callback, REQUEST, callback_group=group)
+            node.create_subscription(kind, f'~/{name}', callback, REQUEST,
+                                     callback_group=planning)
         for kind, name, answer in (
                 (GetPlan, 'plan_threading', self._on_plan_threading),
                 (GetPlan, 'plan_two_cutouts', self._on_plan_two_cutouts),
                 (Trigger, 'replan', self._on_replan)):
-            node.create_service(kind, f'~/{name}', answer, callback_group=group)
+            node.create_service(kind, f'~/{name}', answer, callback_group=answering)
 
     def cancel(self, reason: str, for_good: bool = False) -> bool:
         """End the plan that is being made; return whether there was one.
@@ -152,9 +154,12 @@ class Planning:
             self._plan(outcome, state, state.goals, state.gripper)
         return response
 
+    @contextmanager
     def _answering(self, what: str, stamp: Time | None = None,
-                   answer: Any = None) -> AbstractContextManager[Outcome]:
-        return self._reporter.answering(what, stamp=stamp, answer=answer, counter='plans refused')
+                   answer: Any = None) -> Iterator[Outcome]:
+        with self._turn, self._reporter.answering(what, stamp=stamp, answer=answer,
+                                                  counter='plans refused') as outcome:
+            yield outcome
 
     def _pose(self, state: State, msg: PoseStamped, name: str) -> Pose:
         return pose_in(state.scene, msg, name, self._frames)

@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Topics that are sent quicker than the node can take them: its services answer all the same."""
+
+from contextlib import contextmanager
+from threading import Event, Thread
+from time import sleep
+
+import numpy as np
+import pytest
+from node_inside import HERE, OVERRIDES, Alive, clear, served_node, state, until
+from planner_process import connected_client
+from sensor_msgs.msg import PointCloud2
+
+from dlo_planner import Pose
+from dlo_planner.ros.qos import LATEST
+from msg_helpers.clouds import cloud_msg
+
+ANSWERED = 20.0  # s; a service that starves gets no answer as long as the flood goes on
+FAR = Pose.looking_along((0.3, 0.6, 1.2), (1, 1, 0.5))
+
+
+@pytest.fixture(scope='module')
+def node(domain):
+    """Yield a PlannerNode that looks at each cloud it can get."""
+    with served_node(OVERRIDES | {'observe.period': 1e-3}) as planner:
+        yield planner
+
+
+@pytest.fixture(scope='module')
+def client(node):
+    with connected_client(Alive()) as connected:
+        connected.timeout = ANSWERED
+        yield connected
+
+
+@contextmanager
+def flood(send, pause=1e-3):
+    """Send again and again, in a thread."""
+    ended = Event()
+
+    def run():
+        while not ended.is_set():
+            send()
+            sleep(pause)
+
+    thread = Thread(target=run)
+    thread.start()
+    yield
+    ended.set()
+    thread.join()
+
+
+def test_clouds_do_not_starve_identify(client, node):
+    client.shape_for(HERE)
+    points = state(node).shape.positions_at(np.linspace(0, 1, 40) * state(node).shape.s[-1])
+    out = client.node.create_publisher(PointCloud2, '/dlo_planner/observed_points', LATEST)
+
+    def send():
+        client.send_pose(HERE)
+        out.publish(cloud_msg(points, 'world', client.node.get_clock().now().to_msg()))
+
+    with flood(send):
+        assert until(lambda: node._health.report()[2].get('estimate looks', 0) >= 3)
+        answer = client.trigger('identify')
+    assert answer.success, answer.message
+    client.node.destroy_publisher(out)
+    client.trigger('reset')
+
+
+def test_goals_do_not_starve_the_services_of_plans(client, node):
+    with flood(lambda: client.send_goal(FAR), pause=1e-2):
+        assert until(lambda: state(node).goals)
+        path, _ = client.plan_threading(HERE, Pose.looking_along((0, 0, 1), (1, 0, 0)))
+    assert len(path.poses) > 2
+    clear(client, node)
