@@ -174,7 +174,6 @@ class Camera:
         found = correct(estimate, plan, first, before)
         self._corrected = made, stamp, found if found.converged else None
         reason = named(doubts(found, observing, scene), state.bodies)
-        self._health.corrected(found, reason)
         entry = next((time for time, passes in zip(reached, plan.via_points, strict=True)
                       if passes),
                      -np.inf)
@@ -190,8 +189,11 @@ class Camera:
         if barred:
             self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
         elif not reason:
-            self._store.change(lambda now: now.steered(execution.way, lambda done: (
-                steered.corrected(done, found, reached[first:]))))
+            after = self._store.change(lambda now: now.steered(execution.way, lambda done: (
+                steered.corrected(done, found, reached[first:])))).execution
+            if after is None or after.way is way:
+                reason = 'it came when the motion had ended'
+        self._health.corrected(found, barred or reason)
 
     # ---- identification ---------------------------------------------------------------------
 

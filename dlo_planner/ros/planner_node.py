@@ -41,7 +41,7 @@ from dlo_planner.ros.state import State
 from dlo_planner.ros.store import Store
 from dlo_planner.ros.surroundings import Surroundings
 from dlo_planner.ros.verification import Verification
-from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
+from dlo_planner.ros.warm_up import warm_up, warm_up_corrections, warm_up_proofs
 from dlo_planner.settings.entries import ENTRIES
 from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
@@ -99,13 +99,14 @@ class PlannerNode(ManagedNode):
                                'installation and this is the first start)')
         started = monotonic()
         warm_up()
-        # in a process of its own: only a plan that comes before it is ready waits
-        Thread(target=self._warm_up_proofs, daemon=True).start()
+        # only what comes before this is ready waits for it; proofs have a process of their own
+        Thread(target=self._warm_up_rest, daemon=True).start()
         self.get_logger().info(f'the solver is loaded, after {monotonic() - started:.1f} s')
 
-    def _warm_up_proofs(self) -> None:
+    def _warm_up_rest(self) -> None:
         with suppress(DloPlannerError):  # the process is started again for the first plan
             warm_up_proofs(self._prover)
+        warm_up_corrections()
 
     # ---- lifecycle ------------------------------------------------------------------------------
 

@@ -9,6 +9,9 @@ a compiler; proofs, which have a process of their own, are done there.
 from typing import Any, Protocol
 
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.identify.correction import correct
+from dlo_planner.identify.observation import Observation
+from dlo_planner.identify.observer import Observer
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane
@@ -16,6 +19,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
+from dlo_planner.verify.uncertainty import Uncertainty
 
 _ROD = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
 
@@ -54,6 +58,18 @@ def warm_up_proofs(prover: Proves) -> None:
         direct = DirectSimulator(_ROD, basis=basis, n_elements=16, n_terms=4)
         plan = InverseSimulator(direct).thread(_hole(0.0), depths=[0.0, 0.1])
         prover.report(simulator=direct, plan=plan, limits=Limits())
+
+
+def warm_up_corrections() -> None:
+    """Use every kernel that a look at the DLO, or a correction of what is executed, may need."""
+    for basis in ('local', 'chebyshev'):
+        direct = DirectSimulator(_ROD, basis=basis, n_elements=16, n_terms=4)
+        plan = InverseSimulator(direct).thread(_hole(0.0), depths=[0.0, 0.1])
+        observer = Observer(direct, Uncertainty(0.05, 0.05, 0.05, natural_curvature=0.1))
+        seen = plan.shapes[0]
+        estimate = observer.update(observer.begin(), Observation(seen.gripper, seen.positions))
+        correct(estimate, plan)
+        plan.shapes[-1].modes(1)  # of which the windows of a correction are made
 
 
 def _hole(x: float) -> CutOut:
