@@ -24,7 +24,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.likelihood import LOSSES, Errors, Statistics
-from dlo_planner.identify.observation import Observation, ObservedMotion
+from dlo_planner.identify.observation import Observation, ObservedMotion, judge_points
 from dlo_planner.identify.observed import ROUGHLY, Observed
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
@@ -264,8 +264,7 @@ def _judged(unknowns: Unknowns, observations: Iterable[Observation],
     length = unknowns.rod.length
     for kind, seen in both.items():
         for index, one in enumerate(seen):
-            if one.s is not None and ((one.s < 0) | (one.s > length)).any():
-                raise InvalidTask(f'{kind}[{index}].s: expected 0 to the length {length:g} m')
+            judge_points(f'{kind}[{index}]', one, length)
     if 'damping' in unknowns.names and not motions:
         raise InvalidTask('parameters: expected motions where damping is to be found')
     known_options(options)

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.grips import ends_of, poses
@@ -20,6 +21,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 
 _ROUNDING = 1e-9  # of the duration
+_AWAY = 2.0        # lengths from the gripper, where no point of a DLO can be
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,3 +129,29 @@ class ObservedMotion(Value):
             raise InvalidTask(f'ObservedMotion.far_ends: expected one grip for all times, got '
                               f'{sorted(map(str, grips))}')
         return None if grips == {None} else tuple(end for end in ends if end is not None)
+
+
+def judge_points(name: str, seen: Observation | ObservedMotion, length: float) -> None:
+    """Raise InvalidTask where points cannot be of a DLO of this length, m, as it is held.
+
+    Some may be outliers, but not half of them: these are in another unit, or another frame.
+
+    Parameters
+    ----------
+    name : str
+        How the user knows it.
+    seen : Observation or ObservedMotion
+    length : float
+    """
+    if seen.s is not None and ((seen.s < 0) | (seen.s > length)).any():
+        raise InvalidTask(f'{name}.s: expected 0 to the length {length:g} m')
+    if isinstance(seen, Observation):
+        held = seen.gripper.position
+    else:
+        grippers = tuple(seen.grippers)
+        index = np.rint(seen.times / seen.dt).astype(int)
+        held = np.array([one.position for one in grippers])[index][:, None]
+    away = float(np.median(np.linalg.norm(seen.points - held, axis=-1))) if seen.points.size else 0
+    if away > _AWAY * length:
+        raise InvalidTask(f'{name}.points: half of them are {away:.3g} m or more from the gripper: '
+                          f'expected the length {length:g} m at most, in m and world')

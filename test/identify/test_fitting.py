@@ -12,6 +12,7 @@ from dlo_planner import (
     DirectSimulator,
     InvalidTask,
     Observation,
+    ObservedMotion,
     Pose,
     Rod,
     Uncertainty,
@@ -192,3 +193,18 @@ def test_nonsense_requests_are_named():
         fit_rod(TRUE, [one], ('color',))
     with pytest.raises(InvalidTask, match='observations'):
         fit_rod(TRUE, [])
+
+
+def test_points_that_no_such_rod_has_are_refused(rng):
+    seen = list(observed(rng, 0.0, True))
+    in_mm = [Observation(one.gripper, 1e3 * one.points, one.s) for one in seen]
+    with pytest.raises(InvalidTask, match=r'observations\[0\].points: half of them are .* in m'):
+        fit_rod(TRUE, in_mm)
+    motion = ObservedMotion(POSES[:1] * 3, 0.1, [0.0, 0.2], np.full((2, 2, 3), 9.0), [0.4, 1.0])
+    with pytest.raises(InvalidTask, match=r'motions\[0\].points'):
+        fit_rod(TRUE, motions=[motion])
+    # a few are outliers
+    points = seen[0].points + (np.arange(10) < 4)[:, None] * [1e3, 0, 0]
+    mixed = [Observation(seen[0].gripper, points, seen[0].s), *seen[1:]]
+    assert fit_rod(TRUE, mixed, loss='cauchy').values['bending_stiffness'][0] == pytest.approx(
+        0.02, rel=0.01)
