@@ -42,6 +42,12 @@ class Planner:
         """Whether it runs."""
         return self.process.poll() is None
 
+    def heeds(self, number):
+        """Whether it has a handler for a signal, which Python does not set by itself."""
+        status = Path(f'/proc/{self.process.pid}/status').read_text()
+        caught = next(line.split()[1] for line in status.splitlines() if 'SigCgt' in line)
+        return bool(int(caught, 16) >> number - 1 & 1)
+
     def interrupt(self, *signals):
         """Send SIGINT, or these signals 0.1 s apart; return the exit status."""
         for number in signals or (signal.SIGINT,):

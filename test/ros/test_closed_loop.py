@@ -29,7 +29,7 @@ OVERRIDES = {'rod.length': 0.3, 'rod.diameter': 1e-3, 'diagnostics_period': 0.1,
              'threading.waypoints': 12, 'threading.deepest': 0.35, 'threading.standoff': 0.02,
              'threading.linear_speed': 0.1, 'threading.angular_speed': 1.0,
              # wide: on a busy machine commands come late, which counts before the entry
-             'threading.tolerance': 1e-3, 'cutouts.radius': 0.2,
+             'threading.tolerance': 1e-3, 'cutouts.radius': 1.0,
              **ROOM,
              'observe.noise': 3e-4, 'observe.period': 0.05, 'observe.correction_period': 0.2,
              'observe.largest_correction': 0.05,  # the first ones are larger: few looks are behind

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 import yaml
-from planner_process import PATIENCE, ROOT, connected_client, in_time, running_planner
+from planner_process import PATIENCE, ROOT, connected_client, in_time, running_planner, until
 
 from dlo_planner import Pose
 
@@ -40,6 +40,7 @@ def test_signals_are_heard_while_it_starts(domain, tmp_path, seconds, number):
     def took():
         with running_planner(tmp_path) as planner:
             time.sleep(seconds)
+            assert until(lambda: planner.heeds(signal.SIGTERM))  # Python itself has begun
             begun = time.monotonic()
             assert planner.interrupt(number, number) == 0
             assert 'Traceback' not in planner.log
