@@ -61,3 +61,13 @@ def test_a_refusal_is_shown():
     assert '0 of 1' in deft.total([result])
     assert '1 refused' in deft.total([result])
     assert deft.as_json([result])[case.name]['miss_m'] is None
+
+
+def test_each_ratio_has_a_table(tmp_path, monkeypatch):
+    outcome = deft.Outcome(0, 'Infeasible: why')
+    monkeypatch.setattr(deft, 'tried',
+                        lambda case: deft.Result(case, outcome, np.nan, np.zeros((0, 3)), 0.1))
+    deft.main(['--part', 'narrow', '--ratios', '1.4', '1.25', '--output', str(tmp_path)])
+    for ratio in '1.4', '1.25':
+        kept = json.loads((tmp_path / f'narrow_{ratio}.json').read_text())
+        assert list(kept[f'narrow_{ratio}']) == [f'{name}, {ratio}' for name in deft.NARROW]
