@@ -122,7 +122,8 @@ class _Pace:
         self._steps: list[int] = []
         self._errors: list[float] = []
         self._samples: list[Floats] = []
-        self._books = np.array([first.balance, first.potential, first.potential, first.kinetic])
+        self._books = np.array([first.balance, first.potential, first.potential, first.kinetic,
+                                first.balance])
         mesh = stepper.discretization
         self._noise = _NOISE * (np.abs(mesh.load).sum() * mesh.rod.length
                                 + max(mesh.rod.stiffness[1:]) / mesh.rod.length)

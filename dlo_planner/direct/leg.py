@@ -43,7 +43,7 @@ class Limits:
         Part of the energy that has moved which a motion may gain.
     noise : float
         J that it may gain in addition.
-    books : ndarray, shape (4,)
+    books : ndarray, shape (5,)
         See `swinging.entered`, which writes there.
     touched : bool
         Whether a step may have any error once the DLO has touched an obstacle.
@@ -53,7 +53,7 @@ class Limits:
     error: float = np.inf
     part: float = 0.0
     noise: float = np.inf
-    books: Floats = field(default_factory=lambda: np.zeros(4))
+    books: Floats = field(default_factory=lambda: np.zeros(5))
     touched: bool = False
 
 
