@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.books import entered
 from dlo_planner.direct.trail import PAST, Coefficients, Trail
 from dlo_planner.energy.effects import Needs, potential, stored, with_anchor
 from dlo_planner.energy.inertia import Anchor
@@ -17,13 +18,12 @@ from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.system import State, System, unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.decrement import SETTLED, decrement_of
+from dlo_planner.minimize.drawn import drawn_newton
 from dlo_planner.minimize.leash import no_leash
 from dlo_planner.minimize.nearby import nearby
 from dlo_planner.minimize.newton import NEUTRAL, leashed_newton
 from dlo_planner.minimize.workspace import new_workspace
 from dlo_planner.model.arrays import Floats
-
-_PER_STEP = 0.5  # of the energy that a motion may still gain
 
 
 @kernel
@@ -53,24 +53,6 @@ def swing_along(system: System, how: Coefficients, trail: Trail, books: Floats, 
 
 
 @kernel
-def entered(books: Floats, energies: Floats, part: float, noise: float) -> bool:
-    """Whether an instant has no more energy than there can be; if so, `books` (5,) has it.
-
-    A step may use up half of what the motion may still gain: were it all, no later one could go on,
-    however short it is.
-    """
-    static, kinetic, work, lost = energies[1], energies[2], energies[3], energies[5]
-    balance = kinetic + static - work + lost
-    low, high, most = min(books[1], static), max(books[2], static), max(books[3], kinetic)
-    left = part * (most + high - low + lost) + noise - (books[4] - books[0])
-    if not balance - books[4] <= max(_PER_STEP * left, 0.0):
-        return False
-    books[0], books[4] = min(books[0], balance), balance
-    books[1], books[2], books[3] = low, high, most
-    return True
-
-
-@kernel
 def swing(system: System, how: Coefficients, trail: Trail, row: int, tolerance: float,
           max_iterations: int, check: bool) -> None:
     """Fill a row of a Trail with the DLO at the end of a step, and how it moves then.
@@ -84,19 +66,21 @@ def swing(system: System, how: Coefficients, trail: Trail, row: int, tolerance: 
     found, state, residual, stability, iterations = nearby(moving, q, tolerance, check)
     if not found:
         _less_potential(how, trail.bends, row, moving, state, q)
+        found, state, residual, stability, more = drawn_newton(moving, q, tolerance,
+                                                               max_iterations, check)
+        iterations += more
+    if not found:
         state, residual, stability, more, _ = leashed_newton(
             moving, q, tolerance, max_iterations, check, no_leash(), new_workspace(moving))
         iterations += more
         if residual >= SETTLED:
             told = decrement_of(moving, state)
             residual = told if told < SETTLED else residual
-    places, frames = trail.nodes[0, row], trail.frames[row]
+    places, strains = trail.nodes[0, row], trail.bends[0, row]
+    trail.frames[row] = state.rotations
     for k in range(places.shape[0]):
         for i in range(3):
             places[k, i] = state.positions[k, i] + origin[i]
-            for j in range(3):
-                frames[k, i, j] = state.rotations[k, i, j]
-    strains = trail.bends[0, row]
     for e in range(strains.shape[0]):
         for i in range(3):
             strains[e, i] = state.strains[e, i]
