@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.beginning import check_velocity
+from dlo_planner.direct.books import given_back
 from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import KinematicState
 from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
@@ -122,7 +123,9 @@ class _Pace:
         self._steps: list[int] = []
         self._errors: list[float] = []
         self._samples: list[Floats] = []
-        self._books = np.array([first.balance, first.potential, first.potential, first.kinetic])
+        self._books = np.array([first.balance, first.potential, first.potential, first.kinetic,
+                                first.balance])
+        self._began = first.balance
         mesh = stepper.discretization
         self._noise = _NOISE * (np.abs(mesh.load).sum() * mesh.rod.length
                                 + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
@@ -137,19 +140,20 @@ class _Pace:
         plan, stepper, level = self._plan, self._stepper, self._level
         last_try = level == HALVINGS or self._fixed
         scheme = plan.scheme(stepper.dt, level)
-        now = self.now
+        now, books = self.now, self._books.copy()
         if self._steps and self._steps[-1] != level and not now.touched:
             now = renewed(stepper, now, scheme.dt)
+            given_back(books, now.balance, self._began)
         limits = Limits(
             MAX_ITERATIONS if last_try else _PATIENCE,
             np.inf if last_try else _PART * plan.tolerance, _GAIN,
-            np.inf if self._fixed else self._noise, self._books, level >= _OF_CONTACT)
+            np.inf if self._fixed else self._noise, books, level >= _OF_CONTACT)
         size = 1 << (HALVINGS - level)
         places = (self._at + size * np.arange(1, self._length(size) + 1)) / (1 << HALVINGS)
         leg = leg_of(stepper, now, self._past, places, scheme, limits)
         made = len(leg.errors)
         if made:
-            self.now, self._past = leg.last, leg.past
+            self.now, self._past, self._books = leg.last, leg.past, books
             self._at += made * size
             self._steps += [level] * made
             self._errors += leg.errors.tolist()

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.books import entered
 from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.proof import CONVERGED
 from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hanging_shape
-from dlo_planner.direct.swinging import entered, set_off, swing_along
+from dlo_planner.direct.swinging import set_off, swing_along
 from dlo_planner.direct.trail import PAST, Trail
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.value import freeze
@@ -43,8 +44,8 @@ class Limits:
         Part of the energy that has moved which a motion may gain.
     noise : float
         J that it may gain in addition.
-    books : ndarray, shape (4,)
-        See `swinging.entered`, which writes there.
+    books : ndarray, shape (5,)
+        See `direct.books`, which writes there.
     touched : bool
         Whether a step may have any error once the DLO has touched an obstacle.
     """
@@ -53,7 +54,7 @@ class Limits:
     error: float = np.inf
     part: float = 0.0
     noise: float = np.inf
-    books: Floats = field(default_factory=lambda: np.zeros(4))
+    books: Floats = field(default_factory=lambda: np.zeros(5))
     touched: bool = False
 
 

@@ -10,6 +10,7 @@ from dlo_planner.direct.acting import ACTING
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.part import Left, Part, Solved
 from dlo_planner.energy.effects import stored
+from dlo_planner.energy.system import System
 from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.newton import NEUTRAL
@@ -35,7 +36,8 @@ def proved(solved: Solved, found: Minimum, rounding: float = 0.0) -> bool:
     mesh, system = solved.mesh, solved.system
     bound = [part for part in ACTING if part.constrains(system)]
     neutral = HELD_NEUTRAL if bound or mesh.surroundings.pinned else NEUTRAL
-    return bool(_promised(solved, found.residual, rounding, bound)
+    return bool((_moved_by_less(system, found.residual, bound)
+                 or _promised(solved, found.residual, rounding, bound))
                 and found.stability > -neutral
                 and all(part.kept(solved) for part in ACTING)
                 and violation(solved, found) <= KEPT * mesh.s[-1])
@@ -44,6 +46,16 @@ def proved(solved: Solved, found: Minimum, rounding: float = 0.0) -> bool:
 def violation(solved: Solved, found: Minimum) -> float:
     """Return by how much a constraint is violated at most, m."""
     return max(float(found.violation), *(part.violation(solved) for part in ACTING))
+
+
+def _moved_by_less(system: System, residual: float, bound: Sequence[Part]) -> bool:
+    """Whether a residual is as small as promised, of a DLO whose inertia tells where it is.
+
+    However large the rounding errors of its forces are, see `minimize.decrement`.
+    """
+    promised = max((part.residual for part in bound), default=CONVERGED)
+    moves = system.anchor is not None and system.anchor.weight.size > 0
+    return moves and residual < promised
 
 
 def _promised(solved: Solved, residual: float, rounding: float, bound: Sequence[Part]) -> bool:

@@ -36,6 +36,7 @@ from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.plastic import yields
 from dlo_planner.energy.potential import placed, unknowns_of
 from dlo_planner.energy.system import System
+from dlo_planner.minimize.decrement import settled
 from dlo_planner.minimize.methods import search
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.far_end import FarEnd
@@ -110,7 +111,12 @@ class Stepper:
         if self.swings:
             leg = self.along(before, (), np.array([place]), scheme, Limits(patience))
             return leg.last if leg.refused is None else leg.refused
-        return self.step_from(before, place, scheme, self.guess(before, scheme.dt), patience)
+        after = self.step_from(before, place, scheme, self.guess(before, scheme.dt), patience)
+        if after.shape.converged or self.discretization.surroundings.obstacles:
+            return after
+        # rates change by vibrations too quick for the step, too, which tell nothing of its end
+        evenly = before.bends.position + scheme.dt * before.bends.velocity
+        return self.step_from(before, place, scheme, evenly, patience)
 
     def guess(self, before: Instant, dt: float) -> Floats:
         """Return the strains (N, 3) with which the search for those dt (s) later begins."""
@@ -136,6 +142,8 @@ class Stepper:
         else:
             found = search(system, q, self.method, TOLERANCE + rounding)
         shape = shape_of(mesh, gripper, found, history, far_end, rounding)
+        if not shape.converged and (true := settled(found)) is not found:
+            shape = shape_of(mesh, gripper, true, history, far_end, rounding)
         shape = replace(shape, state=shape.state.estimating(unknown),
                         converged=shape.converged and clear)
         nodes = scheme.after(before.nodes, shape.positions)

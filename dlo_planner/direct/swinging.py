@@ -10,12 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.books import entered
 from dlo_planner.direct.trail import PAST, Coefficients, Trail
 from dlo_planner.energy.effects import Needs, potential, stored, with_anchor
 from dlo_planner.energy.inertia import Anchor
-from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.energy.system import System, unknown_count
+from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.energy.system import State, System, unknown_count
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.decrement import SETTLED, decrement_of
+from dlo_planner.minimize.drawn import drawn_newton
 from dlo_planner.minimize.leash import no_leash
 from dlo_planner.minimize.nearby import nearby
 from dlo_planner.minimize.newton import NEUTRAL, leashed_newton
@@ -33,8 +36,8 @@ def swing_along(system: System, how: Coefficients, trail: Trail, books: Floats, 
     Args:
         system: System of the DLO at rest, without obstacles, far end, plasticity
         how: Coefficients; trail: Trail
-        books: (4,) of the motion so far: least balance, least and most potential energy, most
-            kinetic energy, J; renewed
+        books: (5,) of the motion so far: least balance, least and most potential energy, most
+            kinetic energy, last balance, J; renewed
         limits: (4,) residual; local error, m; part of the energy that has moved which may be
             gained, and J in addition
         tolerance, max_iterations: as `newton`
@@ -50,19 +53,6 @@ def swing_along(system: System, how: Coefficients, trail: Trail, books: Floats, 
 
 
 @kernel
-def entered(books: Floats, energies: Floats, part: float, noise: float) -> bool:
-    """Whether an instant has no more energy than there can be; if so, `books` (4,) has it."""
-    static, kinetic, work, lost = energies[1], energies[2], energies[3], energies[5]
-    balance = kinetic + static - work + lost
-    low, high, most = min(books[1], static), max(books[2], static), max(books[3], kinetic)
-    if not balance - books[0] <= part * (most + high - low + lost) + noise:
-        return False
-    books[0] = min(books[0], balance)
-    books[1], books[2], books[3] = low, high, most
-    return True
-
-
-@kernel
 def swing(system: System, how: Coefficients, trail: Trail, row: int, tolerance: float,
           max_iterations: int, check: bool) -> None:
     """Fill a row of a Trail with the DLO at the end of a step, and how it moves then.
@@ -72,19 +62,25 @@ def swing(system: System, how: Coefficients, trail: Trail, row: int, tolerance: 
     origin = trail.origins[row]
     moving = _drawn(system, how, trail, row)
     q = np.empty((unknown_count(system), 3))
-    unknowns_of(moving, _guess(how, trail.bends, row), q)
+    unknowns_of(moving, _guess(how, trail.bends, row, 1.0), q)
     found, state, residual, stability, iterations = nearby(moving, q, tolerance, check)
+    if not found:
+        _less_potential(how, trail.bends, row, moving, state, q)
+        found, state, residual, stability, more = drawn_newton(moving, q, tolerance,
+                                                               max_iterations, check)
+        iterations += more
     if not found:
         state, residual, stability, more, _ = leashed_newton(
             moving, q, tolerance, max_iterations, check, no_leash(), new_workspace(moving))
         iterations += more
-    places, frames = trail.nodes[0, row], trail.frames[row]
+        if residual >= SETTLED:
+            told = decrement_of(moving, state)
+            residual = told if told < SETTLED else residual
+    places, strains = trail.nodes[0, row], trail.bends[0, row]
+    trail.frames[row] = state.rotations
     for k in range(places.shape[0]):
         for i in range(3):
             places[k, i] = state.positions[k, i] + origin[i]
-            for j in range(3):
-                frames[k, i, j] = state.rotations[k, i, j]
-    strains = trail.bends[0, row]
     for e in range(strains.shape[0]):
         for i in range(3):
             strains[e, i] = state.strains[e, i]
@@ -239,13 +235,31 @@ def _drawn(system: System, how: Coefficients, trail: Trail, row: int) -> System:
 
 
 @kernel
-def _guess(how: Coefficients, bends: Floats, row: int) -> Floats:
-    """Return the strains (N, 3) with which the search begins."""
+def _less_potential(how: Coefficients, bends: Floats, row: int, moving: System, state: State,
+                    q: Floats) -> None:
+    """Keep `q` (m, 3), as guessed, or fill it as guessed of rates alone, whichever lies lower.
+
+    Rates of strains change by vibrations too quick for the step, which tell nothing of its end.
+    """
+    state.q[:] = q
+    before, _ = evaluate(moving, state)
+    unknowns_of(moving, _guess(how, bends, row, 0.0), state.q)
+    after, _ = evaluate(moving, state)
+    if after < before:
+        q[:] = state.q
+
+
+@kernel
+def _guess(how: Coefficients, bends: Floats, row: int, share: float) -> Floats:
+    """Return the strains (N, 3) with which the search begins.
+
+    `share` says how much of the change of their rates goes on.
+    """
     guess = np.empty((bends.shape[2], 3))
     for e in range(guess.shape[0]):
         for i in range(3):
             guess[e, i] = bends[0, row - 1, e, i] + how.dt * (
-                bends[1, row - 1, e, i] + 0.5 * how.dt * bends[2, row - 1, e, i])
+                bends[1, row - 1, e, i] + share * 0.5 * how.dt * bends[2, row - 1, e, i])
     return guess
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.system import new_state
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.decrement import relative_decrement
 from dlo_planner.minimize.linear import assembled_definite, largest_turn, new_hessian, solve
 from dlo_planner.minimize.newton import without_traces
 from dlo_planner.minimize.residual import residual_of
@@ -24,7 +25,8 @@ _LESS = 0.5         # of the gradient that a step leaves at most
 _NEAR = 0.05        # rad, of any node: the first step of a search that is short
 _QUICK = 0.05       # what a chord has to leave of the gradient at most, or the Hessian is renewed
 _ROUNDED = 10.0     # tolerances: what a step does not make less there is rounding
-_STABLE = 0.01      # the smallest eigenvalue at least, or `newton` looks closely
+SETTLED_NEARBY = 1e-9  # of the decrement: the same, where inertia is stiff
+WELL_STABLE = 0.01  # the smallest eigenvalue at least, or `newton` looks closely
 _PER_TURN = 100.0   # change of an eigenvalue per rad since the Hessian was factorized, at most
 _DOUBT = 0.5         # of the eigenvalue: with more it is looked at again at once
 _ROUGHLY = 1e-2     # relative error of that eigenvalue
@@ -44,7 +46,7 @@ def nearby(system, q, tolerance, check=True):
     -------
         found: whether there is one, well stable; if not, only `steps` means anything
         state: there
-        residual: scaled gradient
+        residual: scaled gradient, or the decrement where that alone tells
         stability: smallest eigenvalue, to about 1 % of itself; nan if not `check`
         steps: made
     """
@@ -59,7 +61,7 @@ def nearby(system, q, tolerance, check=True):
         renewed, guessed = not fresh, False
         if renewed:
             if not assembled_definite(system, state, hessian, 0.0):
-                guessed = steps == 0 and _definite_without_forces(system, state, hessian)
+                guessed = steps == 0 and definite_without_forces(system, state, hessian)
                 if not guessed:
                     return False, state, residual, np.nan, steps
             fresh, turned = True, 0.0
@@ -70,8 +72,9 @@ def nearby(system, q, tolerance, check=True):
         steps += 1
         before, residual = residual, residual_of(system, trial)
         if not residual < _LESS * before:
-            if before < _ROUNDED * tolerance:
-                residual = before
+            told = np.inf if guessed else relative_decrement(system, state, step)
+            if before < _ROUNDED * tolerance or told < SETTLED_NEARBY:
+                residual = min(before, told)
                 break
             if renewed or steps == _FEW:
                 return False, state, residual, np.nan, steps
@@ -86,7 +89,7 @@ def nearby(system, q, tolerance, check=True):
     if not check:
         return True, state, residual, np.nan, steps
     stability = _stability(system, state, hessian, turned)
-    return stability > _STABLE, state, residual, stability, steps
+    return stability > WELL_STABLE, state, residual, stability, steps
 
 
 @kernel
@@ -99,7 +102,7 @@ def _stability(system, state, hessian, turned):
     stability, doubt = -np.inf, _PER_TURN * turned
     if doubt < _DOUBT:
         stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
-    if not stability > _STABLE + doubt:
+    if not stability > WELL_STABLE + doubt:
         if not assembled_definite(system, state, hessian, 0.0):
             return -np.inf
         stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
@@ -107,7 +110,7 @@ def _stability(system, state, hessian, turned):
 
 
 @kernel
-def _definite_without_forces(system, state, hessian):
+def definite_without_forces(system, state, hessian):
     """Do what `assembled_definite` does, but leave out what forces do as the DLO turns.
 
     Where a motion is guessed not quite as long as the DLO is, inertia gives forces along it that
