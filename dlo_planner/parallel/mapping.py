@@ -152,7 +152,7 @@ def _rods(simulator: DirectSimulator, rods: Iterable[Rod],
 def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]] | None]:
     """Return (Poses, None), or ((), motions), each a tuple of Poses."""
     work = items('work', work, object)
-    if all(isinstance(one, Pose) for one in work):
+    if {type(one) for one in work} == {Pose} or all(isinstance(one, Pose) for one in work):
         return work, None
     for k, one in enumerate(work):
         if isinstance(one, Pose) != isinstance(work[0], Pose):
