@@ -20,6 +20,7 @@ from dlo_planner.model.value import freeze, put
 from dlo_planner.parallel.shapes import Columns, columns, stacked
 
 _KNOWN = 8  # contents that a worker keeps
+_NO_CONTACTS = columns([], np.zeros(2))['contact_table']
 
 
 class Shared:
@@ -130,7 +131,7 @@ def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns | None:
     if hanging is None:
         return None
     rows, good = hanging
-    rows['contact_table'] = columns([], simulator.mesh.s)['contact_table']
+    rows['contact_table'] = _NO_CONTACTS
     for k in np.flatnonzero(~good):
         shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
         for name, values in columns([shape], simulator.mesh.s).items():
@@ -148,7 +149,7 @@ def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
     if loop.size:
         rows, good = hanging_rods(simulator, [rods[k] for k in loop],
                                   piece.positions[loop], piece.rotations[loop])
-        rows['contact_table'] = columns([], s)['contact_table']
+        rows['contact_table'] = _NO_CONTACTS
         if loop.size == n and good.all():
             return rows
         for row, k in enumerate(loop):
