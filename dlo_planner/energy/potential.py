@@ -37,11 +37,12 @@ def unknowns_of(system: System, strains: Floats, q: Floats) -> None:
 
 @kernel
 def _strains_of(system, q, strains):
-    natural, scale = system.natural, system.scale
-    values = at_elements(system.basis, q)
+    natural, scale, basis = system.natural, system.scale, system.basis
     for e in range(natural.shape[0]):
-        for i in range(3):
-            strains[e, i] = natural[e, i] + scale[e, i] * values[e, i]
+        x, y, z = value_at(basis, q, e)
+        strains[e, 0] = natural[e, 0] + scale[e, 0] * x
+        strains[e, 1] = natural[e, 1] + scale[e, 1] * y
+        strains[e, 2] = natural[e, 2] + scale[e, 2] * z
 
 
 @kernel
@@ -55,6 +56,19 @@ def at_elements(basis, q):
                 for i in range(3):
                     values[e, i] += basis[e, j] * q[j, i]
     return values
+
+
+@kernel(forceinline=True)
+def value_at(basis, q, e):
+    """Return (3 numbers) the unknowns q (m, 3) at element e, as `at_elements`."""
+    if basis.shape[1] == 0:
+        return q[e, 0], q[e, 1], q[e, 2]
+    x = y = z = 0.0
+    for j in range(basis.shape[1]):
+        x += basis[e, j] * q[j, 0]
+        y += basis[e, j] * q[j, 1]
+        z += basis[e, j] * q[j, 2]
+    return x, y, z
 
 
 @kernel(inline='always')

@@ -11,7 +11,7 @@ Both factorizations are congruences, so the signs of their pivots are the signs 
 import numpy as np
 
 from dlo_planner.energy.effects import Border, add_stiffness, new_border, row_count, width
-from dlo_planner.energy.potential import at_elements, element_hessian
+from dlo_planner.energy.potential import element_hessian, value_at
 from dlo_planner.energy.system import unknown_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import complemented, fill_border, keep, kept
@@ -273,9 +273,9 @@ def multiply(system, hessian, vector, out):
 def largest_turn(system, hessian, step):
     """Return the largest rotation in rad of any node that the step (m, 3) makes, to first order."""
     a = b = c = largest = 0.0
-    jacobian, values = hessian.twist_jacobian, at_elements(system.basis, step)
+    jacobian, basis = hessian.twist_jacobian, system.basis
     for e in range(jacobian.shape[0]):
-        x, y, z = values[e, 0], values[e, 1], values[e, 2]
+        x, y, z = value_at(basis, step, e)
         a += jacobian[e, 0, 0] * x + jacobian[e, 0, 1] * y + jacobian[e, 0, 2] * z
         b += jacobian[e, 1, 0] * x + jacobian[e, 1, 1] * y + jacobian[e, 1, 2] * z
         c += jacobian[e, 2, 0] * x + jacobian[e, 2, 1] * y + jacobian[e, 2, 2] * z

@@ -246,7 +246,6 @@ def _fall(system, state, trial, step, energy, noise):
     Returns its energy, noise, whether there is such a point, and whether an obstacle was met.
     """
     slope = dot(state.gradient, step)
-    size = dot(state.gradient, state.gradient)
     fraction, farther = 1.0, 0.0
     blocked = False
     for trials in range(_TRIALS):
@@ -264,7 +263,7 @@ def _fall(system, state, trial, step, energy, noise):
         # Where the gain drowns in rounding errors the gradient has to tell.
         within_noise = abs(fraction * slope) < _UNTOLD * noise
         if (new <= energy + 1e-4 * fraction * slope
-                or (within_noise and dot(trial.gradient, trial.gradient) < 0.9 * size)):
+                or (within_noise and _nearer(state, trial))):
             return new, new_noise, True, blocked
         if within_noise:
             break

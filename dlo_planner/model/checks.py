@@ -253,9 +253,10 @@ def items(name: str, value: object, kinds: type | tuple[type, ...],
         raise error(f'{name} = {shown(value)}: expected at most {_MOST} of {_named(kinds)}')
     if len(result) < least:
         raise error(f'{name} = {shown(value)}: expected {least} or more of {_named(kinds)}')
-    for index, item in enumerate(result):
-        if not isinstance(item, kinds):  # a name for each of many takes a while
-            instance(f'{name}[{index}]', item, kinds, error)
+    if set(map(type, result)) != {kinds}:  # a look at each of many takes a while
+        for index, item in enumerate(result):
+            if not isinstance(item, kinds):
+                instance(f'{name}[{index}]', item, kinds, error)
     return result
 
 

@@ -157,7 +157,8 @@ def freeze(content: object) -> None:
         content.flags.writeable = False
     elif isinstance(content, tuple | list):
         for part in content:
-            freeze(part)
+            if not isinstance(part, Value):  # which has done it itself
+                freeze(part)
     elif isinstance(content, dict):
         for part in content.values():
             freeze(part)

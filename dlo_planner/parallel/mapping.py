@@ -152,7 +152,7 @@ def _rods(simulator: DirectSimulator, rods: Iterable[Rod],
 def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]] | None]:
     """Return (Poses, None), or ((), motions), each a tuple of Poses."""
     work = items('work', work, object)
-    if all(isinstance(one, Pose) for one in work):
+    if {type(one) for one in work} == {Pose} or all(isinstance(one, Pose) for one in work):
         return work, None
     for k, one in enumerate(work):
         if isinstance(one, Pose) != isinstance(work[0], Pose):
@@ -164,18 +164,19 @@ def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]
 def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[Rod] | None,
            crew: Crew, chunk: int, steps: Progress) -> Shapes:
     """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
-    count, shared = _Count(steps, len(grippers)), Shared(simulator)
+    n, shared = len(grippers), Shared(simulator)
+    gathered = _Gathered(_Count(steps, n), n, chunk)
     pieces = (piece_of(shared, grippers[k:k + chunk], seconds=steps.left(),
                        anew=tuple(range(len(grippers[k:k + chunk]))),
                        rods=None if rods is None else rods[k:k + chunk])
               for k in range(0, len(grippers), chunk))
-    rows = [one.rows for one in crew.run(result_of, pieces, count.finished)]
+    crew.run(result_of, pieces, gathered.finished)
     s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
     if any(length != s[-1] for length in lengths):
         nodes = [scaled_nodes(s, length) for length in lengths]
         s = nodes[0] if len(set(lengths)) == 1 else np.array(nodes)
-    return _shapes(simulator, grippers, rows, s)
+    return _shapes(simulator, grippers, gathered.parts, s)
 
 
 def _followed(simulator: DirectSimulator, chains: Sequence[Sequence[Pose]], crew: Crew, chunk: int,
@@ -197,6 +198,39 @@ class _Count:
         """Report one more piece."""
         self._done += len(result.rows['converged'])
         self._steps.done(self._done, self._total)
+
+
+class _Gathered:
+    """The columns of all shapes, each written to its place while others are computed."""
+
+    def __init__(self, count: _Count, n: int, chunk: int) -> None:
+        self._count, self._n, self._chunk = count, n, chunk
+        self._columns: Columns = {}
+        self._tables: dict[int, Floats] = {}
+
+    def finished(self, index: int, result: PieceResult) -> None:
+        """Take the rows of a piece."""
+        rows, first = result.rows, index * self._chunk
+        if self._n <= self._chunk:
+            self._columns = rows
+        for name, values in rows.items() if self._n > self._chunk else ():
+            if name == 'contact_table':
+                self._tables[index] = values + first * (np.arange(values.shape[1]) == 0)
+                continue
+            if name not in self._columns:
+                self._columns[name] = np.empty((self._n, *values.shape[1:]), values.dtype)
+            self._columns[name][first:first + len(values)] = values
+        self._count.finished(index, result)
+        if self._n > self._chunk:
+            rows.clear()  # the next piece has its memory
+
+    @property
+    def parts(self) -> list[Columns]:
+        """What there is, as `_shapes` takes it."""
+        if self._tables:
+            tables = [self._tables[index] for index in sorted(self._tables)]
+            return [self._columns | {'contact_table': np.concatenate(tables)}]
+        return [self._columns] if self._columns else []
 
 
 def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Sequence[Columns],

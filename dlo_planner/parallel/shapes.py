@@ -99,7 +99,8 @@ class Shapes(Value):
                for name, size in sizes.items()},
             **{name: _flags(f'Shapes.{name}', getattr(self, name), n) for name in _FLAGS})
         of = self.contact_table[:, 0]
-        if not (np.isin(of, np.arange(n)).all() and (np.diff(of) >= 0).all()):
+        if of.size and not (of[0] >= 0 and of[-1] < n and (of == np.floor(of)).all()
+                            and (np.diff(of) >= 0).all()):
             raise InvalidTask('Shapes.contact_table: expected indices of shapes, not falling, in '
                               f'its first column, got {shown(of.tolist())}')
         super().__post_init__()

@@ -70,7 +70,7 @@ def second_slopes(s):
     return s[3] - 5 * s[4] + 8 * s[5], s[4] - 7 * s[5] + 15 * s[6]
 
 
-@kernel
+@kernel(forceinline=True)
 def rotation_and_chord(x, y, z, h):
     """Return exp(phi^) (9 numbers) and h J(phi) e1 (3 numbers) for the vector phi = (x, y, z)."""
     c0, c1, c2, _, _, _, _ = coefficients(x * x + y * y + z * z)
@@ -108,7 +108,7 @@ def jacobians_with(x, y, z, h, c):
     return rotation_jacobian, chord_jacobian
 
 
-@kernel
+@kernel(forceinline=True)
 def slope(x: float, y: float, z: float, h: float, force: Vector, moment: Vector) -> Vector:
     """Return (3 numbers) the derivative of a load's potential by phi = (x, y, z).
 
