@@ -16,11 +16,9 @@ from numba.core.compiler_machinery import (
     AnalysisPass,
     FunctionPass,
     PassManager,
-    _pass_registry,
     register_pass,
 )
 from numba.core.dispatcher import Dispatcher, _FunctionCompiler
-from numba.core.postproc import PostProcessor
 from numba.core.runtime.context import NRTContext
 
 from dlo_planner.kernels.cache import KERNELS
@@ -136,11 +134,9 @@ class _Passes(PassManager):  # type: ignore[misc]
 
     def _runPass(self, index: int, one: Any, state: Any) -> None:  # noqa: N802
         one.analysis = self._analysis
-        changed = one.run_initialization(state)
-        changed |= one.run_pass(state)
-        changed |= one.run_finalizer(state)
-        if changed and _pass_registry.get(one.__class__).mutates_CFG and state.library is None:
-            PostProcessor(state.func_ir).run()
+        one.run_initialization(state)
+        one.run_pass(state)
+        one.run_finalizer(state)
 
 
 class Pipeline(CompilerBase):  # type: ignore[misc]

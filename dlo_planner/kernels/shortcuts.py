@@ -9,6 +9,7 @@ from typing import Any
 
 from numba.core import event, ir, transforms, types
 from numba.core.base import BaseContext
+from numba.core.codegen import CPUCodegen
 from numba.core.event import _registered
 from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.types.functions import BaseFunction
@@ -76,6 +77,27 @@ def _variables(self: Any, value: Any) -> list[Any]:
 _WITHOUT_VARIABLES = frozenset((str, int, float, bool, type(None), ir.Loc))
 
 
+class _ForCounts:
+    """Passes that are run for the sake of counts of references, where there are any."""
+
+    def __init__(self, passes: Any) -> None:
+        self._passes = passes
+
+    def run(self, module: Any, builder: Any) -> None:
+        """Change a module in place."""
+        if any(one.name.startswith('NRT_') for one in module.functions):
+            self._passes.run(module, builder)
+
+
+def _module_pass_manager(self: Any, **options: Any) -> tuple[Any, Any]:
+    """Bring counts together, so that they cancel, only where there are counts."""
+    passes, builder = _passes_of(self, **options)
+    return (_ForCounts(passes) if options.get('cost') == 'cheap' else passes), builder
+
+
+_passes_of = CPUCodegen._module_pass_manager
+
+
 def _refreshed(self: Any) -> None:
     """Take what was declared since; all modules that declare were imported before any kernel."""
     for one in tuple(self._registries):
@@ -91,4 +113,5 @@ SHORTCUTS: list[tuple[Any, str, Callable[..., Any]]] = [  # whose, what, and wha
     (PostProcessor, 'run', _post_processed),
     (ir.Inst, '_rec_list_vars', _variables),
     (BaseContext, 'refresh', _refreshed),
-    (TypingContext, 'refresh', _refreshed)]
+    (TypingContext, 'refresh', _refreshed),
+    (CPUCodegen, '_module_pass_manager', _module_pass_manager)]
