@@ -163,7 +163,7 @@ class Pipeline(CompilerBase):  # type: ignore[misc]
 def _left_out(function: FunctionType) -> tuple[type, ...]:
     """Return the passes that find nothing in a function."""
     code = function.__code__
-    used = {one.opname for one in dis.get_instructions(code)}
+    used = {dis.opname[one] for one in set(code.co_code[::2])}
     if not _UNROLLED.isdisjoint(code.co_names + code.co_freevars) or 'BEFORE_WITH' in used:
         return ()
     left_out = _NEVER if used.intersection(_LISTS) else _NEVER + _OF_CLOSURES
