@@ -3,6 +3,7 @@
 """numba is changed while a kernel is compiled, and no longer; machine code is made where needed."""
 
 import gc
+import sys
 
 import numba
 import numpy as np
@@ -10,10 +11,19 @@ import pytest
 from numba import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.registry import cpu_target
+from numba.core.runtime import _nrt_python, rtsys
 from numba.core.types.functions import BaseFunction
 
 from dlo_planner.kernels import kernel
 from dlo_planner.kernels.lean import Library, compiling
+
+
+@pytest.fixture
+def counted():
+    """What returns how often arrays were made and freed."""
+    _nrt_python.memsys_enable_stats()
+    yield rtsys.get_allocation_stats
+    _nrt_python.memsys_disable_stats()
 
 
 def create_library():
@@ -71,3 +81,43 @@ def test_errors_are_those_of_python():
     assert checked(1.0) == 1.0
     with pytest.raises(ValueError, match='negative'):
         checked(-1.0)
+
+
+def test_what_makes_no_array_counts_no_references():
+    """Arrays that such a kernel sees live as long as before, and no longer."""
+    @kernel
+    def filled(a, x):
+        rows = a[1:]
+        for i in range(len(rows)):
+            rows[i] += x
+        return rows[0]
+
+    @kernel
+    def last(a):
+        return a[1:]
+
+    array = np.zeros(4)
+    before = sys.getrefcount(array)
+    assert filled(array, 2.0) == 2.0 and array.tolist() == [0.0, 2.0, 2.0, 2.0]
+    assert sys.getrefcount(array) == before
+    part = last(array)
+    assert sys.getrefcount(array) == before + 1
+    del array
+    assert part.tolist() == [2.0, 2.0, 2.0]
+    codes = [str(next(iter(one.overloads.values())).library._get_module_for_linking())
+             for one in (filled, last)]
+    assert ['NRT_' in code for code in codes] == [False, True]
+
+
+def test_functions_of_numba_that_kernels_call_are_as_numba_makes_them(counted):
+    @kernel
+    def sorted_sum(a):
+        return np.sort(a)[:2].sum() + np.dot(a[::2], a[1::2]) + min(3, len(a))
+
+    a = np.array([3.0, 1.0, 2.0, 5.0])
+    assert sorted_sum(a) == 3.0 + 13.0 + 3.0
+    before = counted()
+    for _ in range(10):
+        sorted_sum(a)
+    after = counted()
+    assert after.alloc - before.alloc == after.free - before.free > 0

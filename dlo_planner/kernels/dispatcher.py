@@ -88,6 +88,10 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
                 self.add_overload(result)
             return result.entry_point
 
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Resolve a call by the types of arguments; numba makes a version for each constant."""
+        return super().get_call_template(tuple(types.unliteral(one) for one in args), kws)
+
     def add_overload(self, result: Any) -> None:
         """Take what was compiled: kernels can call it."""
         self.overloads[tuple(result.signature.args)] = result

@@ -3,9 +3,8 @@
 """What numba does while it compiles a kernel, and need not do: its ways are changed for so long.
 
 Machine code is made of each function, though most are copied into those that call them; here only
-of what is called: `Library.emit`. The same operation on the same types is resolved anew wherever
-it is written; here once in a process. Python looks for cycles among millions of objects that all
-stay; here it does not.
+of what is called: `Library.emit`. Python looks for cycles among millions of objects that all stay;
+here it does not. What else is left out stands in `shortcuts`.
 
 What LLVM does is left as it is: without its first round over each function alone, loops over
 constants came out up to 1.7 times slower.
@@ -19,18 +18,16 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.environment import lookup_environment
 from numba.core.registry import cpu_target
-from numba.core.types.functions import BaseFunction
 
-VERSION = 2  # of what this and `pipeline` change in what is compiled
+from dlo_planner.kernels.shortcuts import SHORTCUTS
+
+VERSION = 3  # of what this and `pipeline` change in what is compiled
 _ENVIRONMENT = '_ZN08NumbaEnv'  # how numba's names of what holds a function's constants begin
 _depth: list[None] = []
-_resolved: dict[tuple[Any, ...], Any] = {}
-_resolve = BaseFunction.get_call_type
 
 
 @contextmanager
@@ -55,27 +52,42 @@ def _lean() -> Iterator[None]:
     codegen = context.codegen()
     gc.disable()
     codegen.create_library = partial(Library, codegen)
-    BaseFunction.get_call_type = _call_type
+    before = [getattr(owner, name) for owner, name, _ in SHORTCUTS]
+    for owner, name, shortcut in SHORTCUTS:
+        setattr(owner, name, shortcut)
     try:
         yield
     finally:
         del codegen.create_library  # that of its class is there again
-        BaseFunction.get_call_type = _resolve
+        for (owner, name, _), one in zip(SHORTCUTS, before, strict=True):
+            setattr(owner, name, one)
         if collects:
+            _keep_out_of_sight()
             gc.enable()
 
 
-def _call_type(self: Any, context: Any, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
-    """Return what numba's `get_call_type` does, from memory where it has been asked before."""
-    if kws or self.__class__ is not types.Function:
-        return _resolve(self, context, args, kws)
-    key = (self, context, args)
-    signature = _resolved.get(key)
-    if signature is None:
-        signature = _resolve(self, context, args, kws)
-        if all(one.is_precise() for one in args):
-            _resolved[key] = signature
-    return signature
+def _keep_out_of_sight() -> None:
+    """Have Python not look for cycles among what was made, before it looks at all there is."""
+    if not gc.get_freeze_count():
+        gc.freeze()
+        gc.unfreeze()  # the objects are old ones now
+
+
+class _Defined:
+    """A module without the functions that it only declares."""
+
+    module: Any
+
+    def __init__(self, module: Any) -> None:
+        self.__dict__['module'] = module
+
+    def __setattr__(self, name: str, value: object) -> None:
+        setattr(self.module, name, value)
+
+    @property
+    def functions(self) -> Iterator[Any]:
+        """Those that are not only declared."""
+        return (one for one in self.module.functions if not one.is_declaration)
 
 
 class Library(JITCodeLibrary):  # type: ignore[misc]  # numba is not annotated
@@ -97,6 +109,10 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba is not annotated
             self._environments[name] = environment
         else:
             self._codegen.set_env(name, environment)
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Optimize each function alone that is more than declared."""
+        super()._optimize_functions(_Defined(ll_module))
 
     def emit(self) -> None:
         """Make the machine code, where it has not been made."""

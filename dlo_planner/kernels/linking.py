@@ -13,7 +13,6 @@ from __future__ import annotations
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
-from itertools import islice
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
@@ -53,8 +52,7 @@ def is_large(kernel: Any, result: Any) -> bool:
     if kernel.targetoptions.get('forceinline'):
         return False
     code = result.library._final_module.get_function(result.fndesc.llvm_func_name)
-    instructions = (one for block in code.blocks for one in block.instructions)
-    return next(islice(instructions, _SMALL, None), None) is not None
+    return str(code).count('\n  ') > _SMALL  # each on a line of its own
 
 
 def keep_apart(kernel: Any, result: Any) -> None:

@@ -1,0 +1,117 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What stands for parts of numba while a kernel is compiled: the same results in less time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba.core import event, ir, transforms, types
+from numba.core.base import BaseContext
+from numba.core.codegen import CPUCodegen
+from numba.core.event import _registered
+from numba.core.postproc import PostProcessor, VariableLifetime
+from numba.core.types.functions import BaseFunction
+from numba.core.typing.context import BaseContext as TypingContext
+
+_resolve = BaseFunction.get_call_type
+_start, _end = event.start_event, event.end_event
+_post_process = PostProcessor.run
+_resolved: dict[tuple[Any, ...], Any] = {}
+
+
+def _call_type(self: Any, context: Any, args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+    """Resolve the same operation on the same types once in a process."""
+    if kws or self.__class__ is not types.Function:
+        return _resolve(self, context, args, kws)
+    key = (self, context, args)
+    signature = _resolved.get(key)
+    if signature is None:
+        signature = _resolve(self, context, args, kws)
+        if all(one.is_precise() for one in args):
+            _resolved[key] = signature
+    return signature
+
+
+def _started(kind: str, data: object = None) -> None:
+    """Tell those who listen that something begins, if there are any."""
+    if _registered.get(kind):
+        _start(kind, data)
+
+
+def _ended(kind: str, data: object = None, exc_details: Any = None) -> None:
+    """Tell those who listen that something ends, if there are any."""
+    if _registered.get(kind):
+        _end(kind, data, exc_details)
+
+
+def _post_processed(self: Any, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
+    """Find how long variables live only where that is asked for."""
+    function = self.func_ir
+    if function.is_generator:
+        _post_process(self, emit_dels, extend_lifetimes)
+        return
+    function.blocks = transforms.canonicalize_cfg(function.blocks)
+    function.variable_lifetime = VariableLifetime(function.blocks)  # it computes on demand
+    function.generator_info = None
+    if emit_dels:
+        self._insert_var_dels(extend_lifetimes=extend_lifetimes)
+
+
+def _variables(self: Any, value: Any) -> list[Any]:
+    """Return the variables in a part of an instruction."""
+    kind = value.__class__
+    if kind is ir.Var:
+        return [value]
+    if kind in _WITHOUT_VARIABLES:
+        return []
+    if kind is dict:
+        value = value.values()
+    elif kind is not tuple and kind is not list:
+        return value.list_vars() if isinstance(value, ir.Inst) else []
+    return [one for part in value if part.__class__ not in _WITHOUT_VARIABLES
+            for one in _variables(self, part)]
+
+
+_WITHOUT_VARIABLES = frozenset((str, int, float, bool, type(None), ir.Loc))
+
+
+class _ForCounts:
+    """Passes that are run for the sake of counts of references, where there are any."""
+
+    def __init__(self, passes: Any) -> None:
+        self._passes = passes
+
+    def run(self, module: Any, builder: Any) -> None:
+        """Change a module in place."""
+        if any(one.name.startswith('NRT_') for one in module.functions):
+            self._passes.run(module, builder)
+
+
+def _module_pass_manager(self: Any, **options: Any) -> tuple[Any, Any]:
+    """Bring counts together, so that they cancel, only where there are counts."""
+    passes, builder = _passes_of(self, **options)
+    return (_ForCounts(passes) if options.get('cost') == 'cheap' else passes), builder
+
+
+_passes_of = CPUCodegen._module_pass_manager
+
+
+def _refreshed(self: Any) -> None:
+    """Take what was declared since; all modules that declare were imported before any kernel."""
+    for one in tuple(self._registries):
+        self.install_registry(one)
+    if isinstance(self, BaseContext):
+        self.typing_context.refresh()
+
+
+SHORTCUTS: list[tuple[Any, str, Callable[..., Any]]] = [  # whose, what, and what stands for it
+    (BaseFunction, 'get_call_type', _call_type),
+    (event, 'start_event', _started),
+    (event, 'end_event', _ended),
+    (PostProcessor, 'run', _post_processed),
+    (ir.Inst, '_rec_list_vars', _variables),
+    (BaseContext, 'refresh', _refreshed),
+    (TypingContext, 'refresh', _refreshed),
+    (CPUCodegen, '_module_pass_manager', _module_pass_manager)]
