@@ -25,7 +25,7 @@ from numba.core.registry import cpu_target
 
 from dlo_planner.kernels.shortcuts import SHORTCUTS
 
-VERSION = 3  # of what this and `pipeline` change in what is compiled
+VERSION = 4  # of what this and `pipeline` change in what is compiled
 _ENVIRONMENT = '_ZN08NumbaEnv'  # how numba's names of what holds a function's constants begin
 _depth: list[None] = []
 
