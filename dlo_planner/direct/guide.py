@@ -86,7 +86,9 @@ class Guide(Value):
 
 
 def _spline(poses: Sequence[Pose], at_rest: bool) -> CubicSpline:
-    values = np.array([[*pose.position, *pose.quaternion] for pose in poses])
+    values = np.empty((len(poses), 7))
+    values[:, :3] = [pose.position for pose in poses]
+    values[:, 3:] = [pose.quaternion for pose in poses]
     turned = np.sum(values[1:, 3:] * values[:-1, 3:], axis=1) < 0
     values[1:, 3:] *= np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]
     n = len(values)

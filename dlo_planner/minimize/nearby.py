@@ -13,7 +13,14 @@ import numpy as np
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.system import new_state
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assembled_definite, largest_turn, new_hessian, solve
+from dlo_planner.minimize.linear import (
+    assembled_definite,
+    at_once,
+    is_definite,
+    largest_turn,
+    new_hessian,
+    solve,
+)
 from dlo_planner.minimize.newton import without_traces
 from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
@@ -26,7 +33,7 @@ _QUICK = 0.05       # what a chord has to leave of the gradient at most, or the 
 _ROUNDED = 10.0     # tolerances: what a step does not make less there is rounding
 _STABLE = 0.01      # the smallest eigenvalue at least, or `newton` looks closely
 _PER_TURN = 100.0   # change of an eigenvalue per rad since the Hessian was factorized, at most
-_DOUBT = 0.5         # of the eigenvalue: with more it is looked at again at once
+_DOUBT = 0.5         # of an eigenvalue: with more it is looked at again at once
 _ROUGHLY = 1e-2     # relative error of that eigenvalue
 
 
@@ -45,7 +52,8 @@ def nearby(system, q, tolerance, check=True):
         found: whether there is one, well stable; if not, only `steps` means anything
         state: there
         residual: scaled gradient
-        stability: smallest eigenvalue, to about 1 % of itself; nan if not `check`
+        stability: smallest eigenvalue, to about 1 % of itself; infinite if it is proved to be well
+            above zero without being found; nan if not `check`
         steps: made
     """
     state, trial = new_state(system), new_state(system)
@@ -91,19 +99,28 @@ def nearby(system, q, tolerance, check=True):
 
 @kernel
 def _stability(system, state, hessian, turned):
-    """Return the smallest eigenvalue, about; -inf if there is a negative one.
+    """Return the smallest eigenvalue, about; -inf if there is a negative one; inf as `nearby`.
 
     Args:
         turned: rad since the Hessian was factorized, at most
     """
-    stability, doubt = -np.inf, _PER_TURN * turned
-    if doubt < _DOUBT:
-        stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
-    if not stability > _STABLE + doubt:
-        if not assembled_definite(system, state, hessian, 0.0):
-            return -np.inf
-        stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
-    return stability
+    bound = _STABLE + _PER_TURN * turned
+    if bound < _STABLE + _DOUBT and _above(system, hessian, bound):
+        return np.inf
+    if not assembled_definite(system, state, hessian, 0.0):
+        return -np.inf
+    return lowest_mode(system, hessian, 0.0, _ROUGHLY)[0]
+
+
+@kernel
+def _above(system, hessian, bound):
+    """Whether all eigenvalues of a definite Hessian are above `bound`; its factors may get lost.
+
+    Where its blocks are at hand, pivots tell (Sylvester), for less than the smallest one costs.
+    """
+    if system.basis.shape[1] > 0 or at_once(system, hessian.displaced):
+        return lowest_mode(system, hessian, 0.0, _ROUGHLY)[0] > bound
+    return is_definite(system, hessian, -bound)
 
 
 @kernel
