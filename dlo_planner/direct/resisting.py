@@ -71,4 +71,6 @@ def stability_at(system: System, how: Coefficients, base: Floats, origin: Floats
     shift = 0.0
     if not assembled_definite(moving, work.state, work.hessian, shift):
         shift = safe_shift(moving, work.hessian, LEAST_SHIFT)
-    return lowest_mode(moving, work.hessian, shift, _EXACT)[0]
+    value, _ = lowest_mode(moving, work.hessian, shift, _EXACT)
+    stability: float = value
+    return stability
