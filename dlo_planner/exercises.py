@@ -50,7 +50,7 @@ def shapes() -> None:
         Sensitivity(shape).moved([1e-3] * 6)
         Sensitivity(shape).at(0.5)
         Through(np.array([0.5, 0, -0.3])).residuals(shape)
-        direct.simulate([_LEVEL, _TILTED], 0.01)
+        assert direct.simulate([_LEVEL, _TILTED], 0.01).shapes[-1].stability > 0
         direct.track([_LEVEL, Pose((0, 0, 0), (0, 0, 0.5, 0.8))])
         assert solve_many(direct, [_LEVEL, _TILTED]).converged.all()
         assert solve_many(direct, _LEVEL, rods=[_ROD, _ROD]).converged.all()

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
@@ -123,7 +123,8 @@ def _allowed(far_end: FarEnd, end: Pose) -> Pose:
         axis = np.cross(end.direction, pose.direction)
         sine = np.linalg.norm(axis)
         tilt = axis * (np.arctan2(sine, end.direction @ pose.direction) / sine if sine else 0.0)
-        return Pose.from_rotation(place, Rotation.from_rotvec(tilt).as_matrix() @ end.rotation)
+        turn = scipy.spatial.transform.Rotation.from_rotvec(tilt).as_matrix()
+        return Pose.from_rotation(place, turn @ end.rotation)
     return replace(pose, position=place)
 
 

@@ -69,7 +69,7 @@ def simulate(stepper: Stepper, begun: Begun, plan: Recipe, progress: Progress) -
         return _motion(stepper, ended, plan.tolerance, None)
     made = _run(stepper, first, plan, progress)
     trace = Trace([instant.place for instant in made.reached],
-                  [instant.nodes.position for instant in made.reached], made.samples)
+                  [instant.positions for instant in made.reached], made.samples)
     estimate = partial(error_of, stepper, begun, replace(plan, steps=tuple(made.steps)), trace)
     return _motion(stepper, made, plan.tolerance, estimate)
 
@@ -207,7 +207,7 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
     shapes: Any = Boxed(len(reached), partial(_shapes, reached), made.status == 'complete')
     return Motion(
         stepper.dt * places, shapes,
-        np.array([instant.nodes.velocity for instant in reached]), kinetic, potential, work,
+        np.array([instant.velocities for instant in reached]), kinetic, potential, work,
         losses, tolerance, made.status, message, **given)
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from dlo_planner.direct.spline import along_spline
 from dlo_planner.model.arrays import Floats
@@ -38,7 +38,7 @@ class Guide(Value):
     poses: tuple[Pose, ...]
     dt: float
     at_rest: bool
-    _spline: CubicSpline | None
+    _spline: Any
 
     def __init__(self, poses: Sequence[Pose], dt: float, at_rest: bool = True):
         put(self, poses=tuple(poses), dt=dt, at_rest=at_rest, _spline=None)
@@ -85,8 +85,10 @@ class Guide(Value):
         return twist
 
 
-def _spline(poses: Sequence[Pose], at_rest: bool) -> CubicSpline:
-    values = np.array([[*pose.position, *pose.quaternion] for pose in poses])
+def _spline(poses: Sequence[Pose], at_rest: bool) -> Any:
+    values = np.empty((len(poses), 7))
+    values[:, :3] = [pose.position for pose in poses]
+    values[:, 3:] = [pose.quaternion for pose in poses]
     turned = np.sum(values[1:, 3:] * values[:-1, 3:], axis=1) < 0
     values[1:, 3:] *= np.where(np.cumsum(turned) % 2, -1.0, 1.0)[:, None]
     n = len(values)
@@ -95,7 +97,7 @@ def _spline(poses: Sequence[Pose], at_rest: bool) -> CubicSpline:
         ends[0] = (1, np.zeros(7))
         if n == 2:  # constant acceleration, as not-a-knot would make it
             ends[1] = (1, 2 * (values[1] - values[0]))
-    return CubicSpline(np.arange(n), values, bc_type=tuple(ends))
+    return scipy.interpolate.CubicSpline(np.arange(n), values, bc_type=tuple(ends))
 
 
 class Grips(Value):

@@ -10,7 +10,7 @@ confirms.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from dlo_planner.energy.contact import without_hinge as without_hinge_of_contact
 from dlo_planner.energy.effects import EFFECTS
@@ -82,7 +82,8 @@ def own_unknowns(system: System, q: Floats) -> Floats:
 def turn_of(system: System, q: Floats) -> Floats:
     """Return (3, 3) the rotation of the hinge of unknowns q (m + 1, 3)."""
     turn = q[-1] if system.basis.shape[1] else q[0]
-    result: Floats = Rotation.from_rotvec(turn / np.sqrt(bending_energy(system))).as_matrix()
+    rotation = scipy.spatial.transform.Rotation.from_rotvec(turn / np.sqrt(bending_energy(system)))
+    result: Floats = rotation.as_matrix()
     return result
 
 

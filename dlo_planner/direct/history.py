@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
+import scipy
 
 from dlo_planner.direct.acting import ACTING
 from dlo_planner.direct.part import Left, Solved
@@ -92,7 +92,7 @@ class History(Value):
             return self
         positions, tangents = self.positions, self.tangents
         if len(positions):
-            curve = CubicHermiteSpline(self.s, positions, tangents)
+            curve = scipy.interpolate.CubicHermiteSpline(self.s, positions, tangents)
             positions, tangents = curve(s), curve(s, 1)
         moved = self.leaving(**{name: array for part in ACTING
                                 for name, array in part.resampled(self.left, self.s, s).items()})

@@ -55,6 +55,23 @@ class Instant:
         made = self.__dict__[name] = self.__dict__['boxed'](name)
         return made
 
+    @property
+    def positions(self) -> Floats:
+        """(N + 1, 3) of the nodes, m."""
+        return self._of_nodes('positions', 'position')
+
+    @property
+    def velocities(self) -> Floats:
+        """(N + 1, 3) of the nodes, m/s."""
+        return self._of_nodes('velocities', 'velocity')
+
+    def _of_nodes(self, several: str, one: str) -> Floats:
+        """Return what `nodes` has under the name `one`; it is not made for that alone."""
+        known = self.__dict__.get('nodes')
+        result: Floats = (self.__dict__['boxed'](several) if known is None
+                          else getattr(known, one))
+        return result
+
     @classmethod
     def made(cls, **contents: Any) -> 'Instant':
         """Return the Instant with these fields: quicker than by its constructor.
@@ -62,7 +79,8 @@ class Instant:
         Parameters
         ----------
         contents : object
-            All fields, but for those in _BOXED which `boxed`, a function of their name, makes.
+            All fields, but for those in _BOXED which `boxed`, a function of their name, makes; and
+            also 'positions' and 'velocities'.
         """
         instant = object.__new__(cls)
         instant.__dict__.update(contents)

@@ -3,7 +3,7 @@
 """Bringing the grip of a held far end, and the gripper, to where a step begins its search."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization
@@ -73,6 +73,7 @@ def lead(discretization: Discretization, strains: Floats, grippers: tuple[Pose, 
 
 def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
     """Return positions (n, 3) and rotations (n, 3, 3) at shares (n,) of a straight way."""
+    Rotation = scipy.spatial.transform.Rotation
     turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
     turns = Rotation.from_rotvec(shares[:, None] * turn).as_matrix()
     return (one.position + shares[:, None] * (other.position - one.position),

@@ -18,9 +18,10 @@ from dlo_planner.direct.books import entered
 from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.proof import CONVERGED
+from dlo_planner.direct.resisting import stability_at
 from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hanging_shape
 from dlo_planner.direct.swinging import set_off, swing_along
-from dlo_planner.direct.trail import PAST, Trail
+from dlo_planner.direct.trail import PAST, Coefficients, Trail
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.value import freeze
 
@@ -107,17 +108,18 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
     for row, (time, positions) in enumerate(past or [
             (trail.times[PAST] - k * scheme.dt, now.nodes.position) for k in (2, 1)]):
         trail.times[row], nodes[row] = time, positions
-    trail.energies[PAST] = (now.shape.elastic_energy, now.potential, now.kinetic, now.work,
-                            now.power, now.losses[0])
+    # not the elastic energy: nothing asks for that of now, and a Shape would be made for it
+    trail.energies[PAST, 1:] = now.potential, now.kinetic, now.work, now.power, now.losses[0]
     books = np.array([CONVERGED + 100 * rounding, limits.error, limits.part, limits.noise])
-    last = swing_along(stepper.discretization.static, stepper.coefficients(scheme), trail,
-                       limits.books, books, TOLERANCE + rounding, limits.patience)
+    how = stepper.coefficients(scheme)
+    last = swing_along(stepper.discretization.static, how, trail, limits.books, books,
+                       TOLERANCE + rounding, limits.patience)
     places = np.concatenate([np.full(PAST, np.nan), [now.place], places])
     whole = np.flatnonzero(places[:last + 1] == np.rint(places[:last + 1]))
     whole = whole[whole > PAST].tolist()
     rows = [*whole, *([last] if last > PAST and last not in whole else []),
             *([last + 1] if last + 1 < places.size else [])]
-    made = dict(zip(rows, _instants(stepper, now, trail, rows, places[rows], rounding),
+    made = dict(zip(rows, _instants(stepper, now, trail, rows, places[rows], (how, rounding)),
                     strict=True))
     return Leg(trail.proofs[PAST + 1:last + 1, 2], [made[row] for row in whole],
                made.get(last, now),
@@ -163,8 +165,11 @@ def _trail(stepper: Stepper, nodes: KinematicState, bends: KinematicState, place
 
 
 def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], places: Floats,
-              rounding: float) -> list[Instant]:
-    """Return the Instants in some rows of a Trail; they keep no memory of many others."""
+              made_by: tuple[Coefficients, float]) -> list[Instant]:
+    """Return the Instants in some rows of a Trail; they keep no memory of many others.
+
+    `made_by`: Coefficients of the steps, and what rounding leaves of their residuals.
+    """
     at: Any = rows
     if rows and 2 * len(rows) > trail.times.size and rows[-1] - rows[0] == len(rows) - 1:
         at = slice(rows[0], rows[-1] + 1)  # nothing is copied
@@ -172,7 +177,7 @@ def _instants(stepper: Stepper, now: Instant, trail: Trail, rows: list[int], pla
     freeze(arrays)
     energies = trail.energies[rows].tolist()
     known = _Rows(stepper, *arrays, energies, trail.proofs[rows].tolist(),
-                  trail.iterations[rows].tolist(), rounding)
+                  trail.iterations[rows].tolist(), *made_by)
     found = []
     for k, place in enumerate(places.tolist()):
         _, energy, kinetic, work, power, lost = energies[k]
@@ -195,17 +200,26 @@ class _Rows(NamedTuple):
     energies: list[list[float]]
     proofs: list[list[float]]
     iterations: list[int]
+    how: Coefficients
     rounding: float
 
 
 def _unboxed(rows: _Rows, k: int, place: float, name: str) -> Any:
-    """Return 'nodes', 'bends' or 'shape' of an Instant, when that is first asked for."""
+    """Return what an Instant is asked for the first time, by name; see `Instant`."""
+    if name == 'positions':
+        return rows.nodes[0, k]
+    if name == 'velocities':
+        return rows.nodes[1, k]
     if name == 'nodes':
         return KinematicState.of(rows.nodes[:, k])
     if name == 'bends':
         return KinematicState.of(rows.bends[:, k])
     stepper, energies, (residual, stability, _) = rows.stepper, rows.energies[k], rows.proofs[k]
-    return hanging_shape(stepper.discretization, stepper.grips.gripper.at(place), (
+    mesh, gripper = stepper.discretization, stepper.grips.gripper.at(place)
+    if stability == np.inf:  # it was proved to be good, and no more
+        stability = stability_at(mesh.static, rows.how, gripper.rotation, gripper.position,
+                                 np.array(rows.nodes[:, k]), np.array(rows.bends[:, k]))
+    return hanging_shape(mesh, gripper, (
         rows.bends[0, k], rows.frames[k], rows.nodes[0, k], rows.wrenches[k], *energies[:2],
         residual, stability, rows.iterations[k], 0), rows.rounding)
 

@@ -14,7 +14,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import LinAlgError, eigh
+import scipy
 
 from dlo_planner.direct.vibration import Linearized, Vibration
 from dlo_planner.errors import InvalidTask
@@ -187,9 +187,10 @@ def solved(vibration: Vibration, n: int, name: str) -> tuple[Floats, Floats]:
     slowest = [max(size - n, 0), size - 1]
     tied = vibration.stiffness + _TIE * np.eye(size)
     try:
-        mu, found = eigh(vibration.mass, tied, subset_by_index=slowest)
-    except LinAlgError:
-        mu, found = eigh(vibration.mass, _definite(vibration, name), subset_by_index=slowest)
+        mu, found = scipy.linalg.eigh(vibration.mass, tied, subset_by_index=slowest)
+    except np.linalg.LinAlgError:
+        mu, found = scipy.linalg.eigh(vibration.mass, _definite(vibration, name),
+                                      subset_by_index=slowest)
     mu, found = mu[::-1], found[:, ::-1]
     moving = mu > _MASSLESS * mu.max(initial=0.0)
     mu, found = mu[moving], found[:, moving]

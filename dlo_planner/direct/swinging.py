@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.direct.books import entered
+from dlo_planner.direct.resisting import resisting
 from dlo_planner.direct.trail import PAST, Coefficients, Trail
-from dlo_planner.energy.effects import Needs, potential, stored, with_anchor
-from dlo_planner.energy.inertia import Anchor
+from dlo_planner.energy.effects import potential, stored
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.system import State, System, unknown_count
 from dlo_planner.kernels import kernel
@@ -221,17 +221,10 @@ def _drawn(system: System, how: Coefficients, trail: Trail, row: int) -> System:
     for k in range(where.shape[0]):
         for i in range(3):
             where[k, i] -= how.slow * speed[k, i] / strength + origin[i]
-    firm = how.viscous * how.velocity_gain
-    natural = np.empty_like(system.natural)
-    for e in range(natural.shape[0]):
-        for i in range(3):  # K b u' is a spring of its own, drawn to where u' = 0
-            calm = bent[e, i] - rate[e, i] / how.velocity_gain
-            natural[e, i] = (system.natural[e, i] + firm * calm) / (1 + firm)
-    return System(system.lengths, natural, system.stiffness * (1 + firm), system.scale,
-                  system.basis, trail.bases[row], origin,
-                  with_anchor(system.effects, Anchor(where, how.masses * strength)),
-                  Needs(how.masses.size > 0, system.needs.attached, system.needs.border),
-                  system.proximal_point, system.proximal_weight)
+    for e in range(bent.shape[0]):
+        for i in range(3):
+            bent[e, i] -= rate[e, i] / how.velocity_gain
+    return resisting(system, how, where, bent, trail.bases[row], origin)
 
 
 @kernel

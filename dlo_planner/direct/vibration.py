@@ -20,7 +20,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import qr
+import scipy
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.hinge import hinge_unknowns, pinned_newton, with_hinge
@@ -265,7 +265,7 @@ def _free(held: Floats) -> Floats | None:
     """Return an orthonormal basis (c, c - rank) of the kernel of rows (K, c); None: no rows."""
     if not len(held):
         return None
-    axes, triangle, _ = qr(held.T, pivoting=True)
+    axes, triangle, _ = scipy.linalg.qr(held.T, pivoting=True)
     size = np.abs(np.diag(triangle))
     result: Floats | None = axes[:, int(np.sum(size > _DEPENDENT * size.max())):]
     return result

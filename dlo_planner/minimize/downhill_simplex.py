@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from dlo_planner.minimize.protocol import Ended, Problem
 from dlo_planner.model.arrays import Floats
@@ -61,7 +61,7 @@ def downhill_simplex(problem: Problem, q: Floats, tolerance: float,
     size = problem.scale
     for _ in range(_RESTARTS):
         simplex = q + size * np.vstack([np.zeros(q.size), _axes(value, q, problem.scale)])
-        lowest = minimize(value, q, method='Nelder-Mead', options={
+        lowest = scipy.optimize.minimize(value, q, method='Nelder-Mead', options={
             'initial_simplex': simplex, 'adaptive': True, 'xatol': _ROUGHLY[0] * problem.scale,
             'fatol': _ROUGHLY[1] * problem.scale**2, 'maxiter': most,
             'maxfev': max(1, most - evaluations)})

@@ -14,7 +14,14 @@ from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.system import new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.decrement import relative_decrement
-from dlo_planner.minimize.linear import assembled_definite, largest_turn, new_hessian, solve
+from dlo_planner.minimize.linear import (
+    assembled_definite,
+    at_once,
+    is_definite,
+    largest_turn,
+    new_hessian,
+    solve,
+)
 from dlo_planner.minimize.newton import without_traces
 from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
@@ -28,7 +35,7 @@ _ROUNDED = 10.0     # tolerances: what a step does not make less there is roundi
 SETTLED_NEARBY = 1e-9  # of the decrement: the same, where inertia is stiff
 WELL_STABLE = 0.01  # the smallest eigenvalue at least, or `newton` looks closely
 _PER_TURN = 100.0   # change of an eigenvalue per rad since the Hessian was factorized, at most
-_DOUBT = 0.5         # of the eigenvalue: with more it is looked at again at once
+_DOUBT = 0.5         # of an eigenvalue: with more it is looked at again at once
 _ROUGHLY = 1e-2     # relative error of that eigenvalue
 
 
@@ -47,7 +54,8 @@ def nearby(system, q, tolerance, check=True):
         found: whether there is one, well stable; if not, only `steps` means anything
         state: there
         residual: scaled gradient, or the decrement where that alone tells
-        stability: smallest eigenvalue, to about 1 % of itself; nan if not `check`
+        stability: smallest eigenvalue, to about 1 % of itself; infinite if it is proved to be well
+            above zero without being found; nan if not `check`
         steps: made
     """
     state, trial = new_state(system), new_state(system)
@@ -94,19 +102,28 @@ def nearby(system, q, tolerance, check=True):
 
 @kernel
 def _stability(system, state, hessian, turned):
-    """Return the smallest eigenvalue, about; -inf if there is a negative one.
+    """Return the smallest eigenvalue, about; -inf if there is a negative one; inf as `nearby`.
 
     Args:
         turned: rad since the Hessian was factorized, at most
     """
-    stability, doubt = -np.inf, _PER_TURN * turned
-    if doubt < _DOUBT:
-        stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
-    if not stability > WELL_STABLE + doubt:
-        if not assembled_definite(system, state, hessian, 0.0):
-            return -np.inf
-        stability, _ = lowest_mode(system, hessian, 0.0, _ROUGHLY)
-    return stability
+    bound = WELL_STABLE + _PER_TURN * turned
+    if bound < WELL_STABLE + _DOUBT and _above(system, hessian, bound):
+        return np.inf
+    if not assembled_definite(system, state, hessian, 0.0):
+        return -np.inf
+    return lowest_mode(system, hessian, 0.0, _ROUGHLY)[0]
+
+
+@kernel
+def _above(system, hessian, bound):
+    """Whether all eigenvalues of a definite Hessian are above `bound`; its factors may get lost.
+
+    Where its blocks are at hand, pivots tell (Sylvester), for less than the smallest one costs.
+    """
+    if system.basis.shape[1] > 0 or at_once(system, hessian.displaced):
+        return lowest_mode(system, hessian, 0.0, _ROUGHLY)[0] > bound
+    return is_definite(system, hessian, -bound)
 
 
 @kernel

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
@@ -115,7 +115,8 @@ class Pose(Value):
         """Make the quaternion of a pose that came from axes."""
         if name != 'quaternion' or 'rotation' not in self.__dict__:
             raise AttributeError(f'{type(self).__name__} has no attribute {name!r}')
-        quaternion = Rotation.from_matrix(np.array(self.rotation)).as_quat()
+        turned = scipy.spatial.transform.Rotation.from_matrix(np.array(self.rotation))
+        quaternion = turned.as_quat()
         quaternion.flags.writeable = False
         put(self, quaternion=quaternion)
         result: Floats = quaternion

@@ -16,8 +16,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import PPoly
 
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.along import Table
@@ -60,16 +60,16 @@ class Profile(Value):
     breaks: Floats
 
     @cached_property
-    def _first(self) -> PPoly:
+    def _first(self) -> Any:
         """Antiderivative (k components) of the polynomials."""
         width = np.diff(self.edges)
         powers = np.einsum('ij,mjk->imk', _POWERS, self.values)
         powers = powers / width[None, :, None] ** np.arange(_POINTS)[:, None, None]
         edges = np.array(self.edges)  # SciPy 1.11 takes no read-only array here
-        return PPoly(powers[::-1], edges).antiderivative()
+        return scipy.interpolate.PPoly(powers[::-1], edges).antiderivative()
 
     @cached_property
-    def _second(self) -> PPoly:
+    def _second(self) -> Any:
         return self._first.antiderivative()
 
     def means(self, s: Floats) -> Floats:

@@ -12,8 +12,8 @@ components are what the simulators use.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.model.arrays import Floats
 
@@ -66,10 +66,10 @@ def element_rotation(described: ArrayLike, length: float) -> Floats:
 
 
 def _about_t(angle: float) -> Floats:
-    result: Floats = Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix()
+    result: Floats = scipy.spatial.transform.Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix()
     return result
 
 
 def _about_n(angle: float) -> Floats:
-    result: Floats = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()
+    result: Floats = scipy.spatial.transform.Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()
     return result

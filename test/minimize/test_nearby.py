@@ -34,7 +34,10 @@ def test_it_finds_what_newtons_method_finds(basis, strength, rng):
     true = newton(system, q, 1e-10, 100, True)
     assert found and residual < 1e-9 and steps <= 8
     np.testing.assert_allclose(state.positions, true.state.positions, rtol=0, atol=1e-9)
-    assert stability == pytest.approx(true.stability, rel=0.02)
+    if strength:
+        assert stability == np.inf and true.stability > 0.01  # proved, not found
+    else:  # no step was made, so there was no factorization either
+        assert stability == pytest.approx(true.stability, rel=0.02)
 
 
 def test_it_leaves_alone_what_is_far(rng):
@@ -57,7 +60,27 @@ def test_it_gets_along_with_a_guess_that_is_too_short(rng):
     true = newton(system, q, 1e-9, 100, True)
     assert found and steps < true.iterations
     np.testing.assert_allclose(state.positions, true.state.positions, rtol=0, atol=1e-9)
-    assert stability == pytest.approx(true.stability, rel=0.02)
+    assert stability == np.inf and true.stability > 0.01
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_what_is_proved_to_be_well_stable_is(basis, rng):
+    # a wire that stands, a little stiffer than one that buckles, and is moved a little
+    proved = found = refused = 0
+    for stiffness in np.linspace(0.126, 0.15, 40):
+        system, q = drawn(rng, DOWN, strength=1e-3, stiffness=stiffness, basis=basis)
+        near, _, _, stability, _ = nearby(system, q + 1e-5, 1e-10)
+        true = newton(system, q, 1e-10, 100, True).stability
+        if not near:
+            refused += 1
+            assert true < 0.0101
+        elif stability == np.inf:
+            proved += 1
+            assert true > 0.01
+        else:
+            found += 1
+            assert stability == pytest.approx(true, rel=0.02)
+    assert proved and found and refused
 
 
 def test_it_does_not_look_at_stability_if_not_asked(rng):
