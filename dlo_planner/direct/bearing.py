@@ -9,25 +9,30 @@ made in small parts (`direct.approach`).
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dlo_planner.direct.acting import ACTING
 from dlo_planner.direct.part import Solved
 from dlo_planner.direct.proof import proved_bearing, violation
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, made_shape
 from dlo_planner.direct.state import State
 from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, estimated, shape_of
-from dlo_planner.direct.touch import ended, halved_system
+from dlo_planner.direct.touch import ended, forces_left, halved, standing
+from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.energy.system import new_state
+from dlo_planner.kernels import kernel
 from dlo_planner.minimize.bearing import correction
-from dlo_planner.minimize.multipliers import carried_newton
+from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.multipliers import COARSER, carried_newton
+from dlo_planner.minimize.resting import bear_on
 
 if TYPE_CHECKING:
     from dlo_planner.direct.discretization import Discretization
     from dlo_planner.direct.history import History
-    from dlo_planner.minimize.minimum import Minimum
-    from dlo_planner.model.arrays import Floats
+    from dlo_planner.energy.system import System
+    from dlo_planner.model.arrays import Floats, Ints
     from dlo_planner.model.pose import Pose
 
 
@@ -48,6 +53,8 @@ def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | N
     around = discretization.surroundings
     if initial is None or around.pinned or around.has_moments or not _bears(past):
         return None
+    if not discretization.stores:
+        return _at_once(discretization, gripper, initial, past)
     begin = initial.gripper
     start = (np.array(begin.rotation, order='C'), past.left['point_slid'],
              discretization.strains_from(initial.s, initial.element_strains),
@@ -60,14 +67,26 @@ def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | N
                            EXACT * discretization.s[-1], before)
     if found is None:
         return None
-    if discretization.stores:
-        return shape_of(discretization, gripper, found, past), found.kicks
-    return _shape(discretization, gripper, found, past), found.kicks
+    return shape_of(discretization, gripper, found, past), found.kicks
 
 
-def _shape(mesh: Discretization, gripper: Pose, found: Minimum, past: History) -> Shape:
-    """Return what `shape_of` does of a DLO that only touches, with one look at what was found."""
-    known = ended(found.system, found.state, np.array(gripper.position))
+def _at_once(mesh: Discretization, gripper: Pose, initial: Shape,
+             past: History) -> tuple[Shape, int] | None:
+    """Return what `bearing_on` does, of a DLO that only touches: by one kernel."""
+    begin = initial.gripper
+    goes_on, end, known = _borne_on(
+        mesh.static, begin.rotation, begin.position, mesh.start_from(initial), past.positions,
+        past.tangents, COARSER * TOLERANCE, EXACT * mesh.s[-1], MAX_ITERATIONS, gripper.rotation,
+        gripper.position, mesh.spring, *forces_left(past.left))
+    if not goes_on:
+        return None
+    found = Minimum(*end)
+    return _shape(mesh, gripper, found, past, known), found.kicks
+
+
+def _shape(mesh: Discretization, gripper: Pose, found: Minimum, past: History,
+           known: tuple[Any, ...]) -> Shape:
+    """Return what `shape_of` does of a DLO that only touches; `known` as of `touch.ended`."""
     solved = Solved(mesh, found.system, found.state, gripper, None, past.left, known)
     strains, frames, positions, tangents, wrench, elastic, energy, noise = known[0]
     after = past.followed(positions, tangents, **{
@@ -75,10 +94,13 @@ def _shape(mesh: Discretization, gripper: Pose, found: Minimum, past: History) -
     reports = {name: value for part in ACTING
                for name, value in part.reports(solved, after.left).items()}
     estimate = partial(_estimate, mesh, gripper, strains, positions, past)
-    return Shape(gripper, mesh.s, positions, frames, strains, energy, elastic, wrench,
-                 found.residual, found.stability, found.iterations,
-                 proved_bearing(solved, found, noise), violation=violation(solved, found),
-                 state=State.made(mesh, after, past, estimate), **reports)
+    violated = violation(solved, found)
+    return made_shape(
+        gripper=gripper, s=mesh.s, positions=positions, frames=frames, element_strains=strains,
+        energy=energy, elastic_energy=elastic, gripper_wrench=wrench, residual=found.residual,
+        stability=found.stability, iterations=found.iterations, violation=violated,
+        converged=proved_bearing(solved, found, noise, violated),
+        state=State.made(mesh, after, past, estimate), **reports)
 
 
 def _estimate(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,
@@ -104,9 +126,63 @@ def corrected_by(mesh: Discretization, shape: Shape, left: History) -> float:
     if (not shape.contacts or shape.far_end is not None or mesh.yields or around.pinned
             or around.has_moments):
         return np.inf
-    return 4 / 3 * float(correction(halved_system(mesh, shape.gripper, left.left),
-                                    np.array(shape.element_strains),
-                                    shape.positions - shape.gripper.position))
+    gripper, finer = shape.gripper, mesh.finer
+    return 4 / 3 * float(_corrected(finer.static, shape.element_strains, shape.positions,
+                                    gripper.rotation, gripper.position, finer.spring,
+                                    *forces_left(left.left)))
+
+
+@kernel
+def _borne_on(system: System, begin: Floats, start: Floats, strains: Floats, positions: Floats,
+              tangents: Floats, tolerance: float, exact: float, max_iterations: int, base: Floats,
+              origin: Floats, spring: float, node: Floats, element: Ints, obstacle: Ints,
+              multiplier: Floats, fraction: Floats, anchor: Floats, normal: Floats, shear: Floats,
+              slid: Floats) -> Any:
+    """Return whether a DLO goes on bearing, and what it comes to; all arrays are read-only.
+
+    Args:
+        begin: (3, 3) rotation of the gripper before; start: (3,) its position, m
+        strains: (N, 3), positions: (N + 1, 3), tangents: (N + 1, 3) before, 1/m and m, world
+        tolerance, exact, max_iterations: as of `resting.bear_on`
+        system; base, and all after it: as of `touch.halved`, base and origin after the step
+
+    Returns
+    -------
+        whether; what a Minimum consists of; what `touch.ended` returns. If it does not go on,
+        nothing else means anything.
+    """
+    here, shift = origin.copy(), np.empty(3)
+    now = standing(system, base.copy(), here, spring, node, element, obstacle, multiplier,
+                   fraction, anchor, normal, shear)
+    previous = np.empty((positions.shape[0], 6))
+    for i in range(3):
+        shift[i] = origin[i] - start[i]
+        for k in range(positions.shape[0]):
+            previous[k, i] = positions[k, i] - origin[i]
+            previous[k, 3 + i] = tangents[k, i]
+    goes_on, state, residual, stability, steps, kicks, loaded, violation = bear_on(
+        now, begin.copy(), slid, strains.copy(), shift, tolerance, exact, max_iterations, previous)
+    if not goes_on:  # State and System may be unfinished, and of different contacts
+        loaded, state = now, new_state(now)
+        unknowns_of(now, strains.copy(), state.q)
+        evaluate(now, state)
+    return (goes_on, (state, residual, stability, steps, kicks, loaded, violation),
+            ended(loaded, state, here))
+
+
+@kernel
+def _corrected(system: System, strains: Floats, positions: Floats, base: Floats, origin: Floats,
+               spring: float, node: Floats, element: Ints, obstacle: Ints, multiplier: Floats,
+               fraction: Floats, anchor: Floats, normal: Floats, shear: Floats,
+               slid: Floats) -> Any:
+    """Return `minimize.bearing.correction`, m, of a DLO held by a gripper; see `_borne_on`."""
+    away = positions.copy()
+    for k in range(away.shape[0]):
+        for i in range(3):
+            away[k, i] -= origin[i]
+    finer = halved(system, base.copy(), origin.copy(), spring, node, element, obstacle, multiplier,
+                   fraction, anchor, normal, shear, slid)
+    return correction(finer, strains.copy(), away)
 
 
 def _bears(past: History) -> bool:

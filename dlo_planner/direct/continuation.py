@@ -4,6 +4,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import dist
 from typing import TypeAlias
 
 import numpy as np
@@ -145,8 +146,8 @@ def _allowed(previous: Shape, shape: Shape, turn: float) -> float:
     allowed = _LEAP + _FOLLOWING * turn
     if previous.contacts or shape.contacts:
         # where it touches, the gripper's displacement deforms the DLO as well
-        shift = np.linalg.norm(shape.gripper.position - previous.gripper.position)
-        allowed += 2 * _FOLLOWING * shift / previous.s[-1]
+        shift = dist(shape.gripper.position, previous.gripper.position)
+        allowed += 2 * _FOLLOWING * shift / float(previous.s[-1])
     return allowed
 
 

@@ -12,7 +12,7 @@ from dlo_planner.direct.part import Held, Left, Part, Solved
 from dlo_planner.energy.hold import Hold, holds, no_hold, violation
 from dlo_planner.energy.system import System, tip_wrench
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.far_end import FarEnd, distance, within_reach
+from dlo_planner.model.far_end import FarEnd, distance, spans, within_reach
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze
 
@@ -115,10 +115,11 @@ def limits_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None,
     if far_end is None:
         return usual
     length, (steps, exact) = float(mesh.s[-1]), usual
-    if not within_reach(far_end, gripper, length, mesh.loaded):
+    spanned = distance(far_end, gripper)
+    if not spans(spanned, length, mesh.loaded):
         steps = _IN_VAIN
     if mesh.loaded:
-        exact = min(exact, _EXACT * max(1.0 - distance(far_end, gripper) / length, _LEAST))
+        exact = min(exact, _EXACT * max(1.0 - spanned / length, _LEAST))
     return Limits(steps, exact)
 
 

@@ -65,7 +65,8 @@ def expected_within(shape: Shape, accuracy: float) -> bool | None:
     error, mesh = _own(shape)[0], shape.state.made_on
     if error <= _RESOLVED * shape.s[-1]:
         # what acts inside an element bends that otherwise than its share on both nodes
-        told = shape.stability >= _STABLE and np.isin(_points(mesh), mesh.s).all()
+        points = _points(mesh)
+        told = shape.stability >= _STABLE and (not points.size or np.isin(points, mesh.s).all())
         return bool(error <= accuracy) if told else None
     return False if _DOUBTFUL * accuracy < error < np.inf else None
 
@@ -121,8 +122,11 @@ def foreseen(shape: Shape, accuracy: float) -> Foreseen | None:
     off, shares, one, there = rest
     most = min(_FARTHEST * elements, _MOST_ELEMENTS)
     wanted = min(max(ceil(sqrt(one / (_AIM * accuracy))), ceil(_FINER * elements)), most)
-    breaks = np.union1d(known.surroundings.breaks, _points(known))
-    s = nodes_at(known.s, shares, wanted, breaks[(breaks > 0) & (breaks < known.s[-1])])
+    breaks, points = known.surroundings.breaks, _points(known)
+    if points.size:
+        breaks = np.union1d(breaks, points)
+        breaks = breaks[(breaks > 0) & (breaks < known.s[-1])]
+    s = nodes_at(known.s, shares, wanted, breaks)
     mesh = Discretization(known.surroundings, s, 'local', 0)
     strains = np.empty((s.size - 1, 3))
     resampled_means(known.s, shape.element_strains - off + there / wanted**2, s, strains)

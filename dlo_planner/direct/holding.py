@@ -11,7 +11,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, made_shape
 from dlo_planner.direct.state import State
 from dlo_planner.direct.statics import estimated, held_nearby
 
@@ -47,10 +47,10 @@ def holding_on(mesh: Discretization, gripper: Pose, initial: Shape | None,
     (strains, frames, positions, wrenches, force, elastic, energy, residual, stability, steps,
      missed) = found
     after = past.followed(positions, frames[:, :, 0].copy(), hold=force)
-    shape = Shape(gripper, mesh.s, positions, frames, strains, energy, elastic, wrenches[0],
-                 residual, stability, steps, True, violation=missed, far_end=far_end,
-                 far_wrench=wrenches[1],
-                 state=State.made(mesh, after, past, partial(
-                     estimated, mesh, gripper, strains, positions - gripper.position, past,
-                     far_end)))
-    return shape, 0
+    estimate = partial(estimated, mesh, gripper, strains, positions - gripper.position, past,
+                       far_end)
+    return made_shape(
+        gripper=gripper, s=mesh.s, positions=positions, frames=frames, element_strains=strains,
+        energy=energy, elastic_energy=elastic, gripper_wrench=wrenches[0], residual=residual,
+        stability=stability, iterations=steps, converged=True, violation=missed, far_end=far_end,
+        far_wrench=wrenches[1], state=State.made(mesh, after, past, estimate)), 0

@@ -75,15 +75,25 @@ def _as_rounded(residual: float, noise: float, bound: Sequence[Part]) -> bool:
     return residual < max(promised, noise) and noise < _BLURRED
 
 
-def proved_bearing(solved: Solved, found: Minimum, noise: float) -> bool:
-    """Return what `proved` does of a DLO that touches, its far end free; `noise` of its residual.
+def proved_bearing(solved: Solved, found: Minimum, noise: float, violated: float) -> bool:
+    """Return what `proved` does of a DLO that touches, its far end free.
 
     Quicker: what acts constrains it.
+
+    Parameters
+    ----------
+    solved : Solved
+        The same as a step.
+    found : Minimum
+    noise : float
+        What rounding errors may leave of the residual.
+    violated : float
+        Its `violation`, m.
     """
     bound = [part for part in ACTING if part.acts(solved.mesh.surroundings)]
     return bool(_as_rounded(found.residual, noise, bound) and found.stability > -HELD_NEUTRAL
                 and all(part.kept(solved) for part in ACTING)
-                and violation(solved, found) <= KEPT * solved.mesh.s[-1])
+                and violated <= KEPT * solved.mesh.s[-1])
 
 
 def stored_after(solved: Solved, left: Left) -> float:

@@ -28,7 +28,7 @@ from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.minimize.newton import NEUTRAL, newton
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.far_end import FarEnd, within_reach
+from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze
 
@@ -182,13 +182,14 @@ def held_nearby(mesh: Discretization, gripper: Pose, far_end: FarEnd, strains: F
         Forces of the far end's grip before, N, read-only.
     """
     length = float(mesh.s[-1])
-    if not mesh.hangs or not within_reach(far_end, gripper, length, mesh.loaded):
+    limits = limits_of(mesh, gripper, far_end, Limits(MAX_ITERATIONS, EXACT))
+    if not mesh.hangs or limits.steps < MAX_ITERATIONS:  # out of reach
         return None
     rows = far_end.held
     if force.shape != (len(rows),):
         return None
     rows[:, :3] *= mesh.lever
-    exact = limits_of(mesh, gripper, far_end, Limits(MAX_ITERATIONS, EXACT)).exact * length
+    exact = limits.exact * length
     found, *held = hold_on(
         mesh.full, gripper.rotation, gripper.position, far_end.pose.position,
         far_end.pose.rotation, far_end.share, rows, strains, force, TOLERANCE, exact)

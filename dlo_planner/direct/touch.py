@@ -21,7 +21,6 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.residual import gradient_noise
 from dlo_planner.minimize.touching import touching_system
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.pose import Pose
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.kinematics import point_inside
@@ -78,7 +77,7 @@ class Touch(Part):
         """Return the System by one kernel, where the far end is free."""
         if held.far_end is not None or held.origin is None:
             return None
-        system: System = _standing(mesh.static, base, held.origin, mesh.spring, left['node_force'],
+        system: System = standing(mesh.static, base, held.origin, mesh.spring, left['node_force'],
                                    *(left[_POINT + name] for name in _OF_CONTACTS))
         return system
 
@@ -164,20 +163,13 @@ def _forces(solved: Solved, ended: bool) -> Left:
     return {'node_force': node, **_left(dict(zip(NO_POINTS, points, strict=True)))}
 
 
-def halved_system(mesh: Discretization, gripper: Pose, left: Left) -> System:
-    """Return the System of a DLO with halved elements, with what contacts have left on `mesh`.
-
-    What slid slides: its anchors are those of before. Of a DLO that does not yield and hangs free
-    of other grips.
-    """
-    system: System = _halved(mesh.finer.static, np.array(gripper.rotation, order='C'),
-                             np.array(gripper.position), mesh.finer.spring, left['node_force'],
-                             *(left[_POINT + name] for name in NO_POINTS))
-    return system
+def forces_left(left: Left) -> list[Any]:
+    """Return the arrays that `standing` and `halved` take of what is left, in their order."""
+    return [left['node_force'], *(left[_POINT + name] for name in NO_POINTS)]
 
 
 @kernel
-def _standing(system: System, base: Floats, origin: Floats, spring: float, node: Floats,
+def standing(system: System, base: Floats, origin: Floats, spring: float, node: Floats,
               element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
               normal: Floats, shear: Floats) -> Any:
     """Return the same System in another gripper, with Contacts of read-only arrays."""
@@ -189,10 +181,14 @@ def _standing(system: System, base: Floats, origin: Floats, spring: float, node:
 
 
 @kernel
-def _halved(system: System, base: Floats, origin: Floats, spring: float, node: Floats,
+def halved(system: System, base: Floats, origin: Floats, spring: float, node: Floats,
             element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
             normal: Floats, shear: Floats, slid: Floats) -> Any:
-    """Return what `_standing` does, with halved elements; slid: (C, 3) by how much points slid."""
+    """Return what `standing` does, with halved elements; slid: (C, 3) by how much points slid.
+
+    What slid slides: its anchors are those of before. Of a DLO that does not yield and hangs free
+    of other grips.
+    """
     bodies, nodes = node.shape
     force, places, fractions = np.zeros((bodies, 2 * nodes - 1)), 2 * element, fraction.copy()
     for o in range(bodies):

@@ -21,7 +21,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
-_COARSER = 10.0  # times the tolerance: the springs' rounding errors leave no more of it
+COARSER = 10.0  # times the tolerance: the springs' rounding errors leave no more of it
 
 
 def constrained_newton(system: System, q: Floats, tolerance: float, max_iterations: int,
@@ -43,7 +43,7 @@ def constrained_newton(system: System, q: Floats, tolerance: float, max_iteratio
         from which friction counts. (0, 6) if there is no step before.
     """
     if obstructed(system.contact):
-        end = touch_down(system, q, _COARSER * tolerance, exact, max_iterations, check, previous)
+        end = touch_down(system, q, COARSER * tolerance, exact, max_iterations, check, previous)
         return Minimum(*end)
     if holds(system.hold) or hinged(system):
         return held_newton(system, q, tolerance, exact, max_iterations, check)
@@ -65,7 +65,7 @@ def carried_newton(system: System, start: tuple[Floats, Floats, Floats, Floats],
     tolerance, max_iterations, exact, previous
         As of `constrained_newton`.
     """
-    goes_on, *end = bear_on(system, *start, _COARSER * tolerance, exact, max_iterations,
+    goes_on, *end = bear_on(system, *start, COARSER * tolerance, exact, max_iterations,
                             previous)
     return Minimum(*end) if goes_on else None
 

@@ -102,5 +102,9 @@ def within_reach(far_end: FarEnd | None, gripper: Pose, length: float,
     It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
     that could be computed. Without any load it may be just as long.
     """
-    slack = -_SLACK if not loaded else _SLACK
-    return far_end is None or distance(far_end, gripper) < (1.0 - slack) * length
+    return far_end is None or spans(distance(far_end, gripper), length, loaded)
+
+
+def spans(distance: float, length: float, loaded: bool) -> bool:
+    """Return whether a DLO of `length` (m) spans a distance (m), see `within_reach`."""
+    return distance < (1.0 - (_SLACK if loaded else -_SLACK)) * length

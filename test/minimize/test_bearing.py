@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Pose, Rod, Sheet
-from dlo_planner.direct.bearing import corrected_by
+from dlo_planner.direct.bearing import bearing_on, corrected_by
 from dlo_planner.direct.one_step import past_of
+from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, shape_of
 from dlo_planner.minimize.bearing import carried
+from dlo_planner.minimize.multipliers import carried_newton
 
 LEVEL = (0, 0, 0, 1)
+ROUGH = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02, friction=0.3)
 BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
 EDGE = Box(Pose((0.4, 0, 0.65), (0, np.sin(np.pi / 8), 0, np.cos(np.pi / 8))), (0.3, 0.2, 0.2))
 HOLE = Sheet.around(CutOut(Pose.looking_along((0.4, 0, 1.0), (1, 0, 0)), radius=0.02))
@@ -78,3 +81,43 @@ def test_a_dlo_that_comes_free_is_not_held_back(bearing):
     alone = simulator.without_obstacles().solve(away.gripper)
     assert away.converged and not away.contacts
     np.testing.assert_allclose(away.positions, alone.positions, atol=1e-9)
+
+
+@pytest.mark.parametrize('obstacle', [BAR, ROUGH])
+def test_a_step_by_one_kernel_is_that_by_many(obstacle):
+    wire = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+    start = Pose((0.4, -0.2, 0.8), LEVEL)  # not at the origin: places are the world's
+    simulator = DirectSimulator(wire, basis='local', n_elements=64, obstacles=[moved(obstacle)])
+    shape = simulator.track([Pose(start.position + (0, 0, z), LEVEL)
+                             for z in (0.2, 0.1, 0.05, 0.0)])[-1]
+    gripper = Pose(start.position + (0.002, 0, -0.005), (0, 0.01, 0, np.sqrt(1 - 1e-4)))
+    mesh, past = simulator.mesh, past_of(simulator.mesh, shape, None)
+    whole, kicks = bearing_on(mesh, gripper, shape, past)
+    begin = (np.array(shape.gripper.rotation), past.left['point_slid'],
+             np.array(shape.element_strains), gripper.position - shape.gripper.position)
+    before = np.hstack([past.positions - gripper.position, past.tangents])
+    found = carried_newton(mesh.system(gripper.rotation, gripper.position, past), begin, TOLERANCE,
+                           MAX_ITERATIONS, EXACT * wire.length, before)
+    parts = shape_of(mesh, gripper, found, past)
+    assert whole.converged and parts.converged and whole.contacts and kicks == found.kicks == 0
+    assert whole.iterations == parts.iterations
+    for name in ('positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench', 'energy',
+                 'elastic_energy', 'residual', 'stability', 'violation', 'dissipated'):
+        np.testing.assert_allclose(getattr(whole, name), getattr(parts, name), rtol=1e-12,
+                                   atol=1e-12, err_msg=name)
+    for one, other in zip(whole.contacts, parts.contacts, strict=True):
+        np.testing.assert_allclose(one.position, other.position, atol=1e-12)
+        np.testing.assert_allclose(one.vector, other.vector, atol=1e-12)
+    assert any(one.friction.any() for one in whole.contacts) == (obstacle is ROUGH)
+    after, other = whole.state.left, parts.state.left
+    assert after.left.keys() == other.left.keys()
+    for name in after.left:
+        np.testing.assert_allclose(after.left[name], other.left[name], atol=1e-12, err_msg=name)
+    np.testing.assert_allclose(after.tangents, other.tangents, atol=1e-12)
+    assert not whole.positions.flags.writeable
+
+
+def moved(bar):
+    """Return a bar in front of a gripper that is not at the origin."""
+    away = (0.4, -0.2, 0)
+    return Capsule(bar.start + away, bar.end + away, bar.radius, friction=bar.friction)
