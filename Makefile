@@ -18,6 +18,8 @@
 
 PYTHON ?= python3
 VENV := .venv
+# the matrices are small: more threads wait for each other, above all on a busy machine
+export OPENBLAS_NUM_THREADS ?= 1
 CORE := $(addprefix test/,model ritz energy minimize direct plan inverse verify identify settings)
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
@@ -27,30 +29,30 @@ demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
 test: check $(VENV)/compiled
-	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -n 2 -m 'not real_time'
-	OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest -m real_time -rR --reruns 1 --reruns-delay 5 \
+	$(RUN) -m pytest -n 2 -m 'not real_time'
+	$(RUN) -m pytest -m real_time -rR --reruns 1 --reruns-delay 5 \
 	  --max-suite-reruns 5
 
 oldest:
 	$(PYTHON) -m venv build/oldest
 	build/oldest/bin/python -m pip install --quiet --disable-pip-version-check -c .ci/oldest.txt \
 	  '.[figures,cell,view,cluster]' pytest hypothesis
-	OPENBLAS_NUM_THREADS=1 build/oldest/bin/pytest $(CORE) test/cell/test_plant.py test/view
+	build/oldest/bin/pytest $(CORE) test/cell/test_plant.py test/view
 
 newest:
 	$(PYTHON) -m venv build/newest
 	build/newest/bin/python -m pip install --quiet --disable-pip-version-check \
 	  '.[figures,cell,arm,view,cluster]' pytest hypothesis
-	OPENBLAS_NUM_THREADS=1 build/newest/bin/pytest $(CORE) test/cell/test_plant.py test/view
+	build/newest/bin/pytest $(CORE) test/cell/test_plant.py test/view
 
 bench: $(VENV)/compiled $(VENV)/peers
-	OPENBLAS_NUM_THREADS=1 $(RUN) -m benchmarks
+	$(RUN) -m benchmarks
 
 figures: $(VENV)/compiled
 	$(RUN) -m benchmarks.figures
 
 validation: $(VENV)/compiled
-	OPENBLAS_NUM_THREADS=1 $(RUN) -m benchmarks.validation
+	$(RUN) -m benchmarks.validation
 
 bench-check: $(VENV)/compiled
 	$(RUN) -m benchmarks check

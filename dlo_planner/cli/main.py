@@ -13,6 +13,7 @@ try:
 except ModuleNotFoundError:
     sys.exit('dlo-planner needs click: pip install click (Ubuntu: apt install python3-click)')
 
+from dlo_planner.blas import one_thread_of_blas
 from dlo_planner.errors import (
     DeadlineExceeded,
     DloPlannerError,
@@ -55,6 +56,7 @@ class Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> object:
         """Run the command; say what was wrong in a line, without a traceback."""
+        one_thread_of_blas()
         try:
             return super().invoke(ctx)
         except (Infeasible, NotConverged, DeadlineExceeded) as error:

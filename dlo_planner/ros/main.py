@@ -19,6 +19,7 @@ from threading import Event, Thread
 from threading import enumerate as enumerate_threads
 from typing import Any
 
+from dlo_planner.blas import one_thread_of_blas
 from dlo_planner.ros.folders import find_temporary, log_arguments
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -37,6 +38,7 @@ def main(args: list[str] | None = None) -> int:
     args : list of str, optional
         Args of the command line. If None, sys.argv.
     """
+    one_thread_of_blas()
     return Process(_planner, sys.argv if args is None else args).run()
 
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,11 +30,12 @@ def most_used(leg: Leg, law: TimeLaw, limits: Limits) -> float:
     a, b = times[:-1], times[1:]
     largest = proved = _largest_jerk(leg, law, a, b, most[2])
     for _ in range(_ROUNDS):
-        u, *rates = law.at(np.append(a, b))
-        used = _sizes(leg, u, rates) / most[:2]
+        ends = law.at(np.append(a, b))
+        used = _sizes(leg, ends) / most[:2]
         largest = max(largest, used.max())
-        bound = (used.reshape(2, -1, 2, 2).mean(axis=0) + 0.5 * (b - a)[:, None, None] * _slopes(
-            leg, law, a, b) / most[:2]).max(axis=(1, 2))
+        slopes = _slopes(_bounds(leg, law, ends, 0.5 * (b - a)))
+        bound = (used.reshape(2, -1, 2, 2).mean(axis=0)
+                 + 0.5 * (b - a)[:, None, None] * slopes / most[:2]).max(axis=(1, 2))
         wide = bound > (1 + _TIGHT) * largest
         proved = max(proved, bound[~wide].max(initial=0.0))
         if not wide.any():
@@ -49,15 +49,16 @@ def _largest_jerk(leg: Leg, law: TimeLaw, a: Floats, b: Floats, most: Floats) ->
     """Return a bound of the largest jerk as a part of the limits `most` (2,)."""
     shares = np.linspace(0, 1, _PARTS + 1)
     edges = a[:, None] + (b - a)[:, None] * shares
-    return float((_jerks(leg, law, edges[:, :-1].ravel(), edges[:, 1:].ravel()) / most).max())
+    a, b = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+    return float((_jerks(_bounds(leg, law, law.at(np.append(a, b)), 0.5 * (b - a))) / most).max())
 
 
-def _sizes(leg: Leg, u: Floats, rates: Sequence[Floats]) -> Floats:
-    """Return (n, 2, 2): speed and acceleration, each linear and angular."""
-    _, _, first, second = leg.at(u)
-    rate, change = rates[0][:, None], rates[1][:, None]
+def _sizes(leg: Leg, at: Floats) -> Floats:
+    """Return (n, 2, 2): speed and acceleration, each linear and angular, from u, rates (4, n)."""
+    _, _, first, second = leg.at(at[0])
+    rate, change = at[1][:, None], at[2][:, None]
     both = np.stack([rate * first, change * first + rate**2 * second], axis=1)
-    result: Floats = np.linalg.norm(both.reshape(len(u), 2, 2, 3), axis=3)
+    result: Floats = np.linalg.norm(both.reshape(-1, 2, 2, 3), axis=3)
     return result
 
 
@@ -82,27 +83,34 @@ class _Bounds(NamedTuple):
     jerk: float
 
 
-def _bounds(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> _Bounds:
-    """Return the _Bounds between times a (n,) and b (n,)."""
-    (before, *one), (after, *other) = law.at(a), law.at(b)
+def _bounds(leg: Leg, law: TimeLaw, ends: Floats, half: Floats) -> _Bounds:
+    """Return the _Bounds between n pairs of times.
+
+    Parameters
+    ----------
+    leg : Leg
+    law : TimeLaw
+    ends : ndarray, shape (4, 2 n)
+        u and its derivatives at all first times, then at all second ones, from `law.at`.
+    half : ndarray, shape (n,)
+        Half of the time between them, s.
+    """
     change, jerk = law.bounds
-    half = 0.5 * (b - a)
-    return _Bounds(leg.bounds(before, after), np.maximum(one[0], other[0]) + half * change,
-                   np.maximum(np.abs(one[1]), np.abs(other[1])) + half * jerk, jerk)
+    sizes = np.abs(ends).reshape(4, 2, -1).max(axis=1)
+    return _Bounds(leg.bounds(*np.split(ends[0], 2)), sizes[1] + half * change,
+                   sizes[2] + half * jerk, jerk)
 
 
-def _slopes(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> Floats:
-    """Return (n, 2, 2): bounds of the slopes of `_sizes` between times a and b."""
-    bounds, rate, change, _ = _bounds(leg, law, a, b)
-    first, second = np.moveaxis(bounds, 2, 0)[:2]
-    return np.stack([change[:, None] * first + rate[:, None] ** 2 * second,
-                     _jerks(leg, law, a, b)], axis=1)
+def _slopes(bounds: _Bounds) -> Floats:
+    """Return (n, 2, 2): bounds of the slopes of `_sizes` between the times."""
+    first, second = np.moveaxis(bounds.leg, 2, 0)[:2]
+    return np.stack([bounds.change[:, None] * first + bounds.rate[:, None] ** 2 * second,
+                     _jerks(bounds)], axis=1)
 
 
-def _jerks(leg: Leg, law: TimeLaw, a: Floats, b: Floats) -> Floats:
-    """Return (n, 2): bounds of the linear and angular jerk between times a and b."""
-    bounds, rate, change, jerk = _bounds(leg, law, a, b)
-    first, second, third = np.moveaxis(bounds, 2, 0)
-    rate, change = rate[:, None], change[:, None]
-    result: Floats = jerk * first + 3 * rate * change * second + rate**3 * third
+def _jerks(bounds: _Bounds) -> Floats:
+    """Return (n, 2): bounds of the linear and angular jerk between the times."""
+    first, second, third = np.moveaxis(bounds.leg, 2, 0)
+    rate, change = bounds.rate[:, None], bounds.change[:, None]
+    result: Floats = bounds.jerk * first + 3 * rate * change * second + rate**3 * third
     return result
