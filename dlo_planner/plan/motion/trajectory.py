@@ -97,17 +97,19 @@ class Trajectory(TimedPath):
         instance('plan', plan, Plan)
         limits = Limits() if limits is None else instance('limits', limits, Limits)
         instance('initial', initial, Shape, optional=True)
+        tolerance, still_to_go = _tolerance(tolerance, plan), Progress(progress, deadline)
+        obstacles = items('obstacles', obstacles, OBSTACLES)
+        if tolerance < np.inf:
+            simulator = _simulator(simulator, plan)
+            obstacles = watched(simulator, plan, obstacles)
         path = GripperPath.of(plan)
-        tolerance = _tolerance(tolerance, plan)
         laws = tuple(fastest_law(leg, limits) for leg in path.legs)
         super().__init__(path, laws, limits)
         put(self, tolerance=tolerance, motion=None, mode_margin=np.nan)
-        if tolerance == np.inf:
+        if simulator is None or tolerance == np.inf:
             return
-        simulator = _simulator(simulator, plan)
-        obstacles = watched(simulator, plan, items('obstacles', obstacles, OBSTACLES))
         search = CalmSearch(plan, TimedPath(path, laws, limits), tolerance, simulator,
-                         initial or plan.shapes[0], obstacles, Progress(progress, deadline))
+                            initial or plan.shapes[0], obstacles, still_to_go)
         timed, motion, spare = search.run()
         put(self, motion=motion, mode_margin=spare,
             **{name: getattr(timed, name) for name in ('laws', 'starts', 'duration')})
