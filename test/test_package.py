@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import pytest
 
 import dlo_planner
+from dlo_planner.kernels import WANTED
 
 ROOT = Path(__file__).parent.parent
 
@@ -30,11 +31,16 @@ def test_the_version_is_the_same_everywhere():
 
 def test_the_oldest_versions_are_those_that_setup_allows():
     pinned = dict(re.findall(r'^(\w+)==([\d.]+)$', (ROOT / '.ci' / 'oldest.txt').read_text(), re.M))
-    allowed = dict(re.findall(r"'(\w+)>=([\d.]+)'", re.search(
+    allowed = dict(re.findall(r"'(\w+)>=([\d.]+)[',]", re.search(
         r'install_requires.*(?=    data_files)', (ROOT / 'setup.py').read_text(), re.DOTALL)[0]))
     skipped = {'pin', 'sphinx'}  # needs a newer NumPy; is for the site
     assert pinned.keys() == allowed.keys() - skipped
     assert not [name for name, version in pinned.items() if not version.startswith(allowed[name])]
+
+
+def test_numba_is_asked_for_as_kernels_know_it():
+    for name in ('setup.py', 'README.md', 'docs/start.md', 'package.xml'):
+        assert WANTED in (ROOT / name).read_text(), name
 
 
 def test_addresses_stand_in_one_place():

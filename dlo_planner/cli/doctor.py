@@ -14,10 +14,10 @@ from typing import NamedTuple
 import click
 
 from dlo_planner.cli.main import NO_SOLUTION
-from dlo_planner.kernels import COMPILED
+from dlo_planner.kernels import COMPILED, WANTED
 from dlo_planner.settings.yaml_files import config_files
 
-_NEEDED = {'numpy': (1, 26), 'scipy': (1, 11), 'numba': (0, 59), 'toppra': (0, 6)}
+_NEEDED = {'numpy': (1, 26), 'scipy': (1, 11), 'numba': (0, 62), 'toppra': (0, 6)}
 _EXTRAS = {  # extra -> (module, distribution, what it is for)
     'figures': ('matplotlib', 'matplotlib', 'pictures and films'),
     'view': ('viser', 'viser', 'the page in the browser'),
@@ -105,8 +105,8 @@ def _needed(name: str, least: tuple[int, ...]) -> Finding:
 def _kernels() -> Finding:
     name = 'compiled kernels'
     if not COMPILED:
-        return Finding(_BAD, name, 'numba is missing or switched off: some hundred times slower',
-                       'pip install numba; unset NUMBA_DISABLE_JIT')
+        return Finding(_BAD, name, 'numba is missing, unknown or switched off: some hundred times '
+                       'slower', f'pip install "{WANTED}"; unset NUMBA_DISABLE_JIT')
     from dlo_planner.kernels.folders import folders  # noqa: PLC0415 - numba is needed
     known = folders()
     count = sum(1 for folder in known.read if folder.is_dir() for _ in folder.iterdir())

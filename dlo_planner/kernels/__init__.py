@@ -6,22 +6,31 @@ Machine code is kept between processes: `cache` says under which key, `folders` 
 read constants, Records and other kernels by name; `fingerprint` says what it may not.
 
 Without numba, or with NUMBA_DISABLE_JIT=1 (for a debugger, or to measure coverage), a kernel is the
-Python function that is written: the same numbers, some hundred times slower.
+Python function that is written: the same numbers, some hundred times slower. So it is with a numba
+other than WANTED: how kernels are compiled and kept relies on what is inside of it, and its own way
+would take minutes in each process.
 """
 
+import re
 import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import Any, ParamSpec, TypeVar, overload
 
+WANTED = 'numba>=0.62,<0.69'  # as in setup.py; what comes later may be another one inside
+_OLDEST, _UNKNOWN = (0, 62), (0, 69)
+
 try:
     import numba
+    _known = _OLDEST <= tuple(map(int, re.findall(r'\d+', numba.__version__)[:2])) < _UNKNOWN
+    _lack = '' if _known else f'numba {numba.__version__} is not known to it'
 except ImportError as error:
-    numba = None
-    warnings.warn(f'dlo_planner computes in plain Python, some hundred times slower, because numba '
-                  f'cannot be imported ({error}): pip install numba', RuntimeWarning, stacklevel=2)
+    _lack = f'numba cannot be imported ({error})'
+if _lack:
+    warnings.warn('dlo_planner computes in plain Python, some hundred times slower, because '
+                  f'{_lack}: pip install "{WANTED}"', RuntimeWarning, stacklevel=2)
 
-COMPILED = numba is not None and not numba.config.DISABLE_JIT
+COMPILED = not _lack and not numba.config.DISABLE_JIT
 if COMPILED:
     from dlo_planner.kernels.dispatcher import Kernel
 
