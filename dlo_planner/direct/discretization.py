@@ -163,16 +163,20 @@ class Discretization(Value):
         return node_moments(self.surroundings, self.s)
 
     @cached_property
+    def acting(self) -> tuple[Part, ...]:
+        """The Parts that act, wherever the DLO is held."""
+        return tuple(part for part in ACTING if part.acts(self.surroundings))
+
+    @cached_property
     def hangs(self) -> bool:
         """Whether nothing but dead forces acts, and nothing that happened to the DLO matters."""
         around = self.surroundings
-        return not (any(part.acts(around) for part in ACTING) or around.has_moments
-                    or around.pinned)
+        return not (self.acting or around.has_moments or around.pinned)
 
     @cached_property
     def stores(self) -> tuple[Part, ...]:
         """The Parts that store energy, besides elasticity."""
-        return tuple(part for part in ACTING if part.stores and part.acts(self.surroundings))
+        return tuple(part for part in self.acting if part.stores)
 
     @property
     def obstructed(self) -> bool:

@@ -48,8 +48,6 @@ class Solved(NamedTuple):
     far_end : FarEnd or None
     left : Left
         What was left to the step.
-    touch : tuple or None
-        What `direct.touch.ended` says of it, where that is known already.
     """
 
     mesh: Discretization
@@ -58,7 +56,6 @@ class Solved(NamedTuple):
     gripper: Pose
     far_end: FarEnd | None
     left: Left
-    touch: tuple[Any, ...] | None = None
 
 
 class Part:

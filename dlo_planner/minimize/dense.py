@@ -9,7 +9,8 @@ from dlo_planner.minimize.riccati import TINY
 
 # What many kinds of DLO do alike gets arrays, not Records, so that it is compiled once for all. The
 # width of the blocks is written out in the calls, so that the compiler, which inlines this
-# function, sees constant loops and unrolls them.
+# function, sees constant loops and unrolls them; and that what is filled is new, and no part of
+# what is read.
 
 
 @kernel
@@ -28,8 +29,8 @@ def project_all(basis, hessian, displaced):
 @kernel
 def _project_turns(basis, blocks, dense):
     n, m = basis.shape
-    rows = np.empty((n, 9 * m))
-    _fill_rows(basis, blocks, np.zeros((9, m)), rows, 0, n, 3)
+    rows, prefix = np.empty((n, 9 * m)), np.zeros((9, m))
+    _fill_rows(basis, blocks, prefix, rows, 0, n, 3)
     _put_together(basis, rows, dense)
 
 
@@ -47,7 +48,11 @@ def _project_twists(basis, blocks, dense):
 def _reach_of_springs(crosses):
     """Return how many elements there are up to the last one that a displacement acts on."""
     n = crosses.shape[0]
-    while n > 0 and not np.any(crosses[n - 1, :, 3:]):
+    while n > 0:
+        across = crosses[n - 1]
+        for i in range(3):
+            if across[i, 3] != 0.0 or across[i, 4] != 0.0 or across[i, 5] != 0.0:
+                return n
         n -= 1
     return n
 

@@ -47,28 +47,37 @@ def widened(displaced, lengths, strains, scale, rotations, positions, weight, at
         _widened_by_weights(positions, weight, twist_jacobian, cross, diagonal)
         return
     beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
-    place, sprung = last_point(attached), nodes_sprung(attached)
-    loaded = _add_tip(attached, positions[lengths.size], beyond)
+    sprung = _add_tip(attached, positions[lengths.size], beyond)
+    _widened_by_springs(lengths, (strains, scale, rotations, positions), weight, attached, beyond,
+                        sprung, (twist_jacobian, cross, diagonal))
+
+
+@kernel
+def _widened_by_springs(lengths, rows, weight, attached, beyond, sprung, blocks):
+    """Do what `widened` does where springs act anywhere; `sprung`: on the tip already."""
+    strains, scale, rotations, positions = rows
+    twist_jacobian, crosses, diagonals = blocks
+    place, on_nodes = last_point(attached), nodes_sprung(attached)
     for k in range(lengths.size):
         e = lengths.size - 1 - k
-        where, twist = positions[e + 1], twist_jacobian[e]
+        where, twist, cross = positions[e + 1], twist_jacobian[e], crosses[e]
         turn, move = matrix(twist), matrix(twist[3:])
         move = added(move, crossed_columns(vector(where), turn))
         put_matrix(move, twist[3:])
         if weight[e + 1] != 0.0:
             _add_spring(beyond, where, weight[e + 1])
-            loaded = True
+            sprung = True
+        if on_nodes:
+            sprung = _add_node(attached, e + 1, where, beyond) or sprung
         if sprung:
-            loaded = _add_node(attached, e + 1, where, beyond) or loaded
-        if loaded:
-            _add_beyond(turn, move, beyond, cross[e], diagonal[e])
+            _add_beyond(turn, move, beyond, cross, diagonals[e])
         else:
-            put_matrix(ZERO, cross[e, :, 3:])
+            put_matrix(ZERO, cross[:, 3:])
         if place >= 0:
             before = place
             place = _springs_inside(attached, place, e, lengths[e], strains, scale, rotations,
-                                    positions, beyond, cross, diagonal)
-            loaded = loaded or place < before
+                                    positions, beyond, crosses, diagonals)
+            sprung = sprung or place < before
 
 
 @kernel
