@@ -177,6 +177,22 @@ def solve_turns(hessian, right, out):
 
 
 @kernel
+def answer_to_turn(hessian, axis, answer):
+    """Fill the change (m, 3) of the equilibrium per rotation of the gripper about a world axis.
+
+    That is a turn of all that lies before the first element: the sweep of `solve_turns` to the free
+    end begins with it.
+    """
+    jacobians, gains = hessian.twist_jacobian, hessian.gain
+    theta = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+    for e in range(answer.shape[0]):
+        less = applied(matrix(gains[e]), theta)
+        step = (-less[0], -less[1], -less[2])
+        put_vector(step, answer[e])
+        theta = plus(theta, applied(matrix(jacobians[e]), step))
+
+
+@kernel
 def factorize_twists(hessian, shift, most):
     """Factorize where displacements count as well; give up as `factorize_turns`.
 
