@@ -68,13 +68,12 @@ def with_friction(system: System, contacts: Contacts, state: State, previous: Fl
 @kernel
 def _may_rub(scene, contacts):
     """Whether there is an obstacle with friction, or a point of friction."""
+    rubs = False
     for o in range(scene.friction.size):
-        if scene.friction[o] > 0.0:
-            return True
+        rubs = rubs or scene.friction[o] > 0.0
     for c in range(contacts.obstacle.size):
-        if contacts.obstacle[c] < 0:
-            return True
-    return False
+        rubs = rubs or contacts.obstacle[c] < 0
+    return rubs
 
 
 @kernel

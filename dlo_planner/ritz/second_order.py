@@ -16,7 +16,13 @@ from dlo_planner.ritz.arc import (
     second_derivatives,
     second_derivatives_with,
 )
-from dlo_planner.ritz.attached import at_tip, last_point, moments_on_nodes, plus_at_node
+from dlo_planner.ritz.attached import (
+    acts_inside,
+    at_tip,
+    last_point,
+    moments_on_nodes,
+    plus_at_node,
+)
 from dlo_planner.ritz.kinematics import part_of_element
 from dlo_planner.ritz.matrix3 import (
     ZERO,
@@ -82,7 +88,7 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
                  positions[e + 1, 2] - positions[e, 2])
         first = added(first, outer(force, along))
         moment = plus(moment, crossed(along, force))
-        if place >= 0:
+        if acts_inside(attached, place, e):
             place, force, moment, first = _points_inside(
                 attached, place, e, h, strains, scale, rotations, force, moment, first, cross,
                 diagonal)

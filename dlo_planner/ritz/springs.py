@@ -5,7 +5,7 @@
 import numpy as np
 
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.attached import last_point
+from dlo_planner.ritz.attached import acts_inside, last_point
 from dlo_planner.ritz.kinematics import part_of_element
 from dlo_planner.ritz.matrix3 import (
     ZERO,
@@ -57,7 +57,7 @@ def _widened_by_springs(lengths, rows, weight, attached, beyond, sprung, blocks)
     """Do what `widened` does where springs act anywhere; `sprung`: on the tip already."""
     strains, scale, rotations, positions = rows
     twist_jacobian, crosses, diagonals = blocks
-    place, on_nodes = last_point(attached), nodes_sprung(attached)
+    place, on_nodes = last_point(attached), attached.sprung
     for k in range(lengths.size):
         e = lengths.size - 1 - k
         where, twist, cross = positions[e + 1], twist_jacobian[e], crosses[e]
@@ -67,17 +67,17 @@ def _widened_by_springs(lengths, rows, weight, attached, beyond, sprung, blocks)
         if weight[e + 1] != 0.0:
             _add_spring(beyond, where, weight[e + 1])
             sprung = True
-        if on_nodes:
-            sprung = _add_node(attached, e + 1, where, beyond) or sprung
+        if on_nodes.size and on_nodes[e + 1]:
+            _add_node(attached, e + 1, where, beyond)
+            sprung = True
         if sprung:
             _add_beyond(turn, move, beyond, cross, diagonals[e])
         else:
             put_matrix(ZERO, cross[:, 3:])
-        if place >= 0:
-            before = place
+        if acts_inside(attached, place, e):
             place = _springs_inside(attached, place, e, lengths[e], strains, scale, rotations,
                                     positions, beyond, crosses, diagonals)
-            sprung = sprung or place < before
+            sprung = True
 
 
 @kernel
@@ -134,14 +134,6 @@ def _widened_by_weights(positions, weight, twist_jacobian, rolled, diagonal):
 
 
 @kernel
-def nodes_sprung(attached):
-    """Whether springs may act on nodes."""
-    if attached is None:
-        return False
-    return attached.sprung.size > 0
-
-
-@kernel
 def _add_tip(attached, where, beyond):
     """Add the springs of the free end, at `where` (3,), to `beyond` (6, 6); whether it has any."""
     if attached is None:
@@ -157,11 +149,7 @@ def _add_tip(attached, where, beyond):
 
 @kernel
 def _add_node(attached, node, where, beyond):
-    """Add the springs of a node, at `where` (3,), to `beyond` (6, 6); whether it has any."""
-    if attached is None:
-        return False
-    if not attached.sprung[node]:
-        return False
+    """Add the springs of a node, at `where` (3,), to `beyond` (6, 6)."""
     rigid, local, spring = np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
     for i in range(3):
         for j in range(3):
@@ -173,7 +161,6 @@ def _add_node(attached, node, where, beyond):
     _carry(where, rigid)
     _multiply(spring, rigid, local)
     _add_transposed(rigid, local, beyond)
-    return True
 
 
 @kernel
