@@ -64,7 +64,7 @@ def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | N
     around = discretization.surroundings
     if initial is None or around.pinned or around.has_moments or not _bears(past):
         return None
-    if [part.name for part in discretization.acting] == [Touch.name]:
+    if discretization.only_touches:
         return _at_once(discretization, gripper, initial, past)
     begin = initial.gripper
     start = (np.array(begin.rotation, order='C'), past.left['point_slid'],

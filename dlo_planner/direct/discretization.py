@@ -163,20 +163,22 @@ class Discretization(Value):
         return node_moments(self.surroundings, self.s)
 
     @cached_property
-    def acting(self) -> tuple[Part, ...]:
-        """The Parts that act, wherever the DLO is held."""
-        return tuple(part for part in ACTING if part.acts(self.surroundings))
-
-    @cached_property
     def hangs(self) -> bool:
         """Whether nothing but dead forces acts, and nothing that happened to the DLO matters."""
         around = self.surroundings
-        return not (self.acting or around.has_moments or around.pinned)
+        return not (any(part.acts(around) for part in ACTING) or around.has_moments
+                    or around.pinned)
 
     @cached_property
     def stores(self) -> tuple[Part, ...]:
         """The Parts that store energy, besides elasticity."""
-        return tuple(part for part in self.acting if part.stores)
+        return tuple(part for part in ACTING if part.stores and part.acts(self.surroundings))
+
+    @cached_property
+    def only_touches(self) -> bool:
+        """Whether obstacles act, and no other effect has a say in what a step leaves."""
+        return all(part.rests and part.acts(self.surroundings) == (part.name == 'contact')
+                   for part in ACTING)
 
     @property
     def obstructed(self) -> bool:

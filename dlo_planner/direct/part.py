@@ -71,6 +71,8 @@ class Part:
         Whether it may let go of a DLO that differs a little, so that its shape is another one.
     stores : bool
         Whether it stores energy in the DLO where it acts, and moves the stress-free strains.
+    rests : bool
+        Whether it leaves and reports nothing new where it does not act, or its grip is free.
     residual : float
         Residual that is promised where it constrains the DLO.
     """
@@ -79,6 +81,7 @@ class Part:
     of_rod: bool = False
     lets_go: bool = False
     stores: bool = False
+    rests: bool = False
     residual: float = 1e-8
 
     def acts(self, around: Surroundings) -> bool:
