@@ -30,6 +30,7 @@ class Inertia(Part):
     """Inertia, `energy.inertia`, which `direct.stepping` brings; at rest there is none."""
 
     name = 'anchor'
+    rests = True
 
     def record(self, mesh: Discretization, left: Left, held: Held) -> Anchor:
         """Return the Anchor of a DLO at rest."""

@@ -8,25 +8,34 @@ made in small parts (`direct.approach`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dlo_planner.direct.acting import ACTING
-from dlo_planner.direct.part import Solved
-from dlo_planner.direct.proof import proved_bearing, violation
+from dlo_planner.direct.contacts import contacts_in
+from dlo_planner.direct.proof import KEPT, as_rounded
 from dlo_planner.direct.shape import Shape, made_shape
 from dlo_planner.direct.state import State
 from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, estimated, shape_of
-from dlo_planner.direct.touch import ended, forces_left, halved, standing
+from dlo_planner.direct.touch import (
+    Touch,
+    ended,
+    forces_left,
+    halved,
+    left_of,
+    standing,
+)
+from dlo_planner.energy.depth import depth_of_point
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.system import new_state
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.bearing import correction
-from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.multipliers import COARSER, carried_newton
 from dlo_planner.minimize.resting import bear_on
+from dlo_planner.model.value import freeze
 
 if TYPE_CHECKING:
     from dlo_planner.direct.discretization import Discretization
@@ -35,6 +44,8 @@ if TYPE_CHECKING:
     from dlo_planner.model.arrays import Floats, Ints
     from dlo_planner.model.pose import Pose
 
+_NOTHING = np.zeros(6)
+freeze(_NOTHING)
 
 def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | None,
                past: History) -> tuple[Shape, int] | None:
@@ -53,7 +64,7 @@ def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | N
     around = discretization.surroundings
     if initial is None or around.pinned or around.has_moments or not _bears(past):
         return None
-    if not discretization.stores:
+    if discretization.only_touches:
         return _at_once(discretization, gripper, initial, past)
     begin = initial.gripper
     start = (np.array(begin.rotation, order='C'), past.left['point_slid'],
@@ -80,27 +91,35 @@ def _at_once(mesh: Discretization, gripper: Pose, initial: Shape,
         gripper.position, mesh.spring, *forces_left(past.left))
     if not goes_on:
         return None
-    found = Minimum(*end)
-    return _shape(mesh, gripper, found, past, known), found.kicks
+    kicks, *proof = end
+    return _shape(mesh, gripper, proof, past, known), kicks
 
 
-def _shape(mesh: Discretization, gripper: Pose, found: Minimum, past: History,
-           known: tuple[Any, ...]) -> Shape:
-    """Return what `shape_of` does of a DLO that only touches; `known` as of `touch.ended`."""
-    solved = Solved(mesh, found.system, found.state, gripper, None, past.left, known)
-    strains, frames, positions, tangents, wrench, elastic, energy, noise = known[0]
-    after = past.followed(positions, tangents, **{
-        name: np.asarray(one) for part in ACTING for name, one in part.leaves(solved).items()})
-    reports = {name: value for part in ACTING
-               for name, value in part.reports(solved, after.left).items()}
-    estimate = partial(_estimate, mesh, gripper, strains, positions, past)
-    violated = violation(solved, found)
+def _shape(mesh: Discretization, gripper: Pose, proof: Sequence[Any], past: History,
+           known: Sequence[Any]) -> Shape:
+    """Return what `shape_of` does of a DLO that only touches.
+
+    Of numbers and arrays alone: a System and a State take as long to get to Python as to compute.
+
+    Parameters
+    ----------
+    proof : tuple
+        Residual, stability, steps, violation, as of a Minimum.
+    known : tuple
+        What `touch.ended` returns.
+    """
+    residual, stability, steps, violation = proof
+    (strains, frames, positions, tangents, wrench, elastic, energy, noise), forces, rows = known
+    after = past.followed(positions, tangents, **left_of(forces))
+    good = as_rounded(residual, noise, Touch.residual) and stability > -HELD_NEUTRAL
     return made_shape(
         gripper=gripper, s=mesh.s, positions=positions, frames=frames, element_strains=strains,
-        energy=energy, elastic_energy=elastic, gripper_wrench=wrench, residual=found.residual,
-        stability=found.stability, iterations=found.iterations, violation=violated,
-        converged=proved_bearing(solved, found, noise, violated),
-        state=State.made(mesh, after, past, estimate), **reports)
+        energy=energy, elastic_energy=elastic, gripper_wrench=wrench, residual=residual,
+        stability=stability, iterations=steps, violation=violation,
+        converged=bool(good and violation <= KEPT * mesh.s[-1]), far_wrench=_NOTHING,
+        contacts=contacts_in(mesh, rows, gripper.position),
+        state=State.made(mesh, after, past,
+                         partial(_estimate, mesh, gripper, strains, positions, past)))
 
 
 def _estimate(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,
@@ -148,8 +167,8 @@ def _borne_on(system: System, begin: Floats, start: Floats, strains: Floats, pos
 
     Returns
     -------
-        whether; what a Minimum consists of; what `touch.ended` returns. If it does not go on,
-        nothing else means anything.
+        whether; kicks, and the proof that `_shape` takes; what `touch.ended` returns. If it does
+        not go on, nothing else means anything.
     """
     here, shift = origin.copy(), np.empty(3)
     now = standing(system, base.copy(), here, spring, node, element, obstacle, multiplier,
@@ -166,8 +185,8 @@ def _borne_on(system: System, begin: Floats, start: Floats, strains: Floats, pos
         loaded, state = now, new_state(now)
         unknowns_of(now, strains.copy(), state.q)
         evaluate(now, state)
-    return (goes_on, (state, residual, stability, steps, kicks, loaded, violation),
-            ended(loaded, state, here))
+    violation = max(violation, depth_of_point(system.effects.contact.scene, here))
+    return (goes_on, (kicks, residual, stability, steps, violation), ended(loaded, state, here))
 
 
 @kernel

@@ -174,6 +174,12 @@ class Discretization(Value):
         """The Parts that store energy, besides elasticity."""
         return tuple(part for part in ACTING if part.stores and part.acts(self.surroundings))
 
+    @cached_property
+    def only_touches(self) -> bool:
+        """Whether obstacles act, and no other effect has a say in what a step leaves."""
+        return all(part.rests and part.acts(self.surroundings) == (part.name == 'contact')
+                   for part in ACTING)
+
     @property
     def obstructed(self) -> bool:
         """Whether there are obstacles."""

@@ -36,6 +36,7 @@ class FarHold(Part):
     """
 
     name = 'hold'
+    rests = True
 
     def record(self, mesh: Discretization, left: Left, held: Held) -> Hold:
         """Return the Hold, with the forces that are left if they are of as many motions."""

@@ -48,8 +48,6 @@ class Solved(NamedTuple):
     far_end : FarEnd or None
     left : Left
         What was left to the step.
-    touch : tuple or None
-        What `direct.touch.ended` says of it, where that is known already.
     """
 
     mesh: Discretization
@@ -58,7 +56,6 @@ class Solved(NamedTuple):
     gripper: Pose
     far_end: FarEnd | None
     left: Left
-    touch: tuple[Any, ...] | None = None
 
 
 class Part:
@@ -74,6 +71,8 @@ class Part:
         Whether it may let go of a DLO that differs a little, so that its shape is another one.
     stores : bool
         Whether it stores energy in the DLO where it acts, and moves the stress-free strains.
+    rests : bool
+        Whether it leaves and reports nothing new where it does not act, or its grip is free.
     residual : float
         Residual that is promised where it constrains the DLO.
     """
@@ -82,6 +81,7 @@ class Part:
     of_rod: bool = False
     lets_go: bool = False
     stores: bool = False
+    rests: bool = False
     residual: float = 1e-8
 
     def acts(self, around: Surroundings) -> bool:

@@ -29,6 +29,7 @@ class PermanentSet(Part):
     name = 'plastic'
     of_rod = True
     stores = True
+    rests = True
 
     def acts(self, around: Surroundings) -> bool:
         """Whether the DLO yields anywhere."""

@@ -66,34 +66,12 @@ def _promised(solved: Solved, residual: float, rounding: float, bound: Sequence[
     if not bound:
         return residual < CONVERGED + 100 * rounding
     noise = gradient_noise(solved.system, solved.state)
-    return _as_rounded(residual - 100 * rounding, noise, bound)
+    return as_rounded(residual - 100 * rounding, noise, max(part.residual for part in bound))
 
 
-def _as_rounded(residual: float, noise: float, bound: Sequence[Part]) -> bool:
-    """Whether a residual is as small as promised, or as what rounding errors may leave of it."""
-    promised = max(part.residual for part in bound)
+def as_rounded(residual: float, noise: float, promised: float) -> bool:
+    """Whether a residual is as small as promised, or as the `noise` that rounding may leave."""
     return residual < max(promised, noise) and noise < _BLURRED
-
-
-def proved_bearing(solved: Solved, found: Minimum, noise: float, violated: float) -> bool:
-    """Return what `proved` does of a DLO that touches, its far end free.
-
-    Quicker: what acts constrains it.
-
-    Parameters
-    ----------
-    solved : Solved
-        The same as a step.
-    found : Minimum
-    noise : float
-        What rounding errors may leave of the residual.
-    violated : float
-        Its `violation`, m.
-    """
-    bound = [part for part in ACTING if part.acts(solved.mesh.surroundings)]
-    return bool(_as_rounded(found.residual, noise, bound) and found.stability > -HELD_NEUTRAL
-                and all(part.kept(solved) for part in ACTING)
-                and violated <= KEPT * solved.mesh.s[-1])
 
 
 def stored_after(solved: Solved, left: Left) -> float:

@@ -222,19 +222,23 @@ class Shape(OfDLO):
 
         Obstacles and a far end's grip would: only for shapes that touch nothing.
         """
-        displacement = vector('displacement', displacement, 3)
-        gripper = shifted(self.gripper, displacement)
-        positions = self.positions + displacement
-        positions.flags.writeable = False
-        other = object.__new__(type(self))  # without another look at what is the same
-        contents = self.__dict__.copy()
-        if len(contents) > len(_FIELDS):
-            for name in contents.keys() - _FIELDS:  # what was computed from it since
-                del contents[name]
-        contents.update(gripper=gripper, positions=positions, energy=self.energy + float(
-            displacement @ self.gripper_wrench[:3]))
-        other.__dict__.update(contents)
-        return other
+        return carried(self, vector('displacement', displacement, 3))
+
+
+def carried(shape: Shape, displacement: Floats) -> Shape:
+    """Return what `Shape.moved` does, of an array (3,): quicker, nothing is judged."""
+    gripper = shifted(shape.gripper, displacement)
+    positions = shape.positions + displacement
+    positions.flags.writeable = False
+    other = object.__new__(type(shape))  # without another look at what is the same
+    contents = shape.__dict__.copy()
+    if len(contents) > len(_FIELDS):
+        for name in contents.keys() - _FIELDS:  # what was computed from it since
+            del contents[name]
+    contents.update(gripper=gripper, positions=positions, energy=shape.energy + float(
+        displacement @ shape.gripper_wrench[:3]))
+    other.__dict__.update(contents)
+    return other
 
 
 _FIELDS = frozenset(item.name for item in fields(Shape))

@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dlo_planner.direct.contacts import contact_rows, contacts_in, contacts_of
+from dlo_planner.direct.contacts import contact_rows, contacts_of
 from dlo_planner.direct.part import Held, Left, Part, Solved
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contact, Contacts, moved_scene, obstructed
@@ -47,6 +48,7 @@ class Touch(Part):
 
     name = 'contact'
     lets_go = True
+    rests = True
     residual = 1e-7  # stiff springs multiply rounding errors
 
     def acts(self, around: Surroundings) -> bool:
@@ -117,8 +119,6 @@ class Touch(Part):
 
     def reports(self, solved: Solved, left: Left) -> dict[str, Any]:
         """Return the contacts."""
-        if solved.touch is not None:
-            return {'contacts': contacts_in(solved.mesh, solved.touch[-1], solved.gripper.position)}
         return {'contacts': contacts_of(solved.mesh, solved.system, solved.state, solved.gripper)}
 
     def violation(self, solved: Solved) -> float:
@@ -153,11 +153,13 @@ def _forces(solved: Solved, ended: bool) -> Left:
     """Return what a step leaves, or, if it has not `ended`, a part of it."""
     if not solved.mesh.obstructed:
         return {'node_force': solved.left['node_force'], **_NO_POINTS}
-    if solved.touch is not None and ended:
-        node, *points = solved.touch[-2]
-    else:
-        node, *points = _forces_after(solved.system, solved.state,
-                                      np.array(solved.gripper.position), ended)
+    return left_of(_forces_after(solved.system, solved.state, np.array(solved.gripper.position),
+                                 ended))
+
+
+def left_of(forces: Sequence[Any]) -> Left:
+    """Return what `_forces_after` tells, as it is left."""
+    node, *points = forces
     if not points[0].size:
         return {'node_force': node, **_NO_POINTS}
     return {'node_force': node, **_left(dict(zip(NO_POINTS, points, strict=True)))}

@@ -9,12 +9,13 @@ from dlo_planner.minimize.riccati import TINY
 
 # What many kinds of DLO do alike gets arrays, not Records, so that it is compiled once for all. The
 # width of the blocks is written out in the calls, so that the compiler, which inlines this
-# function, sees constant loops and unrolls them.
+# function, sees constant loops and unrolls them; and that what is filled is new, and no part of
+# what is read.
 
 
 @kernel
 def project_all(basis, hessian, displaced):
-    """Fill hessian.dense (3 m, 3 m) from its blocks; `displaced` as of a Hessian."""
+    """Fill hessian.dense (3 m, 3 m) from its blocks, in O(N m^2); `displaced` as of a Hessian."""
     blocks = hessian.twist_jacobian, hessian.cross, hessian.diagonal
     if displaced is None:
         _project_turns(basis, blocks, hessian.dense)
@@ -27,25 +28,47 @@ def project_all(basis, hessian, displaced):
 
 @kernel
 def _project_turns(basis, blocks, dense):
-    _project(basis, blocks, dense, 3)
+    n, m = basis.shape
+    rows, prefix = np.empty((n, 9 * m)), np.zeros((9, m))
+    _fill_rows(basis, blocks, prefix, rows, 0, n, 3)
+    _put_together(basis, rows, dense)
 
 
 @kernel
 def _project_twists(basis, blocks, dense):
-    _project(basis, blocks, dense, 6)
+    n, m = basis.shape
+    rows, prefix = np.empty((n, 9 * m)), np.zeros((18, m))
+    reach = _reach_of_springs(blocks[1])
+    _fill_rows(basis, blocks, prefix, rows, 0, reach, 6)
+    _fill_rows(basis, blocks, prefix, rows, reach, n, 3)  # displacements do not matter there
+    _put_together(basis, rows, dense)
+
+
+@kernel
+def _reach_of_springs(crosses):
+    """Return how many elements there are up to the last one that a displacement acts on."""
+    n = crosses.shape[0]
+    while n > 0:
+        across = crosses[n - 1]
+        for i in range(3):
+            if across[i, 3] != 0.0 or across[i, 4] != 0.0 or across[i, 5] != 0.0:
+                return n
+        n -= 1
+    return n
 
 
 @kernel(inline='always')
-def _project(basis, blocks, dense, wide):
-    """Fill dense (3 m, 3 m) from three kinds of blocks, unknown (j, i) at row 3 j + i, in O(N m^2).
+def _fill_rows(basis, blocks, prefix, rows, begin, end, wide):
+    """Fill rows (N, 9 m) of elements: what of the Hessian is to be multiplied by their basis.
 
     Inner loops run over the terms, which lie side by side: the compiler makes vectors of them.
+
+    Args:
+        prefix: (3 wide, m) sum over e < f of turning_e basis_e, added to
     """
-    n, m = basis.shape
-    prefix = np.zeros((3 * wide, m))  # sum over e < f of turning_e basis_e
-    rows = np.empty((n, 9 * m))
+    m = basis.shape[1]
     jacobians, crosses, diagonals = blocks
-    for f in range(n):
+    for f in range(begin, end):
         jacobian, cross, diagonal = jacobians[f], crosses[f], diagonals[f]
         for a in range(3):
             for b in range(3):
@@ -60,6 +83,12 @@ def _project(basis, blocks, dense, wide):
                 turning = jacobian[k, b]
                 for j in range(m):
                     prefix[3 * k + b, j] += turning * basis[f, j]
+
+
+@kernel
+def _put_together(basis, rows, dense):
+    """Fill dense (3 m, 3 m), unknown (j, i) at row 3 j + i, of the rows of all elements."""
+    m = basis.shape[1]
     half = basis.T @ rows
     for k in range(m):
         for j in range(m):

@@ -30,6 +30,8 @@ def with_friction(system: System, contacts: Contacts, state: State, previous: Fl
         previous: (N + 1, 6) positions and tangents of the nodes before the step, or (0, 6)
     """
     scene = system.effects.contact.scene
+    if not _may_rub(scene, contacts):
+        return contacts
     table = touching(scene, contacts, system.lengths, state)
     rubs = scene.friction[table.obstacle] > 0.0
     for a in range(rubs.size):
@@ -61,6 +63,17 @@ def with_friction(system: System, contacts: Contacts, state: State, previous: Fl
         np.concatenate((contacts.anchor[kept], anchors)),
         np.concatenate((contacts.normal[kept], normals)),
         np.concatenate((contacts.shear[kept], shears)))
+
+
+@kernel
+def _may_rub(scene, contacts):
+    """Whether there is an obstacle with friction, or a point of friction."""
+    rubs = False
+    for o in range(scene.friction.size):
+        rubs = rubs or scene.friction[o] > 0.0
+    for c in range(contacts.obstacle.size):
+        rubs = rubs or contacts.obstacle[c] < 0
+    return rubs
 
 
 @kernel

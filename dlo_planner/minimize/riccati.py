@@ -2,19 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Riccati sweeps: factorization and solution of a local Newton system in O(N), see `linear`."""
 
-import numpy as np
-
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.matrix3 import (
     ZERO,
     added,
     applied,
     matrix,
+    minus,
     outer,
     plus,
     put_matrix,
     put_vector,
+    subtracted,
     times,
+    transposed,
     transposed_applied,
     transposed_times,
     vector,
@@ -127,7 +128,7 @@ def factorize_dead_loads(system, state, hessian, shift):
         e = lengths.size - 1 - k
         d = diagonals[e]
         force = plus(force, vector(pull[e + 1]))
-        turned, coupling, p = element_blocks(
+        turned, _, coupling, p = element_blocks(
             lengths[e], vector(strains[e]), vector(scale[e]), matrix(rotations[e]), force, moment,
             added(value, without_trace(first)))
         inverse, below = inverse3((d[0, 0] + p[0] + shift, d[1, 1] + p[1] + shift,
@@ -166,86 +167,81 @@ def solve_turns(hessian, right, out):
         turned = transposed_applied(matrix(jacobians[e]), to_go)
         put_vector(applied(matrix(inverses[e]), plus(own, turned)), out[e])
         kept = transposed_applied(matrix(passed[e]), to_go)
-        to_go = (kept[0] - less[0], kept[1] - less[1], kept[2] - less[2])
+        to_go = minus(kept, less)
     theta = (0.0, 0.0, 0.0)
     for e in range(n):
         half = vector(out[e])
         less = applied(matrix(gains[e]), theta)
-        put_vector((half[0] - less[0], half[1] - less[1], half[2] - less[2]), out[e])
+        put_vector(minus(half, less), out[e])
         theta = plus(applied(matrix(passed[e]), theta), applied(matrix(jacobians[e]), half))
 
 
 @kernel
+def answer_to_turn(hessian, axis, answer):
+    """Fill the change (m, 3) of the equilibrium per rotation of the gripper about a world axis.
+
+    That is a turn of all that lies before the first element: the sweep of `solve_turns` to the free
+    end begins with it.
+    """
+    jacobians, gains = hessian.twist_jacobian, hessian.gain
+    theta = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+    for e in range(answer.shape[0]):
+        less = applied(matrix(gains[e]), theta)
+        step = (-less[0], -less[1], -less[2])
+        put_vector(step, answer[e])
+        theta = plus(theta, applied(matrix(jacobians[e]), step))
+
+
+@kernel
 def factorize_twists(hessian, shift, most):
-    """Factorize where displacements count as well; give up as `factorize_turns`."""
-    wide = 6
+    """Factorize where displacements count as well; give up as `factorize_turns`.
+
+    Blocks 6 wide are two 3 wide, for rotation and displacement.
+    """
     negative = 0
-    value = np.zeros((wide, wide))  # second derivative of the cost to go by theta
-    pivot = np.empty((3, 3))
-    carried = np.empty((3, wide))
-    coupling = np.empty((3, wide))
+    turning, mixed, shifting = ZERO, ZERO, ZERO  # second derivative of the cost to go by a twist
     jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
     gains, inverses = hessian.gain, hessian.inverse
-    for e in range(jacobians.shape[0] - 1, -1, -1):
-        jacobian, cross = jacobians[e], crosses[e]
-        diagonal, gain, inverse = diagonals[e], gains[e], inverses[e]
-        for i in range(3):
-            for k in range(wide):
-                total = 0.0
-                for j in range(wide):
-                    total += jacobian[j, i] * value[j, k]
-                carried[i, k] = total
-                coupling[i, k] = cross[i, k] + total
-            for j in range(i + 1):
-                total = diagonal[i, j]
-                for k in range(wide):
-                    total += carried[i, k] * jacobian[k, j]
-                pivot[i, j] = total
-                pivot[j, i] = total
-            pivot[i, i] += shift
-        inverted, below = inverse3((pivot[0, 0], pivot[1, 1], pivot[2, 2], pivot[0, 1],
-                                     pivot[0, 2], pivot[1, 2]))
-        put_matrix(inverted, inverse)
+    for k in range(jacobians.shape[0]):
+        e = jacobians.shape[0] - 1 - k
+        d = matrix(diagonals[e])
+        turn, move = matrix(jacobians[e]), matrix(jacobians[e, 3:])
+        by_turn = added(transposed_times(turn, turning), transposed(times(mixed, move)))
+        by_move = added(transposed_times(turn, mixed), transposed_times(move, shifting))
+        p = added(times(by_turn, turn), times(by_move, move))
+        inverse, below = inverse3((d[0] + p[0] + shift, d[4] + p[4] + shift, d[8] + p[8] + shift,
+                                    d[3] + p[3], d[6] + p[6], d[7] + p[7]))
+        put_matrix(inverse, inverses[e])
         negative += below
         if negative > most:
             break
-        for i in range(3):
-            for k in range(wide):
-                gain[i, k] = (inverse[i, 0] * coupling[0, k] + inverse[i, 1] * coupling[1, k]
-                              + inverse[i, 2] * coupling[2, k])
-        for i in range(wide):
-            for k in range(i + 1):
-                value[i, k] -= (coupling[0, i] * gain[0, k] + coupling[1, i] * gain[1, k]
-                                + coupling[2, i] * gain[2, k])
-                value[k, i] = value[i, k]
+        by_turn = added(by_turn, matrix(crosses[e]))
+        by_move = added(by_move, matrix(crosses[e, :, 3:]))
+        gain, beside = times(inverse, by_turn), times(inverse, by_move)
+        put_matrix(gain, gains[e])
+        put_matrix(beside, gains[e, :, 3:])
+        turning, shifting = _less(turning, by_turn, gain), _less(shifting, by_move, beside)
+        mixed = subtracted(mixed, transposed_times(by_turn, beside))
     return negative
 
 
 @kernel
 def solve_twists(hessian, right, out):
     """Solve where displacements count as well."""
-    wide = 6
-    slope = np.zeros(wide)  # of the cost to go by theta
-    own = np.empty(3)
     jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
-    for e in range(jacobians.shape[0] - 1, -1, -1):
-        jacobian, gain, inverse = jacobians[e], gains[e], inverses[e]
-        for i in range(3):
-            own[i] = -right[e, i]
-            for k in range(wide):
-                own[i] += jacobian[k, i] * slope[k]
-        for i in range(3):
-            out[e, i] = inverse[i, 0] * own[0] + inverse[i, 1] * own[1] + inverse[i, 2] * own[2]
-        for k in range(wide):
-            slope[k] -= gain[0, k] * own[0] + gain[1, k] * own[1] + gain[2, k] * own[2]
-    theta = np.zeros(wide)
-    for e in range(jacobians.shape[0]):
-        jacobian, gain = jacobians[e], gains[e]
-        for i in range(3):
-            total = -out[e, i]
-            for k in range(wide):
-                total -= gain[i, k] * theta[k]
-            out[e, i] = total
-        for k in range(wide):
-            theta[k] += (jacobian[k, 0] * out[e, 0] + jacobian[k, 1] * out[e, 1]
-                         + jacobian[k, 2] * out[e, 2])
+    n = jacobians.shape[0]
+    moment, force = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # slope of the cost to go by a twist, negated
+    for k in range(n):
+        e = n - 1 - k
+        own = plus(vector(right[e]), plus(transposed_applied(matrix(jacobians[e]), moment),
+                                          transposed_applied(matrix(jacobians[e, 3:]), force)))
+        put_vector(applied(matrix(inverses[e]), own), out[e])
+        moment = minus(moment, transposed_applied(matrix(gains[e]), own))
+        force = minus(force, transposed_applied(matrix(gains[e, :, 3:]), own))
+    turn, move = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for e in range(n):
+        own = minus(vector(out[e]), plus(applied(matrix(gains[e]), turn),
+                                        applied(matrix(gains[e, :, 3:]), move)))
+        put_vector(own, out[e])
+        turn = plus(turn, applied(matrix(jacobians[e]), own))
+        move = plus(move, applied(matrix(jacobians[e, 3:]), own))

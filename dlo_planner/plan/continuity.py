@@ -73,14 +73,19 @@ def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape
     if before is None:
         reached = simulator.solve(shape.gripper)
     else:
-        turn = angle_between(before.gripper.rotation, shape.gripper.rotation)
-        if (shape_change(before, shape) < _QUIET + turn
-                and min(before.stability, shape.stability) > _STABLE):
+        if (min(before.stability, shape.stability) > _STABLE
+                and _follows(before, shape, shape_change(before, shape))):
             return 0.0
         reached = simulator.track([shape.gripper], initial=before)[0]
     if reached.converged and not reached.jumped and same(reached, shape):
         return 0.0
     return float(max(apart(reached, shape), _SAME * shape.s[-1]))
+
+
+def _follows(before: Shape, shape: Shape, change: float) -> bool:
+    """Whether a change of shape in rad is hardly more than the gripper's turn causes."""
+    return change < _QUIET or change < _QUIET + angle_between(before.gripper.rotation,
+                                                              shape.gripper.rotation)
 
 
 def same(one: Shape, other: Shape) -> bool:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
@@ -55,11 +55,12 @@ class Waypoint(NamedTuple):
             Surface of the DLO.
         """
         both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
-        return self._replace(
-            sheets=tuple((sheet, normal) for sheet, normal in both if sheet is not None),
+        return Waypoint(  # quicker than `_replace`
+            self.shape, self.misalignment, self.position_error, self.via_points,
             clearances=tuple([
                 _FREE if sheet is None else hole_clearances(sheet, normal, surface, self.shape)
-                for sheet, normal in both]))
+                for sheet, normal in both]),
+            sheets=tuple([(sheet, normal) for sheet, normal in both if sheet is not None]))
 
 
 def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None,
@@ -80,7 +81,7 @@ def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None,
     """
     axes, position = shape.frame_at(s) if known is None else known
     displacement = center - position
-    return _waypoint(shape.moved(displacement), axes, position + displacement, center, s, normal)
+    return _waypoint(carried(shape, displacement), axes, position + displacement, center, s, normal)
 
 
 def waypoint_at(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:

@@ -171,6 +171,17 @@ def last_point(attached):
 
 
 @kernel
+def acts_inside(attached, place, element):
+    """Whether the point at a place in the order is in an element: most have none.
+
+    To ask this where no array is made is quicker: there no references are counted.
+    """
+    if attached is None:
+        return False
+    return place >= 0 and attached.element[attached.order[place]] == element
+
+
+@kernel
 def moments_on_nodes(attached):
     """Whether moments may act on nodes."""
     if attached is None:

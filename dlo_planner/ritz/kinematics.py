@@ -17,7 +17,13 @@ import numpy as np
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import jacobians, rotation_and_chord, slope
-from dlo_planner.ritz.attached import at_tip, last_point, moments_on_nodes, plus_at_node
+from dlo_planner.ritz.attached import (
+    acts_inside,
+    at_tip,
+    last_point,
+    moments_on_nodes,
+    plus_at_node,
+)
 from dlo_planner.ritz.matrix3 import (
     applied,
     columns_scaled,
@@ -85,7 +91,7 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
         moment = plus(moment, cross((positions[e + 1, 0] - positions[e, 0],
                                      positions[e + 1, 1] - positions[e, 1],
                                      positions[e + 1, 2] - positions[e, 2]), force))
-        if place >= 0:
+        if acts_inside(attached, place, e):
             place, force, moment = _add_points(attached, place, e, h, strains, rotations, force,
                                                moment, gradient)
     put_vector(plus(force, vector(pull[0])), by_shift)

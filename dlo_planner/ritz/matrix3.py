@@ -52,10 +52,29 @@ def plus(a, b):
 
 
 @kernel
+def minus(a, b):
+    """Return the vector a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel
 def added(a, b):
     """Return the matrix a + b."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5],
             a[6] + b[6], a[7] + b[7], a[8] + b[8])
+
+
+@kernel
+def subtracted(a, b):
+    """Return the matrix a - b."""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3], a[4] - b[4], a[5] - b[5],
+            a[6] - b[6], a[7] - b[7], a[8] - b[8])
+
+
+@kernel
+def transposed(m):
+    """Return the matrix m^T."""
+    return m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]
 
 
 @kernel
@@ -115,6 +134,14 @@ def times_transposed(a, b):
             a[3] * b[6] + a[4] * b[7] + a[5] * b[8],
             a[6] * b[0] + a[7] * b[1] + a[8] * b[2], a[6] * b[3] + a[7] * b[4] + a[8] * b[5],
             a[6] * b[6] + a[7] * b[7] + a[8] * b[8])
+
+
+@kernel
+def crossed_columns(v, m):
+    """Return the matrix of the vectors v x (a column of m)."""
+    return (v[1] * m[6] - v[2] * m[3], v[1] * m[7] - v[2] * m[4], v[1] * m[8] - v[2] * m[5],
+            v[2] * m[0] - v[0] * m[6], v[2] * m[1] - v[0] * m[7], v[2] * m[2] - v[0] * m[8],
+            v[0] * m[3] - v[1] * m[0], v[0] * m[4] - v[1] * m[1], v[0] * m[5] - v[1] * m[2])
 
 
 @kernel

@@ -16,7 +16,13 @@ from dlo_planner.ritz.arc import (
     second_derivatives,
     second_derivatives_with,
 )
-from dlo_planner.ritz.attached import at_tip, last_point, moments_on_nodes, plus_at_node
+from dlo_planner.ritz.attached import (
+    acts_inside,
+    at_tip,
+    last_point,
+    moments_on_nodes,
+    plus_at_node,
+)
 from dlo_planner.ritz.kinematics import part_of_element
 from dlo_planner.ritz.matrix3 import (
     ZERO,
@@ -27,6 +33,7 @@ from dlo_planner.ritz.matrix3 import (
     plus,
     put_matrix,
     times,
+    transposed,
     transposed_applied,
     transposed_times,
     vector,
@@ -44,15 +51,15 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
 
     Args:
         pull: (N + 1, 3) derivative of the potential by the node positions, constant
-        twist_jacobian: (N, 3 or 6, 3) filled (first three rows): world rotation of all that lies
-            beyond, per scaled strain
+        twist_jacobian: (N, 3 or 6, 3) filled: world rotation of all that lies beyond, per scaled
+            strain; in the last three rows, if any, displacement of the element's far end
         cross: (N, 3, 3 or 6) filled (first three columns): change of this element's gradient per
             world rotation of all that lies between the gripper and it
         diagonal: (N, 3, 3) filled: second derivative by this element's own strain
         base: (3, 3) filled: change of the moment about the gripper's origin per rotation of it
     """
     n = lengths.size
-    place, beside = last_point(attached), moments_on_nodes(attached)
+    place, beside, wide = last_point(attached), moments_on_nodes(attached), cross.shape[2] > 3
     force, moment = at_tip(attached)
     # first moment of the loads beyond: sum of pull r^T, r from the element's far end
     first = _first_at_tip(attached)
@@ -63,10 +70,12 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
         if beside:
             moment = plus_at_node(attached, e + 1, moment)
             first = _first_at_node(attached, e + 1, first)
-        turned, coupling, pivot = element_blocks(h, vector(strains[e]), vector(scale[e]),
-                                                 matrix(rotations[e]), force, moment,
-                                                 without_trace(first))
+        turned, shifted, coupling, pivot = element_blocks(
+            h, vector(strains[e]), vector(scale[e]), matrix(rotations[e]), force, moment,
+            without_trace(first))
         put_matrix(turned, twist_jacobian[e])
+        if wide:
+            put_matrix(shifted, twist_jacobian[e, 3:])
         across, own = cross[e], diagonal[e]
         across[0, 0], across[0, 1], across[0, 2] = coupling[0], coupling[1], coupling[2]
         across[1, 0], across[1, 1], across[1, 2] = coupling[3], coupling[4], coupling[5]
@@ -79,11 +88,11 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
                  positions[e + 1, 2] - positions[e, 2])
         first = added(first, outer(force, along))
         moment = plus(moment, crossed(along, force))
-        if place >= 0:
+        if acts_inside(attached, place, e):
             place, force, moment, first = _points_inside(
                 attached, place, e, h, strains, scale, rotations, force, moment, first, cross,
                 diagonal)
-    put_matrix(_transposed(without_trace(first)), base)
+    put_matrix(transposed(without_trace(first)), base)
 
 
 @kernel(forceinline=True)
@@ -100,6 +109,7 @@ def element_blocks(h, strain, scale, frame, force, moment, rolling):
     Returns
     -------
         turned: (9 numbers) world rotation of all that lies beyond, per scaled strain
+        shifted: (9 numbers) displacement of its far end, likewise
         coupling: (9 numbers) turned^T rolling, and the lever of the force
         pivot: (6 numbers: 00, 11, 22, 01, 02, 12) second derivative by the scaled strain
     """
@@ -124,12 +134,7 @@ def element_blocks(h, strain, scale, frame, force, moment, rolling):
              w0 * w1 * own[1] + 0.5 * (both[1] + both[3]),
              w0 * w2 * own[2] + 0.5 * (both[2] + both[6]),
              w1 * w2 * own[5] + 0.5 * (both[5] + both[7]))
-    return turned, coupling, pivot
-
-
-@kernel
-def _transposed(a):
-    return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]
+    return turned, s, coupling, pivot
 
 
 @kernel

@@ -5,16 +5,18 @@
 import numpy as np
 
 from dlo_planner.kernels import kernel
-from dlo_planner.ritz.arc import jacobians
-from dlo_planner.ritz.attached import last_point
+from dlo_planner.ritz.attached import acts_inside, last_point
 from dlo_planner.ritz.kinematics import part_of_element
 from dlo_planner.ritz.matrix3 import (
+    ZERO,
+    added,
     applied,
-    columns_scaled,
+    crossed_columns,
     matrix,
     plus,
     put_matrix,
     times,
+    transposed_times,
     vector,
 )
 from dlo_planner.ritz.matrix3 import cross as crossed
@@ -32,58 +34,71 @@ def widened(displaced, lengths, strains, scale, rotations, positions, weight, at
         displaced: None where it never is
         weight: (N + 1,) springs of nodes that are the same in all directions, N/m
         attached: other springs, or None
-        twist_jacobian: (N, 6, 3), cross: (N, 3, 6), diagonal: (N, 3, 3): filled by `second_order`
-            in their first three rows (columns); completed here
+        twist_jacobian: (N, 6, 3) filled by `second_order`, its last three rows with what moves the
+            element's far end; here with what moves the gripper's origin
+        cross: (N, 3, 6), diagonal: (N, 3, 3) filled likewise in their first three columns;
+            completed here
     """
     if displaced is None:
         return
     if not displaced:
         return
     if attached is None:
-        _widened_by_weights(lengths, strains, scale, rotations, positions, weight, twist_jacobian,
-                            cross, diagonal)
+        _widened_by_weights(positions, weight, twist_jacobian, cross, diagonal)
         return
     beyond = np.zeros((6, 6))  # of all nodes beyond: their springs as seen by a twist
-    rolled = np.empty((3, 6))
-    place, sprung = last_point(attached), nodes_sprung(attached)
-    _add_tip(attached, positions[lengths.size], beyond)
-    for e in range(lengths.size - 1, -1, -1):
-        h = lengths[e]
-        _, chord_jacobian = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
-        where, twist = positions[e + 1], twist_jacobian[e]
-        put_matrix(columns_scaled(times(matrix(rotations[e]), chord_jacobian), h * scale[e, 0],
-                                  h * scale[e, 1], h * scale[e, 2]), twist[3:])
-        for j in range(3):
-            twist[3, j] -= twist[1, j] * where[2] - twist[2, j] * where[1]
-            twist[4, j] -= twist[2, j] * where[0] - twist[0, j] * where[2]
-            twist[5, j] -= twist[0, j] * where[1] - twist[1, j] * where[0]
-        if weight[e + 1] != 0.0:
-            _add_spring(beyond, where, weight[e + 1])
-        if sprung:
-            _add_node(attached, e + 1, where, beyond)
-        for i in range(3):
-            for k in range(6):
-                total = 0.0
-                for j in range(6):
-                    total += twist[j, i] * beyond[j, k]
-                rolled[i, k] = total
-                if k < 3:
-                    cross[e, i, k] += total
-                else:
-                    cross[e, i, k] = total
-            for j in range(3):
-                total = 0.0
-                for k in range(6):
-                    total += rolled[i, k] * twist[k, j]
-                diagonal[e, i, j] += total
-        if place >= 0:
-            place = _springs_inside(attached, place, e, h, strains, scale, rotations, positions,
-                                    beyond, cross, diagonal)
+    sprung = _add_tip(attached, positions[lengths.size], beyond)
+    _widened_by_springs(lengths, (strains, scale, rotations, positions), weight, attached, beyond,
+                        sprung, (twist_jacobian, cross, diagonal))
 
 
 @kernel
-def _widened_by_weights(lengths, strains, scale, rotations, positions, weight, twist_jacobian,
-                        rolled, diagonal):
+def _widened_by_springs(lengths, rows, weight, attached, beyond, sprung, blocks):
+    """Do what `widened` does where springs act anywhere; `sprung`: on the tip already."""
+    strains, scale, rotations, positions = rows
+    twist_jacobian, crosses, diagonals = blocks
+    place, on_nodes = last_point(attached), attached.sprung
+    for k in range(lengths.size):
+        e = lengths.size - 1 - k
+        where, twist, cross = positions[e + 1], twist_jacobian[e], crosses[e]
+        turn, move = matrix(twist), matrix(twist[3:])
+        move = added(move, crossed_columns(vector(where), turn))
+        put_matrix(move, twist[3:])
+        if weight[e + 1] != 0.0:
+            _add_spring(beyond, where, weight[e + 1])
+            sprung = True
+        if on_nodes.size and on_nodes[e + 1]:
+            _add_node(attached, e + 1, where, beyond)
+            sprung = True
+        if sprung:
+            _add_beyond(turn, move, beyond, cross, diagonals[e])
+        else:
+            put_matrix(ZERO, cross[:, 3:])
+        if acts_inside(attached, place, e):
+            place = _springs_inside(attached, place, e, lengths[e], strains, scale, rotations,
+                                    positions, beyond, crosses, diagonals)
+            sprung = True
+
+
+@kernel
+def _add_beyond(turn, move, beyond, cross, diagonal):
+    """Add what springs do whose second derivative by a twist is `beyond` (6, 6).
+
+    Args:
+        turn, move: (9 numbers) rotation and displacement of that twist, per strain of an element
+        cross: (3, 6), diagonal: (3, 3) of the element: added to, the last columns of `cross` filled
+    """
+    by_turn = added(transposed_times(turn, matrix(beyond)),
+                    transposed_times(move, matrix(beyond[3:])))
+    by_move = added(transposed_times(turn, matrix(beyond[:, 3:])),
+                    transposed_times(move, matrix(beyond[3:, 3:])))
+    put_matrix(added(matrix(cross), by_turn), cross)
+    put_matrix(by_move, cross[:, 3:])
+    put_matrix(added(matrix(diagonal), added(times(by_turn, turn), times(by_move, move))), diagonal)
+
+
+@kernel
+def _widened_by_weights(positions, weight, twist_jacobian, rolled, diagonal):
     """Do what `widened` does where springs act on nodes alone, the same in all directions.
 
     A twist (turn, shift) of what lies beyond sees  sum of weight |turn x place + shift|^2 / 2, that
@@ -91,21 +106,18 @@ def _widened_by_weights(lengths, strains, scale, rotations, positions, weight, t
     """
     total, first = 0.0, (0.0, 0.0, 0.0)
     xx = yy = zz = xy = xz = yz = 0.0  # of the tensor of inertia
-    for k in range(lengths.size):
-        e = lengths.size - 1 - k
-        h, w, place = lengths[e], weight[e + 1], vector(positions[e + 1])
+    for k in range(weight.size - 1):
+        e = weight.size - 2 - k
+        w, place = weight[e + 1], vector(positions[e + 1])
         x, y, z = place
         total, first = total + w, plus(first, (w * x, w * y, w * z))
         xx, yy, zz = xx + w * (y * y + z * z), yy + w * (x * x + z * z), zz + w * (x * x + y * y)
         xy, xz, yz = xy - w * x * y, xz - w * x * z, yz - w * y * z
         inertia = (xx, xy, xz, xy, yy, yz, xz, yz, zz)
-        _, chord_jacobian = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
-        moved = columns_scaled(times(matrix(rotations[e]), chord_jacobian), h * scale[e, 0],
-                               h * scale[e, 1], h * scale[e, 2])
         twist, out, own = twist_jacobian[e], rolled[e], diagonal[e]
         for j in range(3):
             turn = (twist[0, j], twist[1, j], twist[2, j])
-            shift = plus((moved[j], moved[3 + j], moved[6 + j]), crossed(place, turn))
+            shift = plus((twist[3, j], twist[4, j], twist[5, j]), crossed(place, turn))
             twist[3, j], twist[4, j], twist[5, j] = shift
             moment = plus(applied(inertia, turn), crossed(first, shift))
             force = plus(crossed(turn, first), (total * shift[0], total * shift[1],
@@ -122,31 +134,22 @@ def _widened_by_weights(lengths, strains, scale, rotations, positions, weight, t
 
 
 @kernel
-def nodes_sprung(attached):
-    """Whether springs may act on nodes."""
+def _add_tip(attached, where, beyond):
+    """Add the springs of the free end, at `where` (3,), to `beyond` (6, 6); whether it has any."""
     if attached is None:
         return False
-    return attached.sprung.size > 0
-
-
-@kernel
-def _add_tip(attached, where, beyond):
-    """Add the springs of the free end, at `where` (3,), to `beyond` (6, 6)."""
-    if attached is None:
-        return
+    if not np.any(attached.tip_matrix):
+        return False
     rigid, local = np.empty((6, 6)), np.empty((6, 6))
     _carry(where, rigid)
     _multiply(attached.tip_matrix, rigid, local)
     _add_transposed(rigid, local, beyond)
+    return True
 
 
 @kernel
 def _add_node(attached, node, where, beyond):
     """Add the springs of a node, at `where` (3,), to `beyond` (6, 6)."""
-    if attached is None:
-        return
-    if not attached.sprung[node]:
-        return
     rigid, local, spring = np.empty((6, 6)), np.empty((6, 6)), np.zeros((6, 6))
     for i in range(3):
         for j in range(3):

@@ -55,6 +55,11 @@ class Passing(NamedTuple):
         """The gripper's rotation (3, 3) and its position (3,) from the first center."""
         return self.shape.gripper.rotation, self.place
 
+    def after(self, before: Passing) -> Passing:
+        """Return the same, followed from another one."""
+        return Passing(self.shape, self.place, self.second, self.depth,
+                       (before.shape, before.depth), self.axes)
+
     def trend(self, depth: float) -> tuple[Shape, float] | None:
         """Return the Shape before on the same mesh, and how many such steps it is to `depth` (m).
 

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.energy.potential import at_element, evaluate, project
+from dlo_planner.energy.potential import evaluate, project, value_at
 from dlo_planner.energy.system import State, System, new_state, turned_system
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.border import add_to
 from dlo_planner.minimize.linear import (
     Hessian,
     assemble,
@@ -28,8 +29,9 @@ from dlo_planner.minimize.linear import (
     new_hessian,
     solve,
 )
-from dlo_planner.minimize.newton import HARDLY, WELL_STABLE
+from dlo_planner.minimize.newton import WELL_STABLE
 from dlo_planner.minimize.residual import residual_of
+from dlo_planner.minimize.riccati import answer_to_turn
 from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
@@ -40,7 +42,6 @@ from dlo_planner.ritz.matrix3 import (
     columns_scaled,
     inner,
     matrix,
-    plus,
     put_matrix,
     put_vector,
     times,
@@ -50,6 +51,9 @@ from dlo_planner.ritz.matrix3 import cross as crossed
 
 _SINGULAR = 1e-14
 _LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
+_LEAVES = 5.0        # 1/rad: of a misfit, what an old factorization leaves per rad turned since
+_OLD = 1e-3          # rad, turned since: an older factorization tells nothing of stability
+_PER_TURN = 100.0    # change of an eigenvalue per rad, at most
 
 
 def free_axis(reference: Floats, normal: Floats) -> Floats:
@@ -61,7 +65,6 @@ def free_axis(reference: Floats, normal: Floats) -> Floats:
     axis = reference[:, 0] + normal
     size = math.sqrt(axis @ axis)
     return axis / size if size > 0.1 else np.array(reference[:, 0])
-
 
 
 @kernel
@@ -98,39 +101,32 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
     miss = _miss(here, state, element, fraction, across, reference, axis, part, tangent)
     merit = _merit(here, state, miss)
     converged = False
-    iterations, negative, size = 0, 1, np.inf
+    iterations, negative, since = 0, 1, np.inf  # rad turned since the Hessian was factorized
     while True:
         residual = residual_of(here, state)
         misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), dot(tangent, normal))
         converged = residual < tolerance and misaligned < tolerance
-        stale = converged and negative == 0 and size < HARDLY
+        stale = converged and negative == 0 and since < _OLD
         if stale:
             break
-        negative = 0
-        if not assembled_definite(here, state, hessian, 0.0):
-            negative = factorize(here, hessian, 0.0)
+        # near the end the factorization before is as good
+        fresh = converged or negative > 0 or not _LEAVES * since * merit < tolerance
+        if fresh:
+            negative, since = 0, 0.0
+            if not assembled_definite(here, state, hessian, 0.0):
+                negative = factorize(here, hessian, 0.0)
         if converged or iterations >= max_iterations:
             break
         iterations += 1
-        # change of the equilibrium per gripper rotation, and the plain Newton step
-        _answer(here, state, hessian, load, answers)
-        for column in range(4):
+        _answer(here, state, hessian, fresh, load, answers)
+        for column in range(0 if fresh else 3, 4):
             _fill_turn(here, hessian, part, element, answers[column], turned[column])
-        for row in range(2):
-            lever = crossed(vector(tangent), vector(across[row]))
-            for column in range(3):
-                rows[row, column] = lever[column] + inner(lever, vector(turned[column]))
-            right[row] = -miss[row] - inner(lever, vector(turned[3]))
-        for column in range(3):
-            rows[2, column] = _turn_rate(here.base, reference, axis, column)
-        right[2] = -miss[2]
+        _fill_rows(here.base, miss, tangent, across, reference, axis, turned, rows, right)
         if not _solved(rows, right, turn):
             break
         step = answers[3]
-        for e in range(m):
-            for i in range(3):
-                step[e, i] += (turn[0] * answers[0, e, i] + turn[1] * answers[1, e, i]
-                               + turn[2] * answers[2, e, i])
+        for column in range(3):
+            add_to(step, turn[column], answers[column])
         size = max(np.sqrt(dot(turn, turn)), largest_turn(here, hessian, step))
         if not np.isfinite(size):
             break
@@ -147,26 +143,31 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
                 moved = True
                 break
             portion *= 0.5
-        if not moved:
+        if moved:
+            since += size
+            merit, miss = new_merit, new_miss
+            state, trial = trial, state
+            here, there = there, here
+        elif fresh:
             break
-        merit, miss = new_merit, new_miss
-        state, trial = trial, state
-        here, there = there, here
-    stability = _stability(here, state, hessian, negative, stale)
+        else:  # the Hessian has changed by too much
+            since = np.inf
+            _miss(here, state, element, fraction, across, reference, axis, part, tangent)
+    stability = _stability(here, state, hessian, negative, since)
     return state, here.base, residual, misaligned, stability, iterations, converged
 
 
 @kernel
-def _stability(system: System, state: State, hessian: Hessian, negative: int, stale: bool) -> Any:
+def _stability(system: System, state: State, hessian: Hessian, negative: int, since: float) -> Any:
     """Return the smallest eigenvalue of the Hessian, factorized with `negative` eigenvalues.
 
-    One that is `stale` by a tiny step tells a stable shape as well.
+    Where the DLO has turned `since`, in rad, that is of the shape before, which tells a stable one.
     """
     stability = -np.inf
-    if stale:
+    if since > 0.0:
         stability, _ = lowest_mode(system, hessian, 0.0, 1e-4)
-    if not stability > WELL_STABLE:
-        if stale:
+    if not stability > WELL_STABLE + _PER_TURN * since:
+        if since > 0.0:
             assemble(system, state, hessian)
             negative = factorize(system, hessian, 0.0)
         shift = safe_shift(system, hessian, 1e-3) if negative > 0 else 0.0
@@ -207,37 +208,36 @@ def _merit(system: System, state: State, miss: Floats) -> Any:
 
 
 @kernel
-def _answer(system: System, state: State, hessian: Hessian, load: Floats,
+def _answer(system: System, state: State, hessian: Hessian, fresh: bool, load: Floats,
             answers: Floats) -> None:
     """Fill answers (4, m, 3): changes of the equilibrium per gripper rotation about x, y, z.
 
-    The fourth is Newton's step in a gripper that rests. `load` (m, 3) is for use here.
+    Those are known where the Hessian is not `fresh`. The fourth is Newton's step in a gripper that
+    rests. `load` (m, 3) is for use here.
     """
     copy(state.gradient, load)
     scaled_by(-1.0, load)
     solve(system, hessian, load, answers[3])
-    for column in range(3):
+    for column in range(3 if fresh else 0):
         if at_once(system, hessian.displaced):
-            _answer_by_gains(hessian, column, answers[column])
+            answer_to_turn(hessian, column, answers[column])
         else:
             project(system.basis, -hessian.cross[:, :, column], load)
             solve(system, hessian, load, answers[column])
 
 
 @kernel
-def _answer_by_gains(hessian: Hessian, column: int, answer: Floats) -> None:
-    """Fill the change (m, 3) of the equilibrium per gripper rotation about an axis.
-
-    A turn of the gripper is one of all that lies before the first element: the sweep of
-    `riccati.solve_turns` to the free end begins with it.
-    """
-    jacobians, gains = hessian.twist_jacobian, hessian.gain
-    theta = (1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0, 1.0 if column == 2 else 0.0)
-    for e in range(answer.shape[0]):
-        less = applied(matrix(gains[e]), theta)
-        step = (-less[0], -less[1], -less[2])
-        put_vector(step, answer[e])
-        theta = plus(theta, applied(matrix(jacobians[e]), step))
+def _fill_rows(base: Floats, miss: Floats, tangent: Floats, across: Floats, reference: Floats,
+               axis: Floats, turned: Floats, rows: Floats, right: Floats) -> None:
+    """Fill rows (3, 3) and right (3,): the conditions on a rotation of the gripper, linearized."""
+    for row in range(2):
+        lever = crossed(vector(tangent), vector(across[row]))
+        for column in range(3):
+            rows[row, column] = lever[column] + inner(lever, vector(turned[column]))
+        right[row] = -miss[row] - inner(lever, vector(turned[3]))
+    for column in range(3):
+        rows[2, column] = _turn_rate(base, reference, axis, column)
+    right[2] = -miss[2]
 
 
 @kernel
@@ -262,10 +262,9 @@ def _fill_turn(system: System, hessian: Hessian, part: Floats, element: int, ste
     turnings, basis = hessian.twist_jacobian, system.basis
     for e in range(element + 1):
         turning = part if e == element else turnings[e]
-        for j in range(3):
-            value = at_element(basis, step, e, j)
-            for i in range(3):
-                theta[i] += turning[i, j] * value
+        x, y, z = value_at(basis, step, e)
+        for i in range(3):
+            theta[i] += turning[i, 0] * x + turning[i, 1] * y + turning[i, 2] * z
 
 
 @kernel

@@ -55,7 +55,7 @@ class Aligned:
             reference = Rotation.from_rotvec(
                 roll * self.axis(before.shape)).as_matrix() @ reference
         passing = self.from_guess(before.shape, depth, reference, final, trend)
-        return passing and passing._replace(since=(before.shape, before.depth))
+        return passing and passing.after(before)
 
     def from_guess(self, guess: Shape, depth: float, reference: Floats, final: bool = True,
                    trend: tuple[Shape, float] | None = None) -> Passing | None:
