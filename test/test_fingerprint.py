@@ -191,6 +191,6 @@ def test_the_package_tells_numba_nothing_behind_the_back_of_the_fingerprint():
                     users.setdefault(path.relative_to(PACKAGE).as_posix(), set()).update(names)
     assert users.keys() - {f'kernels/{name}.py' for name in (
         '__init__', 'cache', 'dispatcher', 'files', 'fingerprint', 'folders', 'lean', 'linking',
-        'pipeline', 'processor', 'shortcuts')} == {'ritz/boxed.py'}
+        'lowering', 'pipeline', 'processor', 'shortcuts')} == {'ritz/boxed.py'}
     assert not UNKNOWN & set().union(*users.values())
     assert 'overload' in users['ritz/boxed.py']

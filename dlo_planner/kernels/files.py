@@ -119,7 +119,7 @@ def _digest(*parts: object) -> str:
 
 @cache
 def environment() -> tuple[Any, ...]:
-    """Return what compiles: versions, also of `lean` and `pipeline`, and numba's settings."""
+    """Return what compiles: versions, also of `lean`, and numba's settings."""
     numpy = np.__version__.split('.')[:2]
     settings = [(name, repr(getattr(numba.config, name, None))) for name in _SETTINGS]
     optimized = str(getattr(numba.config.OPT, '_raw_value', numba.config.OPT))

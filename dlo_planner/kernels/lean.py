@@ -15,9 +15,10 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
+from numba.core import codegen
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.environment import lookup_environment
@@ -25,7 +26,7 @@ from numba.core.registry import cpu_target
 
 from dlo_planner.kernels.shortcuts import SHORTCUTS
 
-VERSION = 4  # of what this and `pipeline` change in what is compiled
+VERSION = 5  # of what this, `pipeline` and `lowering` change in what is compiled
 _ENVIRONMENT = '_ZN08NumbaEnv'  # how numba's names of what holds a function's constants begin
 _depth: list[None] = []
 
@@ -48,22 +49,28 @@ def compiling() -> Iterator[None]:
 @contextmanager
 def _lean() -> Iterator[None]:
     context, collects = cpu_target.target_context, gc.isenabled()
-    context.refresh()  # the first makes what all code calls that allocates
-    codegen = context.codegen()
+    _prepare(context)
+    code = context.codegen()
     gc.disable()
-    codegen.create_library = partial(Library, codegen)
+    code.create_library = partial(Library, code)
     before = [getattr(owner, name) for owner, name, _ in SHORTCUTS]
     for owner, name, shortcut in SHORTCUTS:
         setattr(owner, name, shortcut)
     try:
         yield
     finally:
-        del codegen.create_library  # that of its class is there again
+        del code.create_library  # that of its class is there again
         for (owner, name, _), one in zip(SHORTCUTS, before, strict=True):
             setattr(owner, name, one)
         if collects:
             _keep_out_of_sight()
             gc.enable()
+
+
+@cache
+def _prepare(context: Any) -> None:
+    """Have numba make what all code calls that allocates, and know what it offers."""
+    context.refresh()
 
 
 def _keep_out_of_sight() -> None:
@@ -112,7 +119,8 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba is not annotated
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Optimize each function alone that is more than declared."""
-        super()._optimize_functions(_Defined(ll_module))
+        one_by_one = hasattr(codegen, 'create_pass_builder')  # not in old versions of numba
+        super()._optimize_functions(_Defined(ll_module) if one_by_one else ll_module)
 
     def emit(self) -> None:
         """Make the machine code, where it has not been made."""

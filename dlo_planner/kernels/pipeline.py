@@ -23,6 +23,7 @@ from numba.core.runtime.context import NRTContext
 
 from dlo_planner.kernels.cache import KERNELS
 from dlo_planner.kernels.fingerprint import Unseen
+from dlo_planner.kernels.lowering import Legalize, Lowering, holds_counts
 from dlo_planner.kernels.shortcuts import SHORTCUTS
 
 _UNROLLED = {'literally', 'literal_unroll'}
@@ -70,18 +71,12 @@ class _CountNothing(AnalysisPass):  # type: ignore[misc]
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        counts = state.func_ir.is_generator or _holds(state, state.return_type)
+        counts = state.func_ir.is_generator or holds_counts(state.targetctx, state.return_type)
         if not counts and not any(_makes(state)):
             context = state.targetctx.subtarget(enable_nrt=False)
             context.nrt = NRTContext(context, True)  # Records are read through it
             state.targetctx = context
         return False
-
-
-def _holds(state: Any, kind: Any) -> bool:
-    """Whether values of a type hold references that are counted."""
-    holds: bool = state.targetctx.data_model_manager[kind].contains_nrt_meminfo()
-    return holds
 
 
 def _makes(state: Any) -> Iterator[bool]:
@@ -91,12 +86,12 @@ def _makes(state: Any) -> Iterator[bool]:
             if not isinstance(one.value, ir.Expr) or one.value.op in _BORROWING:
                 continue
             if one.value.op == 'getitem':
-                yield _holds(state, state.typemap[one.value.index.name])
+                yield holds_counts(state.targetctx, state.typemap[one.value.index.name])
             elif one.value.op != 'call' or not _is_harmless(state, one.value.func.name):
-                yield any(_holds(state, state.typemap[name.name])
+                yield any(holds_counts(state.targetctx, state.typemap[name.name])
                           for name in (one.target, *one.value.list_vars()))
             else:
-                yield _holds(state, state.typemap[one.target.name])
+                yield holds_counts(state.targetctx, state.typemap[one.target.name])
 
 
 def _is_harmless(state: Any, name: str) -> bool:
@@ -139,6 +134,10 @@ class _Passes(PassManager):  # type: ignore[misc]
         one.run_finalizer(state)
 
 
+_OWN = {typed_passes.NopythonRewrites: _RewriteArrays, typed_passes.IRLegalization: Legalize,
+        typed_passes.NativeLowering: Lowering}
+
+
 class Pipeline(CompilerBase):  # type: ignore[misc]
     """The compiler of a kernel."""
 
@@ -148,12 +147,10 @@ class Pipeline(CompilerBase):  # type: ignore[misc]
         left_out = _left_out(self.state.func_id.func)
         passes = _Passes('dlo_planner')
         for one, description in whole.passes:
-            if one is typed_passes.NativeLowering:
+            if one is typed_passes.IRLegalization:
                 passes.add_pass(_CountNothing, 'count nothing')
-            if one is typed_passes.NopythonRewrites:
-                passes.add_pass(_RewriteArrays, description)
-            elif one not in left_out:
-                passes.add_pass(one, description)
+            if one not in left_out:
+                passes.add_pass(_OWN.get(one, one), description)
             if one is typed_passes.NopythonTypeInference:
                 passes.add_pass(_NameBySources, 'name by sources')
         passes.finalize()

@@ -4,14 +4,20 @@
 
 from __future__ import annotations
 
+import dis
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
-from numba.core import event, ir, transforms, types
+from numba.core import base, event, ir, transforms, types
 from numba.core.base import BaseContext
 from numba.core.codegen import CPUCodegen
+from numba.core.errors import NumbaError
 from numba.core.event import _registered
+from numba.core.interpreter import Interpreter
 from numba.core.postproc import PostProcessor, VariableLifetime
+from numba.core.runtime.context import NRTContext
+from numba.core.typeinfer import ConstraintNetwork
 from numba.core.types.functions import BaseFunction
 from numba.core.typing.context import BaseContext as TypingContext
 
@@ -83,27 +89,100 @@ class _ForCounts:
     def __init__(self, passes: Any) -> None:
         self._passes = passes
 
-    def run(self, module: Any, builder: Any) -> None:
+    def run(self, module: Any, *builder: Any) -> None:
         """Change a module in place."""
         if any(one.name.startswith('NRT_') for one in module.functions):
-            self._passes.run(module, builder)
+            self._passes.run(module, *builder)
 
 
-def _module_pass_manager(self: Any, **options: Any) -> tuple[Any, Any]:
+def _module_pass_manager(self: Any, **options: Any) -> Any:
     """Bring counts together, so that they cancel, only where there are counts."""
-    passes, builder = _passes_of(self, **options)
-    return (_ForCounts(passes) if options.get('cost') == 'cheap' else passes), builder
+    passes = _passes_of(self, **options)
+    if options.get('cost') != 'cheap':
+        return passes
+    if not isinstance(passes, tuple):  # in old versions of numba
+        return _ForCounts(passes)
+    return _ForCounts(passes[0]), passes[1]
 
 
 _passes_of = CPUCodegen._module_pass_manager
 
 
+_sizes: dict[int, int] = {}  # of the registries of each context
+
+
 def _refreshed(self: Any) -> None:
     """Take what was declared since; all modules that declare were imported before any kernel."""
-    for one in tuple(self._registries):
-        self.install_registry(one)
+    known = self._registries
+    size = sum(len(getattr(one, name)) for one in known for name in known[one].registry_items)
+    if _sizes.get(id(known)) != size:
+        for one in tuple(known):
+            self.install_registry(one)
+        _sizes[id(known)] = size
     if isinstance(self, BaseContext):
         self.typing_context.refresh()
+
+
+_takes_place, _check = base._has_loc, CPUCodegen._check_llvm_bugs
+
+
+def _has_loc(function: Any) -> bool:
+    """Whether a function takes a place in the sources."""
+    code = getattr(function, '__code__', None)
+    if code is None or hasattr(function, '__wrapped__'):
+        takes: bool = _takes_place(function)
+        return takes
+    return 'loc' in code.co_varnames[:code.co_argcount + code.co_kwonlyargcount]
+
+
+@cache
+def _check_llvm_bugs(self: Any) -> None:
+    """Look for mistakes of LLVM once."""
+    _check(self)
+
+
+def _propagated(self: Any, inference: Any) -> list[Exception]:
+    """Infer types; where that fails, again, with a record of what failed and was warned of."""
+    try:
+        for constraint in self.constraints:
+            constraint(inference)
+    except NumbaError:
+        errors: list[Exception] = _propagate(self, inference)
+        return errors
+    return []
+
+
+_propagate = ConstraintNetwork.propagate
+
+
+def _patched(self: Any, patches: list[Any], function: Any) -> Any:
+    """Mend what bytecode makes of lists, dictionaries and `with` blocks, where there are any."""
+    if _MENDED.isdisjoint(_operations(self.func_id.func.__code__)):
+        return function
+    return _patch(self, patches, function)
+
+
+_patch = Interpreter.post_process
+
+
+def _counters(self: Any, builder: Any, kind: Any, value: Any) -> list[tuple[Any, Any]]:
+    """Write what finds the counters in a value, not what reads all else that is in it."""
+    models = self._context.data_model_manager
+    model = models[kind]
+    found = [(kind, model.get_nrt_meminfo(builder, value))] if model.has_nrt_meminfo() else []
+    for inner, read in model.traverse(builder):
+        if models[inner].contains_nrt_meminfo():
+            found += _counters(self, builder, inner, read(value))
+    return found
+
+
+_MENDED = frozenset(('LIST_TO_TUPLE', 'LIST_EXTEND', 'BUILD_LIST', 'BUILD_MAP', 'DICT_UPDATE',
+                     'DICT_MERGE', 'BUILD_CONST_KEY_MAP', 'BEFORE_WITH', 'CALL_FUNCTION_EX',
+                     'CALL_INTRINSIC_1', 'PUSH_EXC_INFO'))
+
+
+def _operations(code: Any) -> set[str]:
+    return {dis.opname[one] for one in set(code.co_code[::2])}
 
 
 SHORTCUTS: list[tuple[Any, str, Callable[..., Any]]] = [  # whose, what, and what stands for it
@@ -114,4 +193,9 @@ SHORTCUTS: list[tuple[Any, str, Callable[..., Any]]] = [  # whose, what, and wha
     (ir.Inst, '_rec_list_vars', _variables),
     (BaseContext, 'refresh', _refreshed),
     (TypingContext, 'refresh', _refreshed),
-    (CPUCodegen, '_module_pass_manager', _module_pass_manager)]
+    (CPUCodegen, '_module_pass_manager', _module_pass_manager),
+    (CPUCodegen, '_check_llvm_bugs', _check_llvm_bugs),
+    (base, '_has_loc', _has_loc),
+    (ConstraintNetwork, 'propagate', _propagated),
+    (Interpreter, 'post_process', _patched),
+    (NRTContext, 'get_meminfos', _counters)]
