@@ -229,6 +229,21 @@ def short_of_the_goal(robot, now):
     return Heard(Pose(there.pose.position + (0, 0.015, 0), there.pose.quaternion), now)
 
 
+def turned_at_the_goal(robot, now):
+    heard = Robot.heard(robot, now)
+    return Heard(heard.pose.compose(Pose((0, 0, 0), (0, 0, 0.04, np.sqrt(1 - 0.04**2)))), now)
+
+
+@pytest.mark.parametrize(('position', 'angle', 'phase'), [
+    (0.0, 0.05, 'stopped'), (0.0, 0.09, 'succeeded'), (0.01, 0.0, 'succeeded')])
+def test_at_the_goal_each_tolerance_counts_by_itself(position, angle, phase):
+    guards = {'path_angle': 0.0, 'goal_position': position, 'goal_angle': angle}
+    execution, _, _ = run(begun(**guards), np.arange(0, WAY.duration + 4, PERIOD),
+                          turned_at_the_goal)
+    assert execution.phase == phase
+    assert ('constraints.goal.angle = 0.05 rad' in execution.reason) == (phase == 'stopped')
+
+
 def test_the_goal_has_to_be_reached_in_time():
     times = np.arange(0, WAY.duration + 6, PERIOD)
     execution, places, sent = run(begun(), times, short_of_the_goal)
