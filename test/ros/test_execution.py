@@ -257,6 +257,21 @@ def test_the_goal_has_to_be_reached_in_time():
         assert run(begun(**more), times, short_of_the_goal)[0].phase == phase
 
 
+def test_without_poses_the_goal_is_not_reached():
+    unheard = begun(incoming_command_timeout=0.0)
+    execution, _, _ = run(unheard, np.arange(0, WAY.duration + 4, PERIOD), lambda *_: None)
+    assert (execution.phase, execution.cause) == ('stopped', Cause.GOAL_TOLERANCE)
+    assert 'no pose came' in execution.reason
+
+
+@pytest.mark.parametrize(('age', 'phase'), [(0.075, 'running'), (0.085, 'stopping')])
+def test_a_pose_that_waits_to_be_heard_ages_by_a_period_at_most(age, phase):
+    there = WAY.at([0.0])[0][0].compose(TOOL.inverse())
+    execution = begun().tick(0.0, Heard(there, 0.0))
+    execution = execution.tick(PERIOD, Heard(there, PERIOD - 0.5, age=age))
+    assert execution.phase == phase
+
+
 @pytest.mark.parametrize(('late', 'phase'), [(7, 'running'), (30, 'stopped')])
 def test_a_late_machine_does_not_blame_the_poses_that_are_as_late_to_be_heard(late, phase):
     # ticks come every 60 ms for a while, and poses are not served before; then they are lost
