@@ -257,6 +257,11 @@ def test_the_goal_has_to_be_reached_in_time():
         assert run(begun(**more), times, short_of_the_goal)[0].phase == phase
 
 
+def test_the_time_of_the_goal_counts_before_that_of_the_last_command():
+    assert [Guards(goal_time=goal, cmd_timeout=last).patience for goal, last in (
+        (2.0, 3.0), (3.0, 2.0), (0.0, 3.0), (2.0, 0.0), (0.0, 0.0))] == [2.0, 3.0, 3.0, 2.0, np.inf]
+
+
 def test_without_poses_the_goal_is_not_reached():
     unheard = begun(incoming_command_timeout=0.0)
     execution, _, _ = run(unheard, np.arange(0, WAY.duration + 4, PERIOD), lambda *_: None)
