@@ -33,6 +33,7 @@ from dlo_planner.energy.loads import node_masses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.along import Expanded, scaled
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.part import of_length
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
@@ -176,12 +177,13 @@ class Uncertain(Value):
         natural, terms = rod.natural_curvature, self.terms(z)
         if terms.any():
             natural = Expanded(natural, terms, length)
+        longer = of_length(rod, length)
         return replace(
-            rod, length=length, section=section,
+            longer, section=section,
             bending_stiffness=scaled(rod.bending_stiffness, bend),
             torsional_stiffness=scaled(rod.torsional_stiffness, twist),
             mass_per_length=scaled(rod.mass_per_length, mass), tip_mass=mass * rod.tip_mass,
-            point_masses=tuple((min(s, length), mass * kg) for s, kg in rod.point_masses),
+            point_masses=tuple((s, mass * kg) for s, kg in longer.point_masses),
             natural_curvature=natural)
 
 
@@ -242,9 +244,12 @@ class Varied:
     def _by_length(self) -> dict[str, Floats]:
         rod, length = self.mesh.rod, self.mesh.rod.length
         step = _PART * length
-        back, ahead = (self.mesh.of(replace(rod, length=length + d, point_masses=tuple(
-            (length + d if s >= length - step else s, kg) for s, kg in rod.point_masses)))
-            for d in (-step, step))
+        near = length - step  # what is there moves with the end
+        back, ahead = (self.mesh.of(replace(
+            rod, length=length + d,
+            nodes=tuple(length + d if s >= near else s for s in rod.nodes),
+            point_masses=tuple((length + d if s >= near else s, kg)
+                               for s, kg in rod.point_masses))) for d in (-step, step))
         if not back.s.size == self.mesh.s.size == ahead.s.size:
             raise InvalidTask('uncertainty.length: expected 0 where something jumps along the DLO')
         return {name: (getattr(ahead.static, name) - getattr(back.static, name)) / (2 * step)

@@ -24,6 +24,16 @@ def before(rod: Rod, end: float) -> Rod:
                    point_masses=tuple((s, mass) for s, mass in rod.point_masses if s <= end))
 
 
+def of_length(rod: Rod, length: float) -> Rod:
+    """Return a Rod of another length (m); what is fixed at the end or beyond it goes to the end."""
+    end = min(rod.length, length)
+
+    def there(s: float) -> float:
+        return length if s >= end else s
+    return replace(rod, length=length, nodes=tuple(there(s) for s in rod.nodes),
+                   point_masses=tuple((there(s), mass) for s, mass in rod.point_masses))
+
+
 def part_of_loads(loads: Iterable[PointLoad], rod: Rod, at: float,
                   direction: int) -> tuple[PointLoad, ...]:
     """Return the PointLoads of `part_of_rod`, as that part knows them."""

@@ -24,8 +24,8 @@ class Guards:
     goal_time : float
         Goal time in s after the end of the motion in which the gripper has to come there.
     cmd_timeout : float
-        Cmd timeout in s after which the last command is not repeated any more; counts if it is more
-        than goal_time.
+        Cmd timeout in s after which the last command is not repeated any more; counts where
+        goal_time is 0.
     incoming_command_timeout : float
         Incoming command timeout in s: age of the last gripper pose.
     decelerate_on_cancel : bool

@@ -11,6 +11,7 @@ import numpy as np
 from dlo_planner.model.along import Along, Expanded, Shifted, scaled
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import number
+from dlo_planner.model.part import of_length
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
@@ -92,12 +93,13 @@ def varied(rod: Rod, uncertainty: Uncertainty, draw: Floats) -> Rod:
         terms = np.reshape(by['curvature_variation'], (_VARIATION, 2))
         terms = terms * variation_deviations(_VARIATION)[:, None]
         natural = Expanded(natural, np.vstack([np.zeros(2), terms]), length)
+    longer = of_length(rod, length)
     return replace(
-        rod, length=length, bending_stiffness=scaled(rod.bending_stiffness, bend),
+        longer, bending_stiffness=scaled(rod.bending_stiffness, bend),
         torsional_stiffness=scaled(rod.torsional_stiffness, twist),
         mass_per_length=scaled(rod.mass_per_length, mass),
         tip_mass=mass * rod.tip_mass,
-        point_masses=tuple((min(s, length), mass * m) for s, m in rod.point_masses),
+        point_masses=tuple((s, mass * m) for s, m in longer.point_masses),
         natural_curvature=natural)
 
 

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """An accuracy asked for: kept where the way counts too, and what happened on coarse meshes told."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from kirchhoff import true_rod
 
 from dlo_planner import Box, DirectSimulator, FarEnd, PointLoad, Pose, Rod
 from dlo_planner.direct import statics
+from dlo_planner.direct.indicator import like_before
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 
@@ -132,3 +135,15 @@ def test_a_shape_that_hardly_stands_is_looked_at_on_a_finer_mesh():
     fine = DirectSimulator(rod, basis='local', n_elements=6000).solve(up, shape)
     off = np.linalg.norm(fine.positions_at(shape.s) - shape.positions, axis=1).max()
     assert off < 1e-6
+
+
+def test_the_shape_before_vouches_for_three_times_its_error():
+    direct = DirectSimulator(Rod(1.0, 0.1, 0.3, 0.2), n_elements=16, basis='local')
+    before, shape = direct.solve(LEVEL), direct.solve(LEVEL)
+    assert not like_before(shape, before, 1.0)  # its error is not known yet
+    error = before.error_estimate
+    assert like_before(shape, before, 3.001 * error)
+    assert not like_before(shape, before, 2.999 * error)
+    assert not like_before(replace(shape, jumped=True), before, 1.0)
+    assert not like_before(replace(shape, stability=0.09), before, 1.0)
+    assert not like_before(shape, None, 1.0)

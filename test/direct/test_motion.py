@@ -3,6 +3,7 @@
 """Motions against wires that were not written with the package, balances, and what they say."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from dlo_planner import (
     Pose,
     Rod,
 )
+from dlo_planner.direct.stepping import Stepper
 
 
 @pytest.mark.parametrize('case', CASES)
@@ -204,6 +206,34 @@ def test_a_motion_travels_with_its_estimate(tmp_path):
     assert read == motion
     np.testing.assert_array_equal(read.error_estimate, motion.error_estimate)
     assert motion.within_tolerance == (motion.error_estimate <= motion.tolerance).all()
+
+
+def test_steps_that_exceed_the_tolerance_say_so():
+    simulator, ways = DirectSimulator(rod(), n_elements=8, n_terms=4), [
+        tilted(0.1 * k) for k in range(4)]
+    fine, rough = (simulator.simulate(ways, 0.05, tolerance=tolerance, integrator='paper')
+                   for tolerance in (10.0, 1e-6))
+    assert fine.message == '' and fine.converged and rough.converged
+    assert 'the local errors of its steps add up to' in rough.message
+    assert 'more than the tolerance of 1e-06 m' in rough.message and not rough.within_tolerance
+
+
+@pytest.mark.parametrize('beyond', [False, True])
+def test_once_the_dlo_has_touched_its_steps_stay_those_of_impacts(beyond, monkeypatch):
+    made, step = [], Stepper._step
+
+    def seen(self, before, place, scheme, patience):
+        made.append(scheme.first_order)
+        return step(self, before, place, scheme, patience)
+
+    monkeypatch.setattr(Stepper, '_step', seen)
+    floor = Plane((0, 0, -10.0 if beyond else -0.05), (0, 0, 1))
+    direct = DirectSimulator(replace(rod(), radius=0.005), n_elements=8, n_terms=4,
+                             obstacles=[floor])
+    motion = direct.simulate([Pose((0, 0, 0.2 * k * k), (0, 0, 0, 1)) for k in range(3)], 0.2)
+    assert motion.converged and not motion.shapes[-1].contacts  # it was lifted off
+    assert bool(motion.shapes[0].contacts) != beyond
+    assert all(first_order != beyond for first_order in made)
 
 
 @pytest.mark.parametrize('viscosity', [1e-4, 1e-3, 5e-3])

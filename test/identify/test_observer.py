@@ -33,6 +33,18 @@ OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
 PLAN = plan_of()
 
 
+def test_a_node_at_the_end_stays_on_a_shorter_dlo():
+    plain, ended = (Observer(DirectSimulator(replace(CURLY, nodes=nodes), n_elements=32), WIDE)
+                    for nodes in ((), (1.0,)))  # every mesh has a node there
+    z = np.zeros(plain.uncertain.size)
+    z[plain.uncertain.columns('length')[0]] = -0.005
+    assert ended.uncertain.rod(z).nodes == (0.995,)
+    one, other = (observer.uncertain.varied(observer.uncertain.simulator.mesh).by_length
+                  for observer in (plain, ended))
+    for name, slope in one.items():
+        np.testing.assert_allclose(other[name], slope, atol=1e-9)
+
+
 @pytest.mark.parametrize('options', [{'n_elements': 64}, {'basis': 'local', 'n_elements': 48}])
 def test_slopes_against_shapes_of_other_rods(options, rng):
     # the other side is the simulator of the Rod that the state stands for, nothing of the observer

@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """No plan leaps: what the gripper may do between two waypoints is bounded by the step in depth."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hanging import no_pair
@@ -17,6 +20,7 @@ from dlo_planner import (
     Pose,
     Rod,
 )
+from dlo_planner.plan.continuity import discontinuity
 
 FOLDED = Rod(0.997, 0.1683, (0.16045, 0.78075), 0.053854, natural_curvature=(-1.7084, 0.1736))
 OBLIQUE = CutOut(Pose.looking_along((0, 0, 1), (-0.58489, -0.06167, -0.80877)))
@@ -122,3 +126,22 @@ def test_a_deadline_ends_the_search(call):
     with pytest.raises(DeadlineExceeded, match='deadline') as caught:
         call(InverseSimulator(DirectSimulator(rod)), holes, deadline=1e-6)
     assert caught.value.elapsed > caught.value.seconds == 1e-6
+
+
+@pytest.mark.parametrize(('stability', 'jumped', 'looks', 'leaps_there'), [
+    (0.2, False, 0, False), (0.05, False, 1, False), (0.05, True, 1, True), (0.2, True, 0, False)])
+def test_where_a_step_is_hardly_stable_the_direct_simulation_decides(stability, jumped, looks,
+                                                                     leaps_there):
+    shape = replace(DirectSimulator(Rod(1.0, 0.1, 0.3, 0.2)).solve(Pose.identity()),
+                    stability=stability)
+    tracked = []
+
+    def track(grippers, initial):
+        tracked.append(initial)
+        return [replace(shape, jumped=jumped)]
+
+    for before, here in ((shape, replace(shape, stability=1.0)), (replace(shape, stability=1.0),
+                                                                 shape)):
+        away = discontinuity(SimpleNamespace(track=track), before, here)
+        assert (away > 0) == leaps_there
+    assert len(tracked) == 2 * looks

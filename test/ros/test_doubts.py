@@ -88,6 +88,13 @@ def test_stamps_excuse_what_the_gripper_moves_meanwhile_and_no_more(observing):
     assert unexplained(wrong, 6.0) == ''
 
 
+def test_sway_excuses_five_of_its_deviations_and_no_more(observing):
+    little, enough = (seen(observing, off=0.26, seeing=replace(SEEING, sway=sway))
+                      for sway in (0.05, 0.053))
+    assert 'the points are 0.26 m off' in unexplained(little)
+    assert unexplained(enough) == ''
+
+
 def test_a_look_in_motion_with_outliers_and_wrong_stamps_is_explained():
     # each of its points counts little, and so outliers are not told from others
     rng = np.random.default_rng(4)

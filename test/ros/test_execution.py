@@ -229,6 +229,21 @@ def short_of_the_goal(robot, now):
     return Heard(Pose(there.pose.position + (0, 0.015, 0), there.pose.quaternion), now)
 
 
+def turned_at_the_goal(robot, now):
+    heard = Robot.heard(robot, now)
+    return Heard(heard.pose.compose(Pose((0, 0, 0), (0, 0, 0.04, np.sqrt(1 - 0.04**2)))), now)
+
+
+@pytest.mark.parametrize(('position', 'angle', 'phase'), [
+    (0.0, 0.05, 'stopped'), (0.0, 0.09, 'succeeded'), (0.01, 0.0, 'succeeded')])
+def test_at_the_goal_each_tolerance_counts_by_itself(position, angle, phase):
+    guards = {'path_angle': 0.0, 'goal_position': position, 'goal_angle': angle}
+    execution, _, _ = run(begun(**guards), np.arange(0, WAY.duration + 4, PERIOD),
+                          turned_at_the_goal)
+    assert execution.phase == phase
+    assert ('constraints.goal.angle = 0.05 rad' in execution.reason) == (phase == 'stopped')
+
+
 def test_the_goal_has_to_be_reached_in_time():
     times = np.arange(0, WAY.duration + 6, PERIOD)
     execution, places, sent = run(begun(), times, short_of_the_goal)
@@ -240,6 +255,26 @@ def test_the_goal_has_to_be_reached_in_time():
                         ({'goal_position': 0.0, 'goal_angle': 0.0}, 'succeeded'),
                         ({'goal_time': 0.0, 'cmd_timeout': 3.0}, 'stopped')):
         assert run(begun(**more), times, short_of_the_goal)[0].phase == phase
+
+
+def test_the_time_of_the_goal_counts_before_that_of_the_last_command():
+    assert [Guards(goal_time=goal, cmd_timeout=last).patience for goal, last in (
+        (2.0, 3.0), (3.0, 2.0), (0.0, 3.0), (2.0, 0.0), (0.0, 0.0))] == [2.0, 3.0, 3.0, 2.0, np.inf]
+
+
+def test_without_poses_the_goal_is_not_reached():
+    unheard = begun(incoming_command_timeout=0.0)
+    execution, _, _ = run(unheard, np.arange(0, WAY.duration + 4, PERIOD), lambda *_: None)
+    assert (execution.phase, execution.cause) == ('stopped', Cause.GOAL_TOLERANCE)
+    assert 'no pose came' in execution.reason
+
+
+@pytest.mark.parametrize(('age', 'phase'), [(0.075, 'running'), (0.085, 'stopping')])
+def test_a_pose_that_waits_to_be_heard_ages_by_a_period_at_most(age, phase):
+    there = WAY.at([0.0])[0][0].compose(TOOL.inverse())
+    execution = begun().tick(0.0, Heard(there, 0.0))
+    execution = execution.tick(PERIOD, Heard(there, PERIOD - 0.5, age=age))
+    assert execution.phase == phase
 
 
 @pytest.mark.parametrize(('late', 'phase'), [(7, 'running'), (30, 'stopped')])

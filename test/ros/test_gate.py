@@ -86,6 +86,26 @@ def test_it_waits_for_what_runs():
     thread.join()
 
 
+def test_it_goes_on_as_soon_as_what_runs_has_ended():
+    node, begun, go, answers = Recorder(), threading.Event(), threading.Event(), []
+    gate = Gate(node)
+    gate.create_timer(1.0, lambda: (begun.set(), go.wait(10)))
+    gate.open()
+    running = threading.Thread(target=node.made['timer'])
+    running.start()
+    begun.wait(10)
+    shutting = threading.Thread(target=lambda: answers.append(gate.shut(30.0)), daemon=True)
+    shutting.start()
+    waits = False
+    while not waits:  # it gives the lock back when it waits
+        with gate._changed:
+            waits = not gate._open
+    go.set()
+    running.join()
+    shutting.join(10)
+    assert answers == [True]
+
+
 def test_a_callback_that_fails_does_not_count_on():
     node = Recorder()
     gate = Gate(node)

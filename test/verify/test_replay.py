@@ -186,6 +186,14 @@ def test_a_motion_that_touches_or_fails_is_not_safe(plan):
     assert replay(DIRECT, plan, trajectory=calm).safe
 
 
+def test_a_dlo_that_falls_into_a_planned_shape_does_not_follow(plan, monkeypatch):
+    track = DirectSimulator.track
+    monkeypatch.setattr(DirectSimulator, 'track', lambda *given: [
+        replace(shape, jumped=k == 3) for k, shape in enumerate(track(*given))])
+    report = replay(DIRECT, plan)
+    assert report.deviation < 1e-6 and not report.converged
+
+
 BAR = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
 TOUCHING = DirectSimulator(WIRE, obstacles=[BAR])
 

@@ -123,6 +123,23 @@ def test_samples_scatter_as_the_first_order_says():
     assert (np.mean(got.sampled <= got.quantile(0.9), axis=0) >= 0.9).all()
 
 
+def test_a_sample_without_a_stable_shape_misses_and_goes_on_from_the_one_before(monkeypatch):
+    track, calls = DirectSimulator.track, []
+
+    def lost(self, grippers, initial):  # at the second waypoint
+        shape = replace(track(self, grippers, initial=initial)[0], converged=len(calls) % 4 != 1)
+        calls.append((initial, shape))
+        return [shape]
+
+    monkeypatch.setattr(DirectSimulator, 'track', lost)
+    got = robustness(DIRECT, PLAN, SPREAD, samples=2)
+    assert np.isinf(got.sampled).tolist() == [[False, True, False, False]] * 2
+    assert got.success == 0.0
+    for first in (0, 4):
+        (_, one), (second, _), (third, three), (fourth, _) = calls[first:first + 4]
+        assert second is one and third is one and fourth is three
+
+
 def test_a_mesh_that_follows_the_accuracy():
     direct = DirectSimulator(ROD, accuracy=1e-5)
     plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
@@ -185,6 +202,16 @@ def test_a_mass_at_the_end_stays_on_a_shorter_dlo():
     plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
     got = robustness(direct, plan, Uncertainty(length=0.01), samples=8)
     assert np.isfinite(got.sampled).all() and (got.sampled[:, 0] > 0).any()
+
+
+def test_a_node_at_the_end_stays_on_a_shorter_dlo():
+    got = []
+    for nodes in ((), (1.0,)):  # every mesh has a node there
+        direct = DirectSimulator(replace(ROD, nodes=nodes), n_elements=32)
+        plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
+        got.append(robustness(direct, plan, Uncertainty(length=0.01), samples=8))
+    np.testing.assert_allclose(got[1].by_cause, got[0].by_cause, rtol=1e-6)
+    np.testing.assert_allclose(got[1].sampled, got[0].sampled, atol=1e-9)
 
 
 def test_success_asks_for_every_waypoint():
