@@ -9,7 +9,8 @@ from benchmarks.said import renewed
 
 _DOCS = Path(__file__).parent.parent / 'docs'
 PAGE = _DOCS / 'reproduction.md'
-_FOLDERS = {'fig08': 'benchmarks', 'fig09': 'benchmarks', 'fig12': 'reproduction'}
+_FOLDERS = {'fig08': 'benchmarks', 'fig09': 'benchmarks', 'fig10': 'benchmarks',
+            'fig12': 'reproduction'}
 _METHODS = ('newton', 'dfp', 'downhill_simplex')
 _YIELDING, _MOVING = 'yielding, moved slowly', 'in motion, from the shape before (the paper\'s)'
 
@@ -36,6 +37,12 @@ def _simplex():
     return [*slower, most]
 
 
+def _independent():
+    """Return how much quicker two threads and two processes are, the medians of turns."""
+    found = _known('fig10')
+    return [f'{found[name]["2"]:.2f}' for name in ('threads', 'processes')]
+
+
 def _dependent():
     """Return speedups: of three tasks in motion, of three and 16 where the wire yields."""
     found = _known('fig12')
@@ -49,6 +56,7 @@ SAID = {
     f'{_N} to {_N} elements: Newton x {_N}, DFP x {_N}, simplex x {_N}': _by_elements,
     f'the simplex is {_N} times slower than DFP with 2 terms, {_N} with 8, {_N} with {_N}':
         _simplex,
+    f'two threads {_N} times, two processes {_N} times as quick': _independent,
     f'in motion DFP {_N}, simplex {_N}, Newton {_N}; yielding DFP {_N} with three, {_N} with 16, '
     f'simplex {_N}': _dependent,
 }
