@@ -52,7 +52,7 @@ from dlo_planner.ritz.matrix3 import cross as crossed
 _SINGULAR = 1e-14
 _LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
 _LEAVES = 5.0        # 1/rad: of a misfit, what an old factorization leaves per rad turned since
-_OLD = 1e-3          # rad, turned since: an older factorization tells nothing of stability
+_OLD = 1e-4          # rad, turned since: an older factorization tells nothing of stability
 _PER_TURN = 100.0    # change of an eigenvalue per rad, at most
 
 
