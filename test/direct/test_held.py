@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Both ends held, soft and nearly taut, and grips that leave something free."""
 
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -181,5 +180,4 @@ def test_a_pinned_gripper_is_refused_where_it_is_not_looked_at():
 @pytest.mark.parametrize(('residual', 'noise', 'proved'), [
     (0.9e-7, 0.0, True), (1.1e-7, 0.0, False), (8e-6, 9e-6, True), (0.0, 1.1e-5, False)])
 def test_forces_that_rounding_hides_prove_nothing(residual, noise, proved):
-    bound = [SimpleNamespace(residual=promised) for promised in (1e-7, 1e-8)]
-    assert proof._as_rounded(residual, noise, bound) == proved
+    assert proof.as_rounded(residual, noise, 1e-7) == proved

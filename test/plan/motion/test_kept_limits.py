@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Limits, Pose
 from dlo_planner.plan.motion.fastest import fastest_rates
-from dlo_planner.plan.motion.kept_limits import _jerks, _sizes, _slopes, most_used
+from dlo_planner.plan.motion.kept_limits import _bounds, _jerks, _sizes, _slopes, most_used
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import smoothed
 from dlo_planner.plan.path import GripperPath
@@ -81,7 +81,9 @@ def test_slopes_and_jerks_are_bounded_within_every_interval(rate, change):
         leg, = GripperPath.through(grippers, angles, 1.0).legs
         edges = np.interp(angles, law.at(np.linspace(0, 1.4, 4001))[0], np.linspace(0, 1.4, 4001))
         edges = edges[edges < 1.3]
-        slopes, jerks = (bound(leg, law, edges[:-1], edges[1:]) for bound in (_slopes, _jerks))
+        ends = law.at(np.append(edges[:-1], edges[1:]))
+        bounds = _bounds(leg, law, ends, 0.5 * np.diff(edges))
+        slopes, jerks = _slopes(bounds), _jerks(bounds)
         largest = np.zeros((2, 2))
         for k, (a, b) in enumerate(zip(edges, edges[1:], strict=False)):
             times = np.linspace(a + 1e-6, b - 1e-6, 201)
@@ -89,13 +91,34 @@ def test_slopes_and_jerks_are_bounded_within_every_interval(rate, change):
             u, *rates = law.at(times)
             _, _, first, second = leg.at(u)
             changes = np.diff(rates[1][:, None] * first + rates[0][:, None] ** 2 * second, axis=0)
-            steepest = np.abs(np.diff(_sizes(leg, u, rates), axis=0)).max(axis=0) / step
+            sizes = _sizes(leg, np.stack([u, *rates]))
+            steepest = np.abs(np.diff(sizes, axis=0)).max(axis=0) / step
             jerk = np.linalg.norm(changes.reshape(-1, 2, 3), axis=2).max(axis=0) / step
             assert (steepest <= slopes[k] * (1 + 1e-6) + 1e-6).all()
             assert (jerk <= jerks[k] * (1 + 1e-6) + 1e-6).all()
             largest = np.maximum(largest, [steepest[0] / np.maximum(slopes[k, 0], 1e-9),
                                            jerk / np.maximum(jerks[k], 1e-9)])
         assert largest.max() > 0.7  # and not bounded by far
+
+
+class Swaying:
+    """A parameter whose rate sways as a sine."""
+
+    bounds = np.array([2.0, 4.0])
+
+    def at(self, times):
+        sine, cosine = np.sin(2 * times), np.cos(2 * times)
+        return np.stack([2 * times - 0.5 * cosine, 2 + sine, 2 * cosine, -4 * sine])
+
+
+@pytest.mark.parametrize('peak', [0.25 * np.pi, 0.5 * np.pi], ids=['rate', 'change'])
+def test_peaks_between_the_ends_are_bounded(peak):
+    leg, law = wandering(np.random.default_rng(0)), Swaying()
+    for half in (0.02, 0.2):
+        known = _bounds(leg, law, law.at(np.array([peak - half, peak + half])), np.array([half]))
+        _, rate, change, _ = np.abs(law.at(np.linspace(peak - half, peak + half, 1001))).max(axis=1)
+        assert rate <= known.rate[0] <= rate + 4 * half
+        assert change <= known.change[0] <= change + 8 * half
 
 
 def test_a_bound_that_was_proved_early_still_counts(monkeypatch):
@@ -105,14 +128,15 @@ def test_a_bound_that_was_proved_early_still_counts(monkeypatch):
         duration = 2.0
 
         def at(self, times):
-            return np.zeros((4, len(times)))
+            return np.stack([times, *np.zeros((3, len(times)))])
 
         def arrivals(self, knots):
             return np.array([1.0])
 
-    known = {'_sizes': lambda _, u, __: np.ones((len(u), 2, 2)),
-             '_slopes': lambda _, __, a, b: np.ones((1, 2, 2)) * np.where(
-                 a < 1, 0.008, 0.03)[:, None, None],
+    known = {'_sizes': lambda _, ends: np.ones((ends.shape[1], 2, 2)),
+             '_bounds': lambda _, __, ends, half: ends[0, :half.size],  # where intervals begin
+             '_slopes': lambda begins: np.ones((1, 2, 2)) * np.where(
+                 begins < 1, 0.008, 0.03)[:, None, None],
              '_largest_jerk': lambda *_: 0.0}
     for name, function in known.items():
         monkeypatch.setattr(f'dlo_planner.plan.motion.kept_limits.{name}', function)
