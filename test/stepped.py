@@ -54,7 +54,7 @@ class Stepped:
             end: (3, 3) rotation of the free end to begin with
         """
         def from_end(turn):
-            return self._back((Rotation.from_rotvec(turn) * Rotation.from_matrix(end)), samples)
+            return self._back((Rotation.from_rotvec(turn) * Rotation.from_matrix(np.array(end))), samples)
 
         def off(turn):
             _, rotation = from_end(turn)
