@@ -54,7 +54,8 @@ class Stepped:
             end: (3, 3) rotation of the free end to begin with
         """
         def from_end(turn):
-            return self._back((Rotation.from_rotvec(turn) * Rotation.from_matrix(np.array(end))), samples)
+            start = Rotation.from_matrix(np.array(end))  # SciPy 1.11 takes nothing read-only
+            return self._back(Rotation.from_rotvec(turn) * start, samples)
 
         def off(turn):
             _, rotation = from_end(turn)

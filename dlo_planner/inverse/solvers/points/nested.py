@@ -39,11 +39,12 @@ def nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, norma
         The constant c.
     """
     latest = initial
-
+    # steps are judged by the size of the variables: tilts of zero would be sought to 1e-308
+    offset = 1.0
     across = null_space(free_axis(reference, normal)[None, :])
 
     def gripper(tilts: Floats) -> Pose:
-        turn = Rotation.from_rotvec(across @ tilts).as_matrix()
+        turn = Rotation.from_rotvec(across @ (tilts - offset)).as_matrix()
         return Pose.from_rotation((0.0, 0.0, 0.0), turn @ reference)
 
     def root_penalty(tilts: Floats) -> Floats:
@@ -60,6 +61,6 @@ def nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, norma
         return root
 
     start = across.T @ Rotation.from_matrix(initial.gripper.rotation @ reference.T).as_rotvec()
-    solution = least_squares(root_penalty, start, jac='3-point', method='lm', xtol=1e-14,
+    solution = least_squares(root_penalty, start + offset, jac='3-point', method='lm', xtol=1e-14,
                              ftol=1e-14, gtol=1e-14, diff_step=1e-5, max_nfev=500)
     return simulator.solve(gripper(solution.x), latest)
