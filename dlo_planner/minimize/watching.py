@@ -25,6 +25,7 @@ _LEVEL = 1e-12  # the same, by rounding errors alone
 MIDDLE, _NEXT, _BESIDE = 0.5, 0.2, 0.01  # of an element
 _EVEN, _SHARP, _LEAVES = 2.0, 8.0, 40.0  # times the sag: how much a gap bends along an element
 _SNUG = 0.3     # rad: an element whose slope against an obstacle changes by more has its own bend
+_AT_NODE = 2e-3 # of an element: a point nearer to its end has come to the node
 _DEEP = 0.02    # of an element: a node that is deeper inside is on its way out
 _NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
 
@@ -63,7 +64,7 @@ def watching(system, state):
             multiplier[c] += _taken_from_nodes(system, inside[c, 0], inside[c, 1])
     for b in range(old.element.size):
         if old.obstacle[b] >= 0 and not taken[b]:
-            _hand_over(old, b, state.attached.element[b], state.attached.fraction[b])
+            _hand_over(system, state, b)
     rubs = old.obstacle < 0
     nothing = np.zeros((count, 3))
     return with_contacts_of(
@@ -191,6 +192,8 @@ def points_inside(system, state, places):
             gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
             if scene.feature[o] == FACE and not _rounds(scene, o, sag, rotation, x):
                 continue
+            if _meets_lying(system, o, e + (fraction > 0.5), gap + level, gaps, fraction > 0.5):
+                continue
             _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, hessian)
             sharp = curve * system.lengths[e] ** 2 > _SHARP * sag or gap < near - sag
             if sharp or gap < near - level and not _lies(pushed[o], gaps, e):
@@ -249,16 +252,33 @@ def _presses(system, o, k, gaps):
 
 
 @kernel
-def _hand_over(contacts, c, e, fraction):
+def _hand_over(system, state, c):
     """Move the force of a point that is not watched any more to the nodes beside it that bear.
 
-    Args:
-        c: index of the point; e: element in which it is now; fraction: of the element
+    Or to the one that it has come to, if it presses there.
     """
-    node = contacts.node[contacts.obstacle[c]]
+    contacts, attached = system.effects.contact.contacts, state.attached
+    node, e, fraction = contacts.node[contacts.obstacle[c]], attached.element[c], attached.fraction[c]
     if node[e] > 0.0 and node[e + 1] > 0.0:
         node[e] += (1.0 - fraction) * contacts.multiplier[c]
         node[e + 1] += fraction * contacts.multiplier[c]
+    elif not _AT_NODE < fraction < 1.0 - _AT_NODE and attached.force[c].any():
+        node[e + (fraction > 0.5)] += contacts.multiplier[c]
+
+
+@kernel
+def _meets_lying(system, o, k, gap, gaps, ahead):
+    """Whether a point that rolls has come to node k, where the DLO begins to lie on an obstacle.
+
+    As the element beyond is flat, or bulges away, there is nowhere to roll: node k bears. A point
+    would stay there, at a jump of its gap to the one at that element's other end.
+
+    Args:
+        gap: m, of the point, and what it may be deeper than the node; gaps: (N + 1,) m
+        ahead: whether the element beyond the node is the next one, not the one before
+    """
+    beyond = k + 1 if ahead else k - 1
+    return 0 < beyond < gaps.size and gaps[k] < gap and _presses(system, o, beyond, gaps)
 
 
 @kernel
