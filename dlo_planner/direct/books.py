@@ -27,13 +27,20 @@ def entered(books: Floats, energies: Floats, part: float, noise: float) -> bool:
     """
     static, kinetic, work, lost = energies[1], energies[2], energies[3], energies[5]
     balance = kinetic + static - work + lost
-    low, high, most = min(books[1], static), max(books[2], static), max(books[3], kinetic)
-    left = part * (most + high - low + lost) + noise - (books[4] - books[0])
+    left = allowed(books, energies, part, noise) - (books[4] - books[0])
     if not balance - books[4] <= max(_PER_STEP * left, 0.0):
         return False
     books[0], books[4] = min(books[0], balance), balance
-    books[1], books[2], books[3] = low, high, most
+    books[1], books[2] = min(books[1], static), max(books[2], static)
+    books[3] = max(books[3], kinetic)
     return True
+
+
+@kernel
+def allowed(books: Floats, energies: Floats, part: float, noise: float) -> float:
+    """Return the energy, J, that a motion may gain until an instant; arguments as `entered`."""
+    low, high = min(books[1], energies[1]), max(books[2], energies[1])
+    return part * (max(books[3], energies[2]) + high - low + energies[5]) + noise
 
 
 def given_back(books: Floats, balance: float, began: float) -> None:

@@ -147,7 +147,7 @@ class _Pace:
         limits = Limits(
             MAX_ITERATIONS if last_try else _PATIENCE,
             np.inf if last_try else _PART * plan.tolerance, _GAIN,
-            np.inf if self._fixed else self._noise, books, level >= _OF_CONTACT)
+            np.inf if self._fixed else self._noise, books, level >= _OF_CONTACT, self._began)
         size = 1 << (HALVINGS - level)
         places = (self._at + size * np.arange(1, self._length(size) + 1)) / (1 << HALVINGS)
         leg = leg_of(stepper, now, self._past, places, scheme, limits)

@@ -35,6 +35,9 @@ class Instant:
         Energy lost to damping, plasticity and friction so far, J.
     touched : bool
         Whether the DLO has touched an obstacle.
+    pushed : float
+        Work that contacts have done so far because a step follows a chord where the DLO slides
+        along a curve, J: of first order, and none in truth.
     """
 
     place: float
@@ -47,6 +50,7 @@ class Instant:
     power: float
     losses: Floats
     touched: bool = False
+    pushed: float = 0.0
 
     def __getattr__(self, name: str) -> Any:
         """Make a shape, nodes or bends that a motion may never be asked for."""
@@ -93,7 +97,8 @@ class Instant:
     @property
     def balance(self) -> float:
         """Energy that is there, less what was put in, plus what was taken out, J."""
-        return self.kinetic + self.potential - self.work + float(self.losses.sum())
+        given = self.work + self.pushed
+        return self.kinetic + self.potential - given + float(self.losses.sum())
 
 
 _BOXED = ('shape', 'nodes', 'bends')

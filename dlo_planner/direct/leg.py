@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.books import entered
+from dlo_planner.direct.books import allowed, entered
 from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.proof import CONVERGED
@@ -49,6 +49,8 @@ class Limits:
         See `direct.books`, which writes there.
     touched : bool
         Whether a step may have any error once the DLO has touched an obstacle.
+    began : float
+        Balance when the motion began, J.
     """
 
     patience: int = MAX_ITERATIONS
@@ -57,6 +59,7 @@ class Limits:
     noise: float = np.inf
     books: Floats = field(default_factory=lambda: np.zeros(5))
     touched: bool = False
+    began: float = 0.0
 
 
 class Leg(NamedTuple):
@@ -230,13 +233,25 @@ def stepped(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]]
     after = stepper.step(now, place, scheme, limits.patience)
     here, there = ((each.place * stepper.dt, each.nodes.position) for each in (now, after))
     error = scheme.error(*zip(*past, here, there, strict=True)) if past else 0.0
-    energies = np.array([after.shape.elastic_energy, after.potential, after.kinetic, after.work,
-                         after.power, after.losses.sum()])
+    energies = np.array([after.shape.elastic_energy, after.potential, after.kinetic,
+                         after.work + after.pushed, after.power, after.losses.sum()])
     good = (after.shape.converged
             and (error <= limits.error or after.touched and limits.touched)
+            and _pushes_little(now, after, energies, limits)
             and entered(limits.books, energies, limits.part, limits.noise))
     nodes = stepper.watched
     if not good:
         return Leg(np.zeros(0), [], now, list(past), np.zeros((0, nodes.size, 3)), after)
     return Leg(np.array([error]), [after] if place == round(place) else [], after,
                [*past, here][-2:], after.nodes.position[None, nodes], None)
+
+
+def _pushes_little(now: Instant, after: Instant, energies: Floats, limits: Limits) -> bool:
+    """Whether contacts give no more energy in a step than may be gained, and all in all.
+
+    Steps before may have lost as much: that of which there is more than when it began is a gain.
+    """
+    push = after.pushed - now.pushed
+    excess = after.balance + after.pushed - limits.began
+    return push == 0.0 or max(push, excess) <= float(
+        allowed(limits.books, energies, limits.part, limits.noise))

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.guide import Grips
 from dlo_planner.direct.history import History
@@ -216,7 +217,8 @@ class Stepper:
                                   shape.dissipated - before.shape.dissipated,
                                   _rubbed(before.shape, shape))
         return replace(there, place=place, potential=shape.energy, work=before.work + work,
-                       power=power, losses=losses)
+                       power=power, losses=losses,
+                       pushed=before.pushed + _pushed(before.shape, shape))
 
     def moving_system(self, grips: tuple[Pose, FarEnd | None], history: History | None,
                       courses: tuple[KinematicState, KinematicState], scheme: Scheme,
@@ -262,7 +264,23 @@ def _viscous(system: System, bends: KinematicState, viscosity: float, scheme: Sc
     return system._replace(elastic=elastic._replace(part=elastic.part + firm))
 
 
+def _pushed(before: Shape, after: Shape) -> float:
+    """Return the work that contacts have done between two Shapes, J, 0 where they took some.
+
+    A force across the end of a chord has a part along it, where the DLO slides on a convex
+    obstacle; an impact's takes energy.
+    """
+    return max(0.0, sum(float(contact.force * (contact.normal @ _moved(before, contact)))
+                        for contact in after.contacts))
+
+
+def _moved(before: Shape, contact: Contact) -> Floats:
+    """Return how far the point of a Contact has moved since `before`, (3,), m."""
+    moved: Floats = contact.position - before.frame_at(contact.s)[1]
+    return moved
+
+
 def _rubbed(before: Shape, after: Shape) -> float:
     """Return the work done against friction between two Shapes, J."""
-    return sum(float(contact.friction @ (before.frame_at(contact.s)[1] - contact.position))
+    return sum(float(contact.friction @ -_moved(before, contact))
                for contact in after.contacts if contact.friction.any())
