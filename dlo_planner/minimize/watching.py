@@ -255,15 +255,25 @@ def _presses(system, o, k, gaps):
 def _hand_over(system, state, c):
     """Move the force of a point that is not watched any more to the nodes beside it that bear.
 
-    Or to the one that it has come to, if it presses there.
+    That is both, or the one that it has come to.
     """
-    contacts, attached = system.effects.contact.contacts, state.attached
-    node, e, fraction = contacts.node[contacts.obstacle[c]], attached.element[c], attached.fraction[c]
-    if node[e] > 0.0 and node[e + 1] > 0.0:
-        node[e] += (1.0 - fraction) * contacts.multiplier[c]
-        node[e + 1] += fraction * contacts.multiplier[c]
-    elif not _AT_NODE < fraction < 1.0 - _AT_NODE and attached.force[c].any():
-        node[e + (fraction > 0.5)] += contacts.multiplier[c]
+    scene, contacts, attached = (system.effects.contact.scene, system.effects.contact.contacts,
+                                 state.attached)
+    o, e, fraction = contacts.obstacle[c], attached.element[c], attached.fraction[c]
+    node, force = contacts.node[o], contacts.multiplier[c]
+    if force == 0.0:
+        return
+    bears, normal, hessian = np.empty(2, dtype=np.bool_), np.empty(3), np.empty((3, 3))
+    offset, x = np.zeros(2), np.empty(3)
+    for k in range(2):
+        gap = node_gap(scene, o, e + k, state.rotations, state.positions, offset, x, normal,
+                       hessian)
+        bears[k] = node[e + k] > 0.0 or attached.force[c].any() and gap < 0.0
+    if bears[0] and bears[1]:
+        node[e] += (1.0 - fraction) * force
+        node[e + 1] += fraction * force
+    elif not _AT_NODE < fraction < 1.0 - _AT_NODE and bears[int(fraction > 0.5)]:
+        node[e + (fraction > 0.5)] += force
 
 
 @kernel
