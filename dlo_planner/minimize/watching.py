@@ -159,8 +159,7 @@ def points_inside(system, state, places):
                                normals[k], hessian)
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
-        for e in range(begin, end if system.basis.shape[1] == 0 else begin):
-            # (in a series no element bends by itself)
+        for e in range(begin, end):
             hugs[e] = _hugs(system, state, o, e, gaps, places)
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
@@ -236,8 +235,8 @@ def _hugs(system, state, o, e, gaps, places):
     curved = 4.0 * (gaps[e] - 2.0 * middle + gaps[e + 1])  # of the gap, times the length squared
     if abs(curved) > _SNUG * system.lengths[e]:
         return False
-    if old < 0:
-        return middle < -sag
+    if old < 0:  # (in a series no element bends by itself)
+        return middle < -sag and system.basis.shape[1] == 0
     bears = contacts.multiplier[old] > contacts.stiffness * middle
     if contacts.fraction[old] == 0.0 or not (first or second):
         return bears and curved < _EVEN * sag
