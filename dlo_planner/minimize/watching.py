@@ -140,7 +140,7 @@ def points_inside(system, state, places):
     scene = system.effects.contact.scene
     n, pushed = system.lengths.size, system.effects.contact.contacts.node
     sag, level = SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
-    longest = np.max(system.lengths)
+    longest, alone = np.max(system.lengths), system.basis.shape[1] == 0
     points = np.empty((n * scene.kind.size, 2), dtype=np.int64)
     fixed, hugs = np.zeros(n * scene.kind.size), np.zeros(n, dtype=np.bool_)
     count = 0
@@ -159,7 +159,7 @@ def points_inside(system, state, places):
                                normals[k], hessian)
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
-        for e in range(begin, end):
+        for e in range(begin if alone else _last_bearing(system, o, gaps, places), end):
             hugs[e] = _hugs(system, state, o, e, gaps, places)
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
@@ -235,12 +235,28 @@ def _hugs(system, state, o, e, gaps, places):
     curved = 4.0 * (gaps[e] - 2.0 * middle + gaps[e + 1])  # of the gap, times the length squared
     if abs(curved) > _SNUG * system.lengths[e]:
         return False
-    if old < 0:  # (in a series no element bends by itself)
+    if old < 0:
         return middle < -sag and system.basis.shape[1] == 0
     bears = contacts.multiplier[old] > contacts.stiffness * middle
     if contacts.fraction[old] == 0.0 or not (first or second):
         return bears and curved < _EVEN * sag
     return bears and (first and second or curved <= _LEAVES * sag)
+
+
+@kernel
+def _last_bearing(system, o, gaps, places):
+    """Return the last element that bears on obstacle o; arguments as of `_hugs`.
+
+    In a series no element bends by itself. Only where its free end lies down a DLO is so flat.
+    """
+    n, contacts = system.lengths.size, system.effects.contact.contacts
+    last = n - 1
+    while last > 0 and not _presses(system, o, last + 1, gaps):
+        last -= 1
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] == o and contacts.multiplier[c] > 0.0:
+            last = max(last, int(places[c] - _BESIDE))
+    return min(last, n - _NEARBY)
 
 
 @kernel
