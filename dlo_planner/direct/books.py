@@ -40,7 +40,8 @@ def entered(books: Floats, energies: Floats, part: float, noise: float) -> bool:
 def allowed(books: Floats, energies: Floats, part: float, noise: float) -> float:
     """Return the energy, J, that a motion may gain until an instant; arguments as `entered`."""
     low, high = min(books[1], energies[1]), max(books[2], energies[1])
-    return part * (max(books[3], energies[2]) + high - low + energies[5]) + noise
+    most: float = part * (max(books[3], energies[2]) + high - low + energies[5]) + noise
+    return most
 
 
 def given_back(books: Floats, balance: float, began: float) -> None:

@@ -12,8 +12,9 @@ import numpy as np
 
 from dlo_planner.energy.rolling import gap_inside, rolled
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.hugging import MIDDLE, SAG
 from dlo_planner.minimize.touching import with_contacts_of
-from dlo_planner.minimize.watching import MIDDLE, SAG, points_inside, rolled_to
+from dlo_planner.minimize.watching import points_inside, rolled_to
 
 
 @kernel

@@ -14,20 +14,17 @@ from dlo_planner.energy.outline import (
     slope_along,
     taper,
 )
-from dlo_planner.energy.rolling import gap_inside, nearest_inside, watched
+from dlo_planner.energy.rolling import nearest_inside, watched
 from dlo_planner.energy.scene import FACE, NODE_FACE
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.hugging import MIDDLE, NEARBY, SAG, hugs_at, last_bearing, presses
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
-SAG = 2e-6      # of the length: an element that comes no nearer than its nodes by more is flat
 _LEVEL = 1e-12  # the same, by rounding errors alone
-MIDDLE, _NEXT, _BESIDE = 0.5, 0.2, 0.01  # of an element
-_EVEN, _SHARP, _LEAVES = 2.0, 8.0, 40.0  # times the sag: how much a gap bends along an element
-_SNUG = 0.3     # rad: an element whose slope against an obstacle changes by more has its own bend
-_AT_NODE = 2e-3 # of an element: a point nearer to its end has come to the node
-_DEEP = 0.02    # of an element: a node that is deeper inside is on its way out
-_NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
+_NEXT = 0.2      # of an element: least share of its ends in a force
+_AT_NODE = 2e-3  # of an element: a point nearer to its end has come to the node
+_SHARP = 8.0    # times the sag: how much a gap bends along an element that is not flat
 
 
 @kernel
@@ -132,7 +129,7 @@ def points_inside(system, state, places):
     bear at their nodes. A contact by itself is a point that rolls along the DLO, flat or not:
     two nodes in its place would lock the direction of the DLO there.
 
-    In between are elements that bend just as the obstacle does, see `_hugs`.
+    In between are elements that bend just as the obstacle does, see `minimize.hugging`.
 
     Args:
         places: (C,) element plus fraction where the old points are now
@@ -159,8 +156,8 @@ def points_inside(system, state, places):
                                normals[k], hessian)
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
-        for e in range(begin if alone else _last_bearing(system, o, gaps, places), end):
-            hugs[e] = _hugs(system, state, o, e, gaps, places)
+        for e in range(begin if alone else max(begin, last_bearing(system, o, gaps, places)), end):
+            hugs[e] = hugs_at(system, state, o, e, gaps, places)
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
             if near > system.lengths[e]:
@@ -174,8 +171,8 @@ def points_inside(system, state, places):
             if hugs[e]:
                 points[count, 0], points[count, 1], fixed[count] = e, o, MIDDLE
                 count += 1
-            if (hugs[e] or e > 0 and hugs[e - 1] and _presses(system, o, e, gaps)
-                    or e + 1 < n and hugs[e + 1] and _presses(system, o, e + 1, gaps)):
+            if (hugs[e] or e > 0 and hugs[e - 1] and presses(system, o, e, gaps)
+                    or e + 1 < n and hugs[e + 1] and presses(system, o, e + 1, gaps)):
                 continue
             grows = taper(scene, o, e) / system.lengths[e]
             if (_slope(state.rotations[e], state.strains[e], offsets[e], normals[e]) >= grows
@@ -199,71 +196,6 @@ def points_inside(system, state, places):
                 points[count, 0], points[count, 1] = e, o
                 count += 1
     return points[:count], fixed[:count]
-
-
-@kernel
-def _hugs(system, state, o, e, gaps, places):
-    """Return whether an element bends just as the obstacle does, and has to be kept to that.
-
-    As long as its curvature is less it bears at one point, which rolls, and where it is more at
-    both nodes. In a range of loads between it is neither: the force spreads over the element, whose
-    curvature is the obstacle's. Both nodes and the middle carry it then. This begins where the
-    point that rolls in it is not the nearest any more, or both nodes bear and what is between them
-    is pressed in; it ends where the middle does not bear, or an end does not while the element
-    bends less than the obstacle.
-
-    Args:
-        gaps: (N + 1,) m, of the nodes from obstacle o; places: (C,) as of `points_inside`
-    """
-    scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
-    sag = SAG * np.sum(system.lengths)
-    if e == 0 or scene.feature[o] == NODE_FACE or np.isinf(gaps[e] + gaps[e + 1]):
-        return False
-    if min(gaps[e], gaps[e + 1]) < -_DEEP * system.lengths[e]:
-        return False
-    first, second = _presses(system, o, e, gaps), _presses(system, o, e + 1, gaps)
-    old = -1
-    for c in range(contacts.element.size):
-        if (contacts.obstacle[c] == o and -_BESIDE <= places[c] - e <= 1.0 + _BESIDE
-                and (old < 0 or contacts.multiplier[c] > contacts.multiplier[old])):
-            old = c
-    if old < 0 and not (first and second):
-        return False
-    normal, hessian = np.empty(3), np.empty((3, 3))
-    middle = gap_inside(scene, o, e, MIDDLE, system.lengths, state.strains,
-                        state.rotations, state.positions, normal, hessian)
-    curved = 4.0 * (gaps[e] - 2.0 * middle + gaps[e + 1])  # of the gap, times the length squared
-    if abs(curved) > _SNUG * system.lengths[e]:
-        return False
-    if old < 0:
-        return middle < -sag and system.basis.shape[1] == 0
-    bears = contacts.multiplier[old] > contacts.stiffness * middle
-    if contacts.fraction[old] == 0.0 or not (first or second):
-        return bears and curved < _EVEN * sag
-    return bears and (first and second or curved <= _LEAVES * sag)
-
-
-@kernel
-def _last_bearing(system, o, gaps, places):
-    """Return the last element that bears on obstacle o; arguments as of `_hugs`.
-
-    In a series no element bends by itself. Only where its free end lies down a DLO is so flat.
-    """
-    n, contacts = system.lengths.size, system.effects.contact.contacts
-    last = n - 1
-    while last > 0 and not _presses(system, o, last + 1, gaps):
-        last -= 1
-    for c in range(contacts.element.size):
-        if contacts.obstacle[c] == o and contacts.multiplier[c] > 0.0:
-            last = max(last, int(places[c] - _BESIDE))
-    return min(last, n - _NEARBY)
-
-
-@kernel
-def _presses(system, o, k, gaps):
-    """Return whether a spring at node k presses on obstacle o."""
-    contacts = system.effects.contact.contacts
-    return contacts.node[o, k] > contacts.stiffness * gaps[k]
 
 
 @kernel
@@ -303,7 +235,7 @@ def _meets_lying(system, o, k, gap, gaps, ahead):
         ahead: whether the element beyond the node is the next one, not the one before
     """
     beyond = k + 1 if ahead else k - 1
-    return 0 < beyond < gaps.size and gaps[k] < gap and _presses(system, o, beyond, gaps)
+    return 0 < beyond < gaps.size and gaps[k] < gap and presses(system, o, beyond, gaps)
 
 
 @kernel
@@ -315,7 +247,7 @@ def _lies(node, gaps, e):
     """
     if node[e] > 0.0 and node[e + 1] > 0.0:
         return True
-    for k in range(max(1, e - _NEARBY), min(node.size, e + 2 + _NEARBY)):
+    for k in range(max(1, e - NEARBY), min(node.size, e + 2 + NEARBY)):
         if (node[k] > 0.0 or gaps[k] < 0.0) and not e - 1 <= k <= e + 2:
             return True
     return False
