@@ -267,7 +267,7 @@ class Discretization(Value):
         """Return the Discretization of another Rod (as long or not) with the same elements."""
         s = np.append(self.s[:-1] * (rod.length / self.s[-1]), rod.length)
         s = with_breaks(s, rod.breaks)
-        return Discretization(replace(self.surroundings, rod=rod), s, self.basis, self.n_terms)
+        return Discretization(self.surroundings.of_rod(rod), s, self.basis, self.n_terms)
 
     def varied(self, **fields: Floats) -> Discretization:
         """Return the same discretization with other `lengths`, `natural`, `stiffness`, `pull`.

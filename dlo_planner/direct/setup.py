@@ -147,8 +147,11 @@ class Setup(Value):
         return self._with(replace(self.surroundings, obstacles=()), self._history)
 
     def with_rod(self, rod: Rod) -> Self:
-        """Return a simulator of another Rod (as long or not), all else equal, without a set."""
-        return self._with(replace(self.surroundings, rod=rod), None)
+        """Return a simulator of another Rod (as long or not), all else equal, without a set.
+
+        PointLoads at the end of this one, or beyond the other's, are at the other's end.
+        """
+        return self._with(self.surroundings.of_rod(rod), None)
 
     def _with(self, surroundings: Surroundings, history: History | None) -> Self:
         mesh, share = self._discretization, surroundings.rod.length / self.rod.length

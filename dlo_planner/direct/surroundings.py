@@ -3,9 +3,9 @@
 """What surrounds a DLO: gravity, further loads, obstacles."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from dlo_planner.model.along import breaks_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, returned, vector
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
+from dlo_planner.model.part import loads_of_length
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.profile import Profile, resolved
 from dlo_planner.model.rod import Rod
@@ -76,6 +77,14 @@ class Surroundings(Value):
             raise InvalidTask('Rod.radius = None: expected the DLO\'s radius where a Sheet is an '
                               'obstacle')
         super().__post_init__()
+
+    def of_rod(self, rod: Rod) -> Self:
+        """Return the same about another Rod (as long or not).
+
+        PointLoads at the end of this one, or beyond the other's, are at the other's end.
+        """
+        return replace(self, rod=rod,
+                       point_loads=loads_of_length(self.point_loads, self.rod, rod.length))
 
     @cached_property
     def load_profile(self) -> Profile:

@@ -34,6 +34,12 @@ def of_length(rod: Rod, length: float) -> Rod:
                    point_masses=tuple((there(s), mass) for s, mass in rod.point_masses))
 
 
+def loads_of_length(loads: Iterable[PointLoad], rod: Rod, length: float) -> tuple[PointLoad, ...]:
+    """Return the PointLoads of a Rod as one of another length (m) has them, as in `of_length`."""
+    end = min(rod.length, length)
+    return tuple(one if one.s is None or one.s < end else replace(one, s=length) for one in loads)
+
+
 def part_of_loads(loads: Iterable[PointLoad], rod: Rod, at: float,
                   direction: int) -> tuple[PointLoad, ...]:
     """Return the PointLoads of `part_of_rod`, as that part knows them."""

@@ -17,6 +17,7 @@ from dlo_planner import (
     DirectSimulator,
     InvalidTask,
     InverseSimulator,
+    PointLoad,
     Pose,
     Rod,
     Sheet,
@@ -212,6 +213,20 @@ def test_a_node_at_the_end_stays_on_a_shorter_dlo():
         got.append(robustness(direct, plan, Uncertainty(length=0.01), samples=8))
     np.testing.assert_allclose(got[1].by_cause, got[0].by_cause, rtol=1e-6)
     np.testing.assert_allclose(got[1].sampled, got[0].sampled, atol=1e-9)
+
+
+@pytest.mark.parametrize('s', [1.0, 0.999])
+def test_a_load_at_the_end_stays_on_a_shorter_dlo(s):
+    got = []
+    for place in (None, s):  # None is the tip, of whatever length
+        direct = DirectSimulator(ROD, n_elements=32,
+                                 point_loads=[PointLoad((0, 0, -0.02), s=place)])
+        plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
+        got.append(robustness(direct, plan, Uncertainty(length=0.01), samples=8))
+    if s == ROD.length:
+        np.testing.assert_allclose(got[1].by_cause, got[0].by_cause, rtol=1e-6)
+        np.testing.assert_allclose(got[1].sampled, got[0].sampled, atol=1e-9)
+    assert np.isfinite(got[1].sampled).all()
 
 
 def test_success_asks_for_every_waypoint():
