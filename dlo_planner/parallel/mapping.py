@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.many import Filled, hangs_in_a_loop
 from dlo_planner.direct.many_rods import even, scaled_nodes
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
@@ -16,13 +17,22 @@ from dlo_planner.model.checks import instance, integer, items, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.parallel.chains import Following
-from dlo_planner.parallel.pieces import PieceResult, Shared, piece_of, result_of
+from dlo_planner.parallel.pieces import (
+    NO_CONTACTS,
+    Here,
+    Piece,
+    PieceResult,
+    Shared,
+    arrays_of,
+    result_of,
+)
 from dlo_planner.parallel.shapes import Columns, Shapes, columns, stacked
 from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _AT_ONCE = 64  # gripper poses in one piece of work
 _LOOP = 512    # of one that takes a few hundredths of a second
+_FEW, _LAST = 16, 4  # or so many if that is less: in the last pieces, each a part of what is left
 _MOST = 100_000
 
 
@@ -52,7 +62,8 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
         One rod for each Pose of `work`, which the gripper holds instead of the simulator's: the
         same bit for bit as `simulator.with_rod(rod).solve(pose)`. If None, the simulator's.
     chunk : int, optional
-        Poses in one piece of work.
+        Poses in one piece of work; the last pieces of poses by themselves may have fewer, but no
+        fewer than 16.
     progress : callable, optional
         Called as progress(done, total) after each piece, in poses; where parts do not meet, what is
         done again is not counted.
@@ -126,8 +137,7 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
                           f'{len(rods)} rods, or one for all')
     instance('simulator', simulator, DirectSimulator)
     # one loop fills the arrays of all, where nothing is long
-    quick = simulator.mesh.hangs and simulator.method == 'newton'
-    chunk = _LOOP if quick else _AT_ONCE
+    chunk = _LOOP if hangs_in_a_loop(simulator) else _AT_ONCE
     shapes = map(simulator, grippers, rods=rods, chunk=chunk, progress=progress, deadline=deadline)
     assert isinstance(shapes, Shapes)  # there are no motions in it
     return shapes
@@ -165,11 +175,17 @@ def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[
            crew: Crew, chunk: int, steps: Progress) -> Shapes:
     """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
     n, shared = len(grippers), Shared(simulator)
-    gathered = _Gathered(_Count(steps, n), n, chunk)
-    pieces = (piece_of(shared, grippers[k:k + chunk], seconds=steps.left(),
-                       anew=tuple(range(len(grippers[k:k + chunk]))),
-                       rods=None if rods is None else rods[k:k + chunk])
-              for k in range(0, len(grippers), chunk))
+    filled = None
+    if rods is None and hangs_in_a_loop(simulator):
+        filled = Filled.new(n, simulator.mesh.s.size - 1)
+    parts = list(_parts(n, chunk, crew.shares))
+    gathered = _Gathered(_Count(steps, n), n, parts, filled)
+    positions, rotations = arrays_of(grippers)
+    pieces = (Piece(shared, positions[begin:end], rotations[begin:end], seconds=steps.left(),
+                    anew=tuple(range(end - begin)),
+                    rods=None if rods is None else tuple(rods[begin:end]),
+                    into=None if filled is None else Here(filled.part(begin, end)))
+              for begin, end in parts)
     crew.run(result_of, pieces, gathered.finished)
     s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
@@ -177,6 +193,18 @@ def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[
         nodes = [scaled_nodes(s, length) for length in lengths]
         s = nodes[0] if len(set(lengths)) == 1 else np.array(nodes)
     return _shapes(simulator, grippers, gathered.parts, s)
+
+
+def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
+    """Yield (begin, end) of n poses: `chunk` in each, fewer at the end where workers share them.
+
+    Who has done the last piece waits for the others: not as long, where the last ones are small.
+    """
+    begin = 0
+    while begin < n:
+        most = chunk if not shared else min(chunk, max(_FEW, (n - begin) // _LAST))
+        yield begin, min(begin + most, n)
+        begin += most
 
 
 def _followed(simulator: DirectSimulator, chains: Sequence[Sequence[Pose]], crew: Crew, chunk: int,
@@ -203,26 +231,29 @@ class _Count:
 class _Gathered:
     """The columns of all shapes, each written to its place while others are computed."""
 
-    def __init__(self, count: _Count, n: int, chunk: int) -> None:
-        self._count, self._n, self._chunk = count, n, chunk
-        self._columns: Columns = {}
+    def __init__(self, count: _Count, n: int, parts: Sequence[tuple[int, int]],
+                 filled: Filled | None) -> None:
+        self._count, self._n, self._parts = count, n, parts
+        self._columns: Columns = {} if filled is None else filled.columns | {
+            'contact_table': NO_CONTACTS}
         self._tables: dict[int, Floats] = {}
 
     def finished(self, index: int, result: PieceResult) -> None:
         """Take the rows of a piece."""
-        rows, first = result.rows, index * self._chunk
-        if self._n <= self._chunk:
-            self._columns = rows
-        for name, values in rows.items() if self._n > self._chunk else ():
+        rows, (first, end) = result.rows, self._parts[index]
+        if result.placed or len(self._parts) == 1:
+            self._columns = self._columns if result.placed else rows
+            self._count.finished(index, result)
+            return
+        for name, values in rows.items():
             if name == 'contact_table':
                 self._tables[index] = values + first * (np.arange(values.shape[1]) == 0)
                 continue
             if name not in self._columns:
                 self._columns[name] = np.empty((self._n, *values.shape[1:]), values.dtype)
-            self._columns[name][first:first + len(values)] = values
+            self._columns[name][first:end] = values
         self._count.finished(index, result)
-        if self._n > self._chunk:
-            rows.clear()  # the next piece has its memory
+        rows.clear()  # the next piece has its memory
 
     @property
     def parts(self) -> list[Columns]:

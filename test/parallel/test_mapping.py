@@ -3,6 +3,7 @@
 """Many shapes at once are those that one after the other would give, whoever computes them."""
 
 import os
+import pickle
 import signal
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -27,6 +28,7 @@ from dlo_planner import (
     solve_many,
 )
 from dlo_planner.parallel.chains import parts_of
+from dlo_planner.parallel.pieces import Here, Piece, Shared, arrays_of
 from dlo_planner.progress import interrupted_by
 
 BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
@@ -78,6 +80,39 @@ def test_each_by_itself_is_what_solve_gives(simulator, anywhere):
     with ThreadPoolExecutor(2) as executor:
         assert parallel.map(simulator, anywhere, executor, chunk=7) == alone
     assert parallel.map(simulator, anywhere, processes, chunk=7) == alone
+
+
+class _Noting(ThreadPoolExecutor):
+    """Threads, of which the futures are kept."""
+
+    def __init__(self):
+        super().__init__(2)
+        self.given = []
+
+    def submit(self, function, /, *args, **kwargs):
+        self.given.append(super().submit(function, *args, **kwargs))
+        return self.given[-1]
+
+
+def test_threads_write_to_where_the_results_are(simulator, anywhere):
+    with _Noting() as executor:
+        shapes = parallel.map(simulator, anywhere, executor, chunk=7)
+    assert len(executor.given) == 6
+    assert all(np.shares_memory(future.result().rows['frames'], shapes.frames)
+               for future in executor.given)
+    piece = Piece(Shared(simulator), *arrays_of(anywhere), into=Here(shapes))
+    assert pickle.loads(pickle.dumps(piece)).into is None  # it is out of reach there
+
+
+def test_the_last_pieces_are_small(simulator, anywhere):
+    serial, shared = [], []
+    parallel.map(simulator, 5 * anywhere, progress=lambda done, _: serial.append(done))
+    with ThreadPoolExecutor(2) as executor:
+        parallel.map(simulator, 5 * anywhere, executor,
+                     progress=lambda done, _: shared.append(done))
+    assert serial == [64, 128, 192, 200]
+    assert len(shared) == 8 and shared[-1] == 200 and np.diff([0, *shared]).max() == 50
+    assert np.diff([0, *shared]).min() == 16
 
 
 def test_yielding_and_friction_too():
