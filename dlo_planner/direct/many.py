@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,42 +72,53 @@ class Filled:
 
     Attributes
     ----------
+    stored : tuple of ndarray
+        What the loop fills, in its order, and after it `told`; n rows each.
     columns : dict
-        Arrays of n rows each, by the names of the attributes of `Shape`.
+        The same by the names of the attributes of `Shape`.
+    proofs : ndarray, shape (n, 3)
+        Residual, stability, `truncation`.
     """
 
-    def __init__(self, columns: dict[str, NDArray[Any]], energies: Floats, proofs: Floats):
-        self.columns, self._energies, self.proofs = columns, energies, proofs
+    def __init__(self, stored: tuple[NDArray[Any], ...]):
+        self.stored = stored
+        energies, self.proofs, *others = stored[4:]
+        self.columns = dict(zip(_SHAPE, stored, strict=False)) | {
+            'elastic_energy': energies[:, 0], 'energy': energies[:, 1],
+            'residual': self.proofs[:, 0], 'stability': self.proofs[:, 1],
+            } | dict(zip(_OTHERS, others, strict=True))
 
     @classmethod
-    def new(cls, n: int, elements: int) -> Filled:
-        """Return one for n shapes of so many elements, in which nothing is filled yet."""
-        energies, proofs = np.empty((n, 2)), np.empty((n, 3))
-        return cls({
-            'element_strains': np.empty((n, elements, 3)),
-            'frames': np.empty((n, elements + 1, 3, 3)),
-            'positions': np.empty((n, elements + 1, 3)), 'gripper_wrench': np.empty((n, 6)),
-            'iterations': np.empty(n, dtype=np.int64),
-            'elastic_energy': energies[:, 0], 'energy': energies[:, 1],
-            'residual': proofs[:, 0], 'stability': proofs[:, 1],
-            'converged': np.zeros(n, dtype=bool), 'jumped': np.zeros(n, dtype=bool),
-            'dissipated': np.zeros(n), 'violation': np.zeros(n)}, energies, proofs)
+    def new(cls, n: int, elements: int,
+            empty: Callable[[tuple[int, ...], Any], NDArray[Any]] = np.empty) -> Filled:
+        """Return one for n shapes of so many elements, in which nothing is filled yet.
+
+        Parameters
+        ----------
+        n, elements : int
+        empty : callable, optional
+            Function of shape and dtype that makes an array.
+        """
+        rows = (elements, 3), (elements + 1, 3, 3), (elements + 1, 3), (6,), (2,), (3,)
+        return cls((*(empty((n, *row), float) for row in rows), empty((n,), np.int64),
+                    empty((n,), bool), empty((n,), bool), empty((n,), float), empty((n,), float)))
 
     def part(self, begin: int, end: int) -> Filled:
         """Return that of the shapes from `begin` to `end`, with views of the same arrays."""
-        return Filled({name: values[begin:end] for name, values in self.columns.items()},
-                      self._energies[begin:end], self.proofs[begin:end])
+        return Filled(tuple(rows[begin:end] for rows in self.stored))
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
-        """What the loop fills, in its order; `proofs` (n, 3) is one of them."""
-        return (*(self.columns[name] for name in _SHAPE), self._energies, self.proofs,
-                self.columns['iterations'])
+        """What the loop fills, in its order."""
+        return self.stored[:7]
 
     def told(self) -> None:
-        """Fill in which shapes have converged, after the loop."""
-        self.columns['converged'][:] = hangs_still(self.columns['residual'],
-                                                   self.columns['stability'])
+        """Fill in what is said of such shapes besides what the loop does, after it."""
+        columns = self.columns
+        columns['converged'][:] = hangs_still(columns['residual'], columns['stability'])
+        columns['jumped'][:] = False
+        columns['dissipated'][:] = columns['violation'][:] = 0.0
 
 
 _SHAPE = 'element_strains', 'frames', 'positions', 'gripper_wrench'
+_OTHERS = 'iterations', 'converged', 'jumped', 'dissipated', 'violation'

@@ -3,12 +3,13 @@
 """Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.many import Filled, hangs_in_a_loop
+from dlo_planner.direct.many import hangs_in_a_loop
 from dlo_planner.direct.many_rods import even, scaled_nodes
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
@@ -17,9 +18,9 @@ from dlo_planner.model.checks import instance, integer, items, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.parallel.chains import Following
+from dlo_planner.parallel.memory import Room
 from dlo_planner.parallel.pieces import (
     NO_CONTACTS,
-    Here,
     Piece,
     PieceResult,
     Shared,
@@ -175,18 +176,18 @@ def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[
            crew: Crew, chunk: int, steps: Progress) -> Shapes:
     """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
     n, shared = len(grippers), Shared(simulator)
-    filled = None
-    if rods is None and hangs_in_a_loop(simulator):
-        filled = Filled.new(n, simulator.mesh.s.size - 1)
     parts = list(_parts(n, chunk, crew.shares))
-    gathered = _Gathered(_Count(steps, n), n, parts, filled)
     positions, rotations = arrays_of(grippers)
-    pieces = (Piece(shared, positions[begin:end], rotations[begin:end], seconds=steps.left(),
-                    anew=tuple(range(end - begin)),
-                    rods=None if rods is None else tuple(rods[begin:end]),
-                    into=None if filled is None else Here(filled.part(begin, end)))
-              for begin, end in parts)
-    crew.run(result_of, pieces, gathered.finished)
+    in_a_loop = rods is None and hangs_in_a_loop(simulator)
+    with (Room(n, simulator.mesh.s.size - 1, crew.elsewhere) if in_a_loop
+          else nullcontext()) as room:
+        gathered = _Gathered(_Count(steps, n), n, parts, room)
+        pieces = (Piece(shared, positions[begin:end], rotations[begin:end], seconds=steps.left(),
+                        anew=tuple(range(end - begin)),
+                        rods=None if rods is None else tuple(rods[begin:end]),
+                        into=None if room is None else room.part(begin, end))
+                  for begin, end in parts)
+        crew.run(result_of, pieces, gathered.finished)
     s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
     if any(length != s[-1] for length in lengths):
@@ -224,7 +225,7 @@ class _Count:
 
     def finished(self, _: int, result: PieceResult) -> None:
         """Report one more piece."""
-        self._done += len(result.rows['converged'])
+        self._done += result.size
         self._steps.done(self._done, self._total)
 
 
@@ -232,9 +233,9 @@ class _Gathered:
     """The columns of all shapes, each written to its place while others are computed."""
 
     def __init__(self, count: _Count, n: int, parts: Sequence[tuple[int, int]],
-                 filled: Filled | None) -> None:
+                 room: Room | None) -> None:
         self._count, self._n, self._parts = count, n, parts
-        self._columns: Columns = {} if filled is None else filled.columns | {
+        self._columns: Columns = {} if room is None else room.filled.columns | {
             'contact_table': NO_CONTACTS}
         self._tables: dict[int, Floats] = {}
 

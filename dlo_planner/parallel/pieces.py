@@ -17,6 +17,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
+from dlo_planner.parallel.memory import Place
 from dlo_planner.parallel.shapes import Columns, columns, stacked
 
 _KNOWN = 8  # contents that a worker keeps
@@ -39,16 +40,6 @@ class Shared:
 @lru_cache(maxsize=_KNOWN)
 def _unpacked(packed: bytes) -> Shared:
     return Shared(loads(packed))
-
-
-class Here:
-    """Something in the memory of this process; for others, which cannot reach it, it is None."""
-
-    def __init__(self, content: Any) -> None:
-        self.content = content
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(None), ()
 
 
 class Piece(NamedTuple):
@@ -74,8 +65,8 @@ class Piece(NamedTuple):
     rods : sequence of Rod or None
         The m rods that the gripper holds instead of the simulator's, each begun anew. If None,
         that.
-    into : Here or None
-        Filled of m shapes, which the worker fills if all begin anew and `hangs_in_a_loop`.
+    into : Place or None
+        Where the worker fills in m shapes, if all begin anew and `hangs_in_a_loop`.
     """
 
     simulator: Shared
@@ -87,11 +78,11 @@ class Piece(NamedTuple):
     ends: bool = False
     seconds: float | None = None
     rods: tuple[Rod, ...] | None = None
-    into: Here | None = None
+    into: Place | None = None
 
 
 class PieceResult(NamedTuple):
-    """The result of a Piece: `columns` and, if requested, the Shapes at its ends.
+    """The result of a Piece: `columns`, unless they are where it says, and Shapes on request.
 
     Attributes
     ----------
@@ -101,14 +92,19 @@ class PieceResult(NamedTuple):
         The first Shape, where it is not given back otherwise.
     last : Shape or None
         Shape from which the next piece goes on: the last that converged, or nearly did.
-    placed : bool
-        Whether `rows` are where the piece wanted them.
+    placed : int
+        Number of shapes that were filled in where the piece wanted them, instead of `rows`.
     """
 
     rows: Columns
     first: Shape | None = None
     last: Shape | None = None
-    placed: bool = False
+    placed: int = 0
+
+    @property
+    def size(self) -> int:
+        """Number of shapes."""
+        return self.placed or len(self.rows['converged'])
 
 
 def piece_of(simulator: Shared, grippers: Sequence[Pose], **more: Any) -> Piece:
@@ -134,7 +130,7 @@ def result_of(piece: Piece) -> PieceResult:
     if piece.rods is not None:
         return PieceResult(_each_rod(simulator, piece))
     if len(piece.anew) == len(piece.positions) and hangs_in_a_loop(simulator):
-        return PieceResult(_each_alone(simulator, piece), placed=piece.into is not None)
+        return _each_alone(simulator, piece)
     grippers = [_pose(*both) for both in zip(piece.positions, piece.rotations, strict=True)]
     starts = sorted({0, *piece.anew})
     shapes = []
@@ -149,17 +145,19 @@ def result_of(piece: Piece) -> PieceResult:
                        good[-1] if good else piece.start)
 
 
-def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns:
-    """Return `columns` of a DLO that hangs freely in each gripper, from the compiled loop."""
-    filled: Filled = (Filled.new(len(piece.positions), simulator.mesh.s.size - 1)
-                      if piece.into is None else piece.into.content)
+def _each_alone(simulator: DirectSimulator, piece: Piece) -> PieceResult:
+    """Return the PieceResult of a DLO that hangs freely in each gripper, by the compiled loop."""
+    n = len(piece.positions)
+    filled = (piece.into and piece.into.filled) or Filled.new(n, simulator.mesh.s.size - 1)
     good = hanging_shapes(simulator, piece.positions, piece.rotations, filled)
     for k in np.flatnonzero(~good):
         shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
         for name, values in columns([shape], simulator.mesh.s).items():
             if name != 'contact_table':
                 filled.columns[name][k] = values[0]
-    return filled.columns | {'contact_table': NO_CONTACTS}
+    if piece.into is not None and piece.into.takes(filled):
+        return PieceResult({}, placed=n)
+    return PieceResult(filled.columns | {'contact_table': NO_CONTACTS})
 
 
 def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:

@@ -8,7 +8,14 @@ An executor is one of `concurrent.futures`: threads, processes, or a cluster's (
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
 from threading import Event
 from time import monotonic
 from typing import Any
@@ -101,6 +108,11 @@ class Crew:
     def shares(self) -> bool:
         """Whether there is an executor."""
         return self._executor is not None
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether workers may be in other processes."""
+        return not isinstance(self._executor, ThreadPoolExecutor | None)
 
     def run(self, function: Callable[[Any], Any], tasks: Iterable[Any],
             finished: Callable[[int, Any], object]) -> list[Any]:

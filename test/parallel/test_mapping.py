@@ -28,7 +28,8 @@ from dlo_planner import (
     solve_many,
 )
 from dlo_planner.parallel.chains import parts_of
-from dlo_planner.parallel.pieces import Here, Piece, Shared, arrays_of
+from dlo_planner.parallel.memory import Room
+from dlo_planner.parallel.pieces import Piece, Shared, arrays_of, result_of
 from dlo_planner.progress import interrupted_by
 
 BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
@@ -96,12 +97,28 @@ class _Noting(ThreadPoolExecutor):
 
 def test_threads_write_to_where_the_results_are(simulator, anywhere):
     with _Noting() as executor:
-        shapes = parallel.map(simulator, anywhere, executor, chunk=7)
-    assert len(executor.given) == 6
-    assert all(np.shares_memory(future.result().rows['frames'], shapes.frames)
-               for future in executor.given)
-    piece = Piece(Shared(simulator), *arrays_of(anywhere), into=Here(shapes))
-    assert pickle.loads(pickle.dumps(piece)).into is None  # it is out of reach there
+        parallel.map(simulator, anywhere, executor, chunk=7)
+    results = [future.result() for future in executor.given]
+    assert [(one.rows, one.placed) for one in results] == 5 * [({}, 7)] + [({}, 5)]
+
+
+def test_processes_write_there_too_where_they_can(simulator, anywhere):
+    serial = solve_many(simulator, anywhere)
+    with Room(len(anywhere), 32, shared=True) as room:
+        piece = Piece(Shared(simulator), *arrays_of(anywhere[8:16]), tuple(range(8)),
+                      into=room.part(8, 16))
+        with processes() as executor:
+            result = executor.submit(result_of, piece).result()
+        packed = pickle.dumps(piece)
+    assert (result.rows, result.placed) == ({}, 8)
+    for name, values in room.filled.columns.items():
+        np.testing.assert_array_equal(values[8:16], getattr(serial, name)[8:16], name)
+    # another machine has no such file, nor has this one any more: from there results are sent
+    with Room(3, 5, shared=True):  # but another one
+        result = result_of(pickle.loads(packed))
+    np.testing.assert_array_equal(result.rows['frames'], serial.frames[8:16])
+    piece = Piece(Shared(simulator), *arrays_of(anywhere), into=Room(40, 32, False).part(0, 40))
+    assert pickle.loads(pickle.dumps(piece)).into is None
 
 
 def test_the_last_pieces_are_small(simulator, anywhere):
