@@ -32,14 +32,15 @@ from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _AT_ONCE = 64  # gripper poses in one piece of work
-_LOOP = 512    # of one that takes a few hundredths of a second
+_QUICK = 128   # of one that takes a hundredth of a second, which to hand out takes a twentieth of
+_LOOP = 512    # of one that nobody waits for
 _FEW, _LAST = 16, 4  # or so many if that is less: in the last pieces, each a part of what is left
 _MOST = 100_000
 
 
 def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = None, *,  # noqa: A001
-        rods: Iterable[Rod] | None = None, chunk: int = _AT_ONCE, progress: OnProgress = None,
-        deadline: float | None = None) -> Shapes | list[Shapes]:
+        rods: Iterable[Rod] | None = None, chunk: int | None = None,
+        progress: OnProgress = None, deadline: float | None = None) -> Shapes | list[Shapes]:
     """Return the shapes at many gripper poses, found by the workers of an executor.
 
     The result does not depend on the executor, nor on how many workers it has: it is the same bit
@@ -64,7 +65,7 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
         same bit for bit as `simulator.with_rod(rod).solve(pose)`. If None, the simulator's.
     chunk : int, optional
         Poses in one piece of work; the last pieces of poses by themselves may have fewer, but no
-        fewer than 16.
+        fewer than 16. If None, 64, or 128 of a DLO that hangs freely, each by itself.
     progress : callable, optional
         Called as progress(done, total) after each piece, in poses; where parts do not meet, what is
         done again is not counted.
@@ -91,7 +92,7 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     grippers, chains = _poses(work)
     rods = None if rods is None else _rods(simulator, rods, grippers if chains is None else None)
     checked(executor)
-    chunk = integer('chunk', chunk, minimum=1, maximum=_MOST)
+    chunk = _chunk(simulator, chunk, chains is None)
     steps = Progress(progress, deadline)
     with Crew(executor, steps.check) as crew:
         if chains is None:
@@ -142,6 +143,13 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
     shapes = map(simulator, grippers, rods=rods, chunk=chunk, progress=progress, deadline=deadline)
     assert isinstance(shapes, Shapes)  # there are no motions in it
     return shapes
+
+
+def _chunk(simulator: DirectSimulator, chunk: int | None, each_alone: bool) -> int:
+    """Return how many poses are in one piece of work."""
+    if chunk is None:
+        return _QUICK if each_alone and hangs_in_a_loop(simulator) else _AT_ONCE
+    return integer('chunk', chunk, minimum=1, maximum=_MOST)
 
 
 def _rods(simulator: DirectSimulator, rods: Iterable[Rod],

@@ -27,6 +27,7 @@ from dlo_planner import (
     parallel,
     solve_many,
 )
+from dlo_planner.model.pose import pose_of
 from dlo_planner.parallel.chains import parts_of
 from dlo_planner.parallel.memory import Room
 from dlo_planner.parallel.pieces import Piece, Shared, arrays_of, result_of
@@ -121,11 +122,21 @@ def test_processes_write_there_too_where_they_can(simulator, anywhere):
     assert pickle.loads(pickle.dumps(piece)).into is None
 
 
+def test_arrays_of_poses():
+    back = turned(20)
+    poses = [turned(10), pose_of(-back.position, back.rotation.T), turned(30)]
+    assert not poses[1].rotation.flags.c_contiguous
+    for one, other in zip(zip(*arrays_of(poses), strict=True), poses, strict=True):
+        np.testing.assert_array_equal(one[0], other.position)
+        np.testing.assert_array_equal(one[1], other.rotation)
+    assert arrays_of([])[1].shape == (0, 3, 3)
+
+
 def test_the_last_pieces_are_small(simulator, anywhere):
     serial, shared = [], []
-    parallel.map(simulator, 5 * anywhere, progress=lambda done, _: serial.append(done))
+    parallel.map(simulator, 5 * anywhere, chunk=64, progress=lambda done, _: serial.append(done))
     with ThreadPoolExecutor(2) as executor:
-        parallel.map(simulator, 5 * anywhere, executor,
+        parallel.map(simulator, 5 * anywhere, executor, chunk=64,
                      progress=lambda done, _: shared.append(done))
     assert serial == [64, 128, 192, 200]
     assert len(shared) == 8 and shared[-1] == 200 and np.diff([0, *shared]).max() == 50
