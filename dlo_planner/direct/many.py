@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,82 +13,112 @@ from numpy.typing import NDArray
 from dlo_planner.direct.indicator import hanging_surely_within
 from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hangs_still
 from dlo_planner.minimize.hanging import hang_many
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.value import freeze
 
 if TYPE_CHECKING:  # it imports this package
     from dlo_planner.direct.simulator import DirectSimulator
 
 
-def hanging_shapes(simulator: DirectSimulator, positions: np.ndarray,
-                   rotations: np.ndarray) -> tuple[dict[str, Any], np.ndarray] | None:
-    """Return what `DirectSimulator.solve` finds in many grippers, as arrays.
+def hangs_in_a_loop(simulator: DirectSimulator) -> bool:
+    """Return whether shapes of a DirectSimulator come from the compiled loop."""
+    return simulator.mesh.hangs and simulator.method == 'newton'
+
+
+def hanging_shapes(simulator: DirectSimulator, positions: Floats, rotations: Floats,
+                   filled: Filled) -> NDArray[np.bool_]:
+    """Fill in what `DirectSimulator.solve` finds in many grippers.
 
     The interpreter is free meanwhile, so threads work side by side.
 
     Parameters
     ----------
     simulator : DirectSimulator
-        Simulator whose DLO hangs freely, see `Discretization.hangs`. For any other, the answer is
-        None.
+        Simulator with `hangs_in_a_loop`.
     positions : ndarray, shape (n, 3)
         Positions of the grippers, m.
     rotations : ndarray, shape (n, 3, 3)
+    filled : Filled
+        Of n shapes.
 
     Returns
     -------
-    (dict, ndarray) or None
-        Arrays of n rows each, named as the attributes of `Shape`; and (n,) whether a shape is
-        within the accuracy that is wanted. Where it may not be, `solve` has to look.
+    ndarray of bool, shape (n,)
+        Whether a shape is within the accuracy that is wanted. Where it may not be, `solve` has to
+        look.
     """
     mesh = simulator.mesh
-    if not mesh.hangs or simulator.method != 'newton':
-        return None
-    filled = Filled(mesh.s.size - 1, positions, rotations)
-    hang_many(mesh.static, filled.rotations, filled.positions, mesh.relaxed, TOLERANCE,
+    hang_many(mesh.static, read_only(rotations), read_only(positions), mesh.relaxed, TOLERANCE,
               MAX_ITERATIONS, *filled.arrays)
-    residual, stability, truncated = filled.proofs.T
-    good = np.full(len(positions), True)
-    if simulator.accuracy is not None:
-        good = hanging_surely_within(mesh, stability, truncated, simulator.accuracy)
-    return filled.columns(), good
+    filled.told()
+    if simulator.accuracy is None:
+        return np.full(len(positions), True)
+    _, stability, truncated = filled.proofs.T
+    good: NDArray[np.bool_] = hanging_surely_within(mesh, stability, truncated, simulator.accuracy)
+    return good
+
+
+def read_only(given: Floats) -> Floats:
+    """Return an array as the loops take it: they are compiled for arrays that do not change."""
+    array = np.ascontiguousarray(given, dtype=float)
+    if array.flags.writeable:
+        array = array.copy() if array is given else array
+        freeze(array)
+    return array
 
 
 class Filled:
     """The arrays that a loop over n grippers fills.
 
-    Parameters
+    Attributes
     ----------
-    elements : int
-        Number of elements, N.
-    positions : ndarray, shape (n, 3)
-        Positions of the grippers, m.
-    rotations : ndarray, shape (n, 3, 3)
+    stored : tuple of ndarray
+        What the loop fills, in its order, and after it `told`; n rows each.
+    columns : dict
+        The same by the names of the attributes of `Shape`.
+    proofs : ndarray, shape (n, 3)
+        Residual, stability, `truncation`.
     """
 
-    def __init__(self, elements: int, positions: NDArray[np.float64],
-                 rotations: NDArray[np.float64]):
-        n = len(positions)
-        self.rotations, self.positions = (np.array(one, dtype=float, order='C')
-                                          for one in (rotations, positions))
-        freeze((self.rotations, self.positions))
-        self._shapes = {'element_strains': np.empty((n, elements, 3)),
-                        'frames': np.empty((n, elements + 1, 3, 3)),
-                        'positions': np.empty((n, elements + 1, 3)),
-                        'gripper_wrench': np.empty((n, 6))}
-        self._energies, self.proofs = np.empty((n, 2)), np.empty((n, 3))
-        self._iterations = np.empty(n, dtype=np.int64)
+    def __init__(self, stored: tuple[NDArray[Any], ...]):
+        self.stored = stored
+        energies, self.proofs, *others = stored[4:]
+        self.columns = dict(zip(_SHAPE, stored, strict=False)) | {
+            'elastic_energy': energies[:, 0], 'energy': energies[:, 1],
+            'residual': self.proofs[:, 0], 'stability': self.proofs[:, 1],
+            } | dict(zip(_OTHERS, others, strict=True))
+
+    @classmethod
+    def new(cls, n: int, elements: int,
+            empty: Callable[[tuple[int, ...], Any], NDArray[Any]] = np.empty) -> Filled:
+        """Return one for n shapes of so many elements, in which nothing is filled yet.
+
+        Parameters
+        ----------
+        n, elements : int
+        empty : callable, optional
+            Function of shape and dtype that makes an array.
+        """
+        rows = (elements, 3), (elements + 1, 3, 3), (elements + 1, 3), (6,), (2,), (3,)
+        return cls((*(empty((n, *row), float) for row in rows), empty((n,), np.int64),
+                    empty((n,), bool), empty((n,), bool), empty((n,), float), empty((n,), float)))
+
+    def part(self, begin: int, end: int) -> Filled:
+        """Return that of the shapes from `begin` to `end`, with views of the same arrays."""
+        return Filled(tuple(rows[begin:end] for rows in self.stored))
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
-        """What the loop fills, in its order; `proofs` (n, 3) is one of them."""
-        return *self._shapes.values(), self._energies, self.proofs, self._iterations
+        """What the loop fills, in its order."""
+        return self.stored[:7]
 
-    def columns(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays by the names of the attributes of `Shape`."""
-        residual, stability, _ = self.proofs.T
-        nothing, none = np.zeros(residual.size), np.zeros(residual.size, dtype=bool)
-        return self._shapes | {
-            'energy': self._energies[:, 1], 'elastic_energy': self._energies[:, 0],
-            'residual': residual, 'stability': stability, 'iterations': self._iterations,
-            'converged': hangs_still(residual, stability), 'jumped': none,
-            'dissipated': nothing, 'violation': nothing}
+    def told(self) -> None:
+        """Fill in what is said of such shapes besides what the loop does, after it."""
+        columns = self.columns
+        columns['converged'][:] = hangs_still(columns['residual'], columns['stability'])
+        columns['jumped'][:] = False
+        columns['dissipated'][:] = columns['violation'][:] = 0.0
+
+
+_SHAPE = 'element_strains', 'frames', 'positions', 'gripper_wrench'
+_OTHERS = 'iterations', 'converged', 'jumped', 'dissipated', 'violation'

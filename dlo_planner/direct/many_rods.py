@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.indicator import hanging_surely_within
-from dlo_planner.direct.many import Filled
+from dlo_planner.direct.many import Filled, read_only
 from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.loads import node_masses
@@ -57,24 +57,26 @@ def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
     Returns
     -------
     (dict, ndarray)
-        What `many.hanging_shapes` returns.
+        Arrays of n rows each, named as the attributes of `Shape`; and (n,) whether a shape is
+        within the accuracy that is wanted, as of `many.hanging_shapes`.
     """
     mesh, accuracy = simulator.mesh, simulator.accuracy
     if not even(simulator, simulator.rod):
         mesh = simulator.with_rod(rods[0]).mesh
-    filled = Filled(mesh.s.size - 1, positions, rotations)
+    filled = Filled.new(len(rods), mesh.s.size - 1)
     own = mesh.static
     system = own._replace(**{name: getattr(own, name).copy() for name in (
         'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')})
     table = _table(mesh, simulator.mesh.s, rods)
-    hang_rods(system, table, filled.rotations, filled.positions, TOLERANCE, MAX_ITERATIONS,
+    hang_rods(system, table, read_only(rotations), read_only(positions), TOLERANCE, MAX_ITERATIONS,
               *filled.arrays)
+    filled.told()
     if accuracy is None:
-        return filled.columns(), np.full(len(rods), True)
+        return filled.columns, np.full(len(rods), True)
     lengths = np.array([rod.length for rod in rods])
     _, stability, truncated = filled.proofs.T
-    return filled.columns(), hanging_surely_within(mesh, stability, truncated,
-                                                   accuracy * (lengths / simulator.rod.length))
+    return filled.columns, hanging_surely_within(mesh, stability, truncated,
+                                                 accuracy * (lengths / simulator.rod.length))
 
 
 def _table(mesh: Discretization, s: Floats, rods: Sequence[Rod]) -> RodTable:

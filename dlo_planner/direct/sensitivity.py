@@ -148,7 +148,7 @@ class Sensitivity:
         strains = shape.element_strains + self.strains @ twist
         rotations, positions = np.empty_like(shape.frames), np.empty_like(shape.positions)
         forward_kinematics(self._system.lengths, strains, np.array(gripper.rotation), rotations,
-                           positions)
+                           positions, np.empty((len(strains), 7)))
         return replace(shape, gripper=gripper, frames=rotations, element_strains=strains,
                        positions=positions + gripper.position)
 

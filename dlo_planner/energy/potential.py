@@ -88,7 +88,8 @@ def evaluate(system: System, state: State) -> tuple[float, float]:
     lengths, scale, slope, pull = system.lengths, system.scale, state.slope, state.pull
     n = lengths.size
     _strains_of(system, state.q, state.strains)
-    forward_kinematics(lengths, state.strains, system.base, state.rotations, state.positions)
+    forward_kinematics(lengths, state.strains, system.base, state.rotations, state.positions,
+                       state.arcs)
     for e in range(n):
         for i in range(3):
             slope[e, i] = 0.0
@@ -99,8 +100,8 @@ def evaluate(system: System, state: State) -> tuple[float, float]:
         state.weight[k] = 0.0
     cleared(state.attached)
     energy, size = add_forces(system.effects, system, state)
-    add_gradient(lengths, state.strains, state.rotations, state.positions, pull, state.attached,
-                 slope, state.base_force, state.base_moment)
+    add_gradient(lengths, state.strains, state.arcs, state.rotations, state.positions, pull,
+                 state.attached, slope, state.base_force, state.base_moment)
     for e in range(n):
         for i in range(3):
             slope[e, i] *= scale[e, i]
@@ -140,8 +141,8 @@ def element_hessian(system, state, twist_jacobian, cross, diagonal, base):
     Args:
         base: (3, 3) filled: change of the dead loads' moment on the gripper per rotation of it
     """
-    second_order(system.lengths, state.strains, system.scale, state.rotations, state.positions,
-                 state.pull, state.attached, twist_jacobian, cross, diagonal, base)
+    second_order(system.lengths, state.strains, state.arcs, system.scale, state.rotations,
+                 state.positions, state.pull, state.attached, twist_jacobian, cross, diagonal, base)
     widened(system.needs.displaced, system.lengths, state.strains, system.scale, state.rotations,
             state.positions, state.weight, state.attached, twist_jacobian, cross, diagonal)
     add_stiffness(system.effects, system, state, diagonal)

@@ -111,6 +111,8 @@ class State(Record):
         Derivative of the potential by them.
     strains : ndarray, shape (N, 3)
         Strains of the elements, 1/m.
+    arcs : ndarray, shape (N, 7)
+        `ritz.arc.coefficients` of the elements.
     rotations : ndarray, shape (N + 1, 3, 3)
         Frames of the nodes, columns t, n, b.
     positions : ndarray, shape (N + 1, 3)
@@ -133,6 +135,7 @@ class State(Record):
     q: Floats
     gradient: Floats
     strains: Floats
+    arcs: Floats
     rotations: Floats
     positions: Floats
     slope: Floats
@@ -197,7 +200,8 @@ def new_state(system: System) -> State:
     """Return an empty State of the right sizes."""
     n = system.lengths.size
     m = unknown_count(system)
-    return State(np.zeros((m, 3)), np.zeros((m, 3)), np.empty((n, 3)), np.empty((n + 1, 3, 3)),
-                 np.empty((n + 1, 3)), np.empty((n, 3)), np.empty((n + 1, 3)),
+    return State(np.zeros((m, 3)), np.zeros((m, 3)), np.empty((n, 3)), np.empty((n, 7)),
+                 np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3)),
+                 np.empty((n + 1, 3)),
                  np.zeros(n + 1 if width(system.needs.displaced) == 6 else 0), np.empty(3),
                  np.empty(3), new_attached(system.needs.attached))

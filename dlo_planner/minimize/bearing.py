@@ -185,7 +185,8 @@ def _place(system, state):
     for e in range(system.lengths.size):
         for i in range(3):
             state.strains[e, i] = system.natural[e, i] + system.scale[e, i] * values[e, i]
-    forward_kinematics(system.lengths, state.strains, system.base, state.rotations, state.positions)
+    forward_kinematics(system.lengths, state.strains, system.base, state.rotations, state.positions,
+                       state.arcs)
 
 
 @kernel

@@ -52,8 +52,9 @@ def hang(system: System, base: Floats, origin: Floats, strains: Floats, toleranc
     """
     work = new_workspace(system)
     turned = turned_system(system, np.empty((3, 3)), np.empty(3))
+    unknowns_of(turned, strains.copy(), work.start)
     state, residual, stability, iterations, kicks = hung(
-        turned, base, origin, strains, tolerance, max_iterations,
+        turned, base, origin, tolerance, max_iterations,
         leash_on(frames, before, base, nodes, most), work)
     wrench = np.empty(6)
     elastic, energy = told(turned, state, wrench)
@@ -62,19 +63,18 @@ def hang(system: System, base: Floats, origin: Floats, strains: Floats, toleranc
 
 
 @kernel(inline='always')
-def hung(turned, base, origin, strains, tolerance, max_iterations, leash, work):
+def hung(turned, base, origin, tolerance, max_iterations, leash, work):
     """Return State, residual, stability, iterations and kicks of what `hang` finds.
 
     Args:
         turned: System whose `base` and `origin` are written over
-        base, origin, strains, tolerance, max_iterations: as of `hang`
-        leash: Leash; work: Workspace, of which the State is one
+        base, origin, tolerance, max_iterations: as of `hang`
+        leash: Leash; work: Workspace, whose `start` it begins with, and of which the State is one
     """
     for i in range(3):
         turned.origin[i] = origin[i]
         for j in range(3):
             turned.base[i, j] = base[i, j]
-    unknowns_of(turned, strains.copy(), work.start)
     check = tolerance > 0.0  # a literal would be compiled for by itself
     return leashed_newton(turned, work.start, tolerance, max_iterations, check, leash, work)
 
@@ -110,9 +110,12 @@ def hang_many(system: System, bases: Floats, origins: Floats, start: Floats, tol
     """
     work, leash = new_workspace(system), no_leash()
     turned = turned_system(system, np.empty((3, 3)), np.empty(3))
+    unknowns = np.empty_like(work.start)
+    unknowns_of(turned, start.copy(), unknowns)
     for k in range(bases.shape[0]):
+        copy(unknowns, work.start)
         state, residual, stability, iterations[k], _ = hung(
-            turned, bases[k], origins[k], start, tolerance, max_iterations, leash, work)
+            turned, bases[k], origins[k], tolerance, max_iterations, leash, work)
         proofs[k, 0], proofs[k, 1] = residual, stability
         energies[k, 0], energies[k, 1] = told(turned, state, wrenches[k])
         put_shape(system, state, strains[k], rotations[k], positions[k], proofs[k])

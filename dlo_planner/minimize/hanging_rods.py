@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.energy.system import System, turned_system
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hanging import hung, put_shape, told
@@ -73,8 +74,9 @@ def hang_rods(system: System, rods: RodTable, bases: Floats, origins: Floats, to
             last = rods.mesh[k]
             _put_mesh(system, rods, last)
         _put_rod(system, rods, k)
+        unknowns_of(turned, natural[k].copy(), work.start)
         state, residual, stability, iterations[k], _ = hung(
-            turned, bases[k], origins[k], natural[k], tolerance, max_iterations, leash, work)
+            turned, bases[k], origins[k], tolerance, max_iterations, leash, work)
         proofs[k, 0], proofs[k, 1] = residual, stability
         energies[k, 0], energies[k, 1] = told(turned, state, wrenches[k])
         put_shape(system, state, strains[k], rotations[k], positions[k], proofs[k])

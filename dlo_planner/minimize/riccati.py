@@ -3,6 +3,7 @@
 """The Riccati sweeps: factorization and solution of a local Newton system in O(N), see `linear`."""
 
 from dlo_planner.kernels import kernel
+from dlo_planner.ritz.arc import coefficients_in
 from dlo_planner.ritz.matrix3 import (
     ZERO,
     added,
@@ -120,6 +121,7 @@ def factorize_dead_loads(system, state, hessian, shift):
     """
     lengths, scale, pull, strains = system.lengths, system.scale, state.pull, state.strains
     rotations, positions, diagonals = state.rotations, state.positions, hessian.diagonal
+    arcs = state.arcs
     jacobians, gains, inverses = hessian.twist_jacobian, hessian.gain, hessian.inverse
     passed = hessian.passed
     value, first = ZERO, ZERO
@@ -129,8 +131,8 @@ def factorize_dead_loads(system, state, hessian, shift):
         d = diagonals[e]
         force = plus(force, vector(pull[e + 1]))
         turned, _, coupling, p = element_blocks(
-            lengths[e], vector(strains[e]), vector(scale[e]), matrix(rotations[e]), force, moment,
-            added(value, without_trace(first)))
+            lengths[e], vector(strains[e]), coefficients_in(arcs[e]), vector(scale[e]),
+            matrix(rotations[e]), force, moment, added(value, without_trace(first)))
         inverse, below = inverse3((d[0, 0] + p[0] + shift, d[1, 1] + p[1] + shift,
                                     d[2, 2] + p[2] + shift, d[0, 1] + p[3], d[0, 2] + p[4],
                                     d[1, 2] + p[5]))

@@ -8,7 +8,7 @@ blocks of the sweep are two wide instead of three.
 
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.riccati import inverse3
-from dlo_planner.ritz.arc import coefficients, jacobians_with, second_derivatives_with
+from dlo_planner.ritz.arc import coefficients_in, jacobians_with, second_derivatives_with
 from dlo_planner.ritz.matrix3 import columns_scaled, matrix, put_matrix, times, vector
 
 
@@ -22,11 +22,11 @@ def is_vertical(pull):
 
 
 @kernel(forceinline=True)
-def _element(h, strain, scale, frame, force, first, value):
+def _element(h, strain, c, scale, frame, force, first, value):
     """Return what `ritz.second_order.element_blocks` does, for the two horizontal rotations.
 
     Args:
-        h, strain, scale, frame: as there
+        h, strain, c, scale, frame: as there
         force: upward component of the sum of `pull` beyond
         first: (3 numbers) first moment of these about the element's far end
         value: (3 numbers: 00, 01, 11) second derivative of the cost to go
@@ -36,7 +36,6 @@ def _element(h, strain, scale, frame, force, first, value):
         turned: (9 numbers); coupling: (6 numbers); pivot: (6 numbers: 00, 11, 22, 01, 02, 12)
     """
     x, y, z = h * strain[0], h * strain[1], h * strain[2]
-    c = coefficients(x * x + y * y + z * z)
     rotation_jacobian, chord_jacobian = jacobians_with(x, y, z, h, c)
     w0, w1, w2 = h * scale[0], h * scale[1], h * scale[2]
     t = times(frame, columns_scaled(rotation_jacobian, w0, w1, w2))
@@ -63,22 +62,23 @@ def _element(h, strain, scale, frame, force, first, value):
 @kernel
 def factorize_vertical_loads(system, state, hessian, shift):
     """Do what `riccati.factorize_dead_loads` does, where `is_vertical`."""
-    return _factorized(system.lengths, (state.strains, system.scale, state.positions, state.pull),
+    return _factorized(system.lengths,
+                       (state.strains, state.arcs, system.scale, state.positions, state.pull),
                        (hessian.twist_jacobian, state.rotations, hessian.diagonal, hessian.gain,
                         hessian.inverse, hessian.passed), shift)
 
 
 @kernel
 def _factorized(lengths, rows, blocks, shift):
-    strains, scale, positions, pull = rows
+    strains, arcs, scale, positions, pull = rows
     jacobians, rotations, diagonals, gains, inverses, passed = blocks
     force, first, value = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(lengths.size):
         e = lengths.size - 1 - k
         d, gain, kept = diagonals[e], gains[e], passed[e]
         force += pull[e + 1, 2]
-        t, c, p = _element(lengths[e], vector(strains[e]), vector(scale[e]),
-                                matrix(rotations[e]), force, first, value)
+        t, c, p = _element(lengths[e], vector(strains[e]), coefficients_in(arcs[e]),
+                           vector(scale[e]), matrix(rotations[e]), force, first, value)
         inverse, below = inverse3((d[0, 0] + p[0] + shift, d[1, 1] + p[1] + shift,
                                    d[2, 2] + p[2] + shift, d[0, 1] + p[3], d[0, 2] + p[4],
                                    d[1, 2] + p[5]))

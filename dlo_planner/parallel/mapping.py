@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.many import hangs_in_a_loop
 from dlo_planner.direct.many_rods import even, scaled_nodes
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
@@ -16,19 +18,29 @@ from dlo_planner.model.checks import instance, integer, items, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.parallel.chains import Following
-from dlo_planner.parallel.pieces import PieceResult, Shared, piece_of, result_of
+from dlo_planner.parallel.memory import Room
+from dlo_planner.parallel.pieces import (
+    NO_CONTACTS,
+    Piece,
+    PieceResult,
+    Shared,
+    arrays_of,
+    result_of,
+)
 from dlo_planner.parallel.shapes import Columns, Shapes, columns, stacked
 from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _AT_ONCE = 64  # gripper poses in one piece of work
-_LOOP = 512    # of one that takes a few hundredths of a second
+_QUICK = 128   # of one that takes a hundredth of a second, which to hand out takes a twentieth of
+_LOOP = 512    # of one that nobody waits for
+_FEW, _LAST = 16, 4  # or so many if that is less: in the last pieces, each a part of what is left
 _MOST = 100_000
 
 
 def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = None, *,  # noqa: A001
-        rods: Iterable[Rod] | None = None, chunk: int = _AT_ONCE, progress: OnProgress = None,
-        deadline: float | None = None) -> Shapes | list[Shapes]:
+        rods: Iterable[Rod] | None = None, chunk: int | None = None,
+        progress: OnProgress = None, deadline: float | None = None) -> Shapes | list[Shapes]:
     """Return the shapes at many gripper poses, found by the workers of an executor.
 
     The result does not depend on the executor, nor on how many workers it has: it is the same bit
@@ -52,7 +64,8 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
         One rod for each Pose of `work`, which the gripper holds instead of the simulator's: the
         same bit for bit as `simulator.with_rod(rod).solve(pose)`. If None, the simulator's.
     chunk : int, optional
-        Poses in one piece of work.
+        Poses in one piece of work; the last pieces of poses by themselves may have fewer, but no
+        fewer than 16. If None, 64, or 128 of a DLO that hangs freely, each by itself.
     progress : callable, optional
         Called as progress(done, total) after each piece, in poses; where parts do not meet, what is
         done again is not counted.
@@ -79,7 +92,7 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     grippers, chains = _poses(work)
     rods = None if rods is None else _rods(simulator, rods, grippers if chains is None else None)
     checked(executor)
-    chunk = integer('chunk', chunk, minimum=1, maximum=_MOST)
+    chunk = _chunk(simulator, chunk, chains is None)
     steps = Progress(progress, deadline)
     with Crew(executor, steps.check) as crew:
         if chains is None:
@@ -126,11 +139,17 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
                           f'{len(rods)} rods, or one for all')
     instance('simulator', simulator, DirectSimulator)
     # one loop fills the arrays of all, where nothing is long
-    quick = simulator.mesh.hangs and simulator.method == 'newton'
-    chunk = _LOOP if quick else _AT_ONCE
+    chunk = _LOOP if hangs_in_a_loop(simulator) else _AT_ONCE
     shapes = map(simulator, grippers, rods=rods, chunk=chunk, progress=progress, deadline=deadline)
     assert isinstance(shapes, Shapes)  # there are no motions in it
     return shapes
+
+
+def _chunk(simulator: DirectSimulator, chunk: int | None, each_alone: bool) -> int:
+    """Return how many poses are in one piece of work."""
+    if chunk is None:
+        return _QUICK if each_alone and hangs_in_a_loop(simulator) else _AT_ONCE
+    return integer('chunk', chunk, minimum=1, maximum=_MOST)
 
 
 def _rods(simulator: DirectSimulator, rods: Iterable[Rod],
@@ -165,18 +184,36 @@ def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[
            crew: Crew, chunk: int, steps: Progress) -> Shapes:
     """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
     n, shared = len(grippers), Shared(simulator)
-    gathered = _Gathered(_Count(steps, n), n, chunk)
-    pieces = (piece_of(shared, grippers[k:k + chunk], seconds=steps.left(),
-                       anew=tuple(range(len(grippers[k:k + chunk]))),
-                       rods=None if rods is None else rods[k:k + chunk])
-              for k in range(0, len(grippers), chunk))
-    crew.run(result_of, pieces, gathered.finished)
+    parts = list(_parts(n, chunk, crew.shares))
+    positions, rotations = arrays_of(grippers)
+    in_a_loop = rods is None and hangs_in_a_loop(simulator)
+    with (Room(n, simulator.mesh.s.size - 1, crew.elsewhere) if in_a_loop
+          else nullcontext()) as room:
+        gathered = _Gathered(_Count(steps, n), n, parts, room)
+        pieces = (Piece(shared, positions[begin:end], rotations[begin:end], seconds=steps.left(),
+                        anew=tuple(range(end - begin)),
+                        rods=None if rods is None else tuple(rods[begin:end]),
+                        into=None if room is None else room.part(begin, end))
+                  for begin, end in parts)
+        crew.run(result_of, pieces, gathered.finished)
     s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
     if any(length != s[-1] for length in lengths):
         nodes = [scaled_nodes(s, length) for length in lengths]
         s = nodes[0] if len(set(lengths)) == 1 else np.array(nodes)
     return _shapes(simulator, grippers, gathered.parts, s)
+
+
+def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
+    """Yield (begin, end) of n poses: `chunk` in each, fewer at the end where workers share them.
+
+    Who has done the last piece waits for the others: not as long, where the last ones are small.
+    """
+    begin = 0
+    while begin < n:
+        most = chunk if not shared else min(chunk, max(_FEW, (n - begin) // _LAST))
+        yield begin, min(begin + most, n)
+        begin += most
 
 
 def _followed(simulator: DirectSimulator, chains: Sequence[Sequence[Pose]], crew: Crew, chunk: int,
@@ -196,33 +233,36 @@ class _Count:
 
     def finished(self, _: int, result: PieceResult) -> None:
         """Report one more piece."""
-        self._done += len(result.rows['converged'])
+        self._done += result.size
         self._steps.done(self._done, self._total)
 
 
 class _Gathered:
     """The columns of all shapes, each written to its place while others are computed."""
 
-    def __init__(self, count: _Count, n: int, chunk: int) -> None:
-        self._count, self._n, self._chunk = count, n, chunk
-        self._columns: Columns = {}
+    def __init__(self, count: _Count, n: int, parts: Sequence[tuple[int, int]],
+                 room: Room | None) -> None:
+        self._count, self._n, self._parts = count, n, parts
+        self._columns: Columns = {} if room is None else room.filled.columns | {
+            'contact_table': NO_CONTACTS}
         self._tables: dict[int, Floats] = {}
 
     def finished(self, index: int, result: PieceResult) -> None:
         """Take the rows of a piece."""
-        rows, first = result.rows, index * self._chunk
-        if self._n <= self._chunk:
-            self._columns = rows
-        for name, values in rows.items() if self._n > self._chunk else ():
+        rows, (first, end) = result.rows, self._parts[index]
+        if result.placed or len(self._parts) == 1:
+            self._columns = self._columns if result.placed else rows
+            self._count.finished(index, result)
+            return
+        for name, values in rows.items():
             if name == 'contact_table':
                 self._tables[index] = values + first * (np.arange(values.shape[1]) == 0)
                 continue
             if name not in self._columns:
                 self._columns[name] = np.empty((self._n, *values.shape[1:]), values.dtype)
-            self._columns[name][first:first + len(values)] = values
+            self._columns[name][first:end] = values
         self._count.finished(index, result)
-        if self._n > self._chunk:
-            rows.clear()  # the next piece has its memory
+        rows.clear()  # the next piece has its memory
 
     @property
     def parts(self) -> list[Columns]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.many import hanging_shapes
+from dlo_planner.direct.many import Filled, hanging_shapes, hangs_in_a_loop
 from dlo_planner.direct.many_rods import even, hanging_rods, scaled_nodes
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -17,10 +17,11 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
+from dlo_planner.parallel.memory import Place
 from dlo_planner.parallel.shapes import Columns, columns, stacked
 
 _KNOWN = 8  # contents that a worker keeps
-_NO_CONTACTS = columns([], np.zeros(2))['contact_table']
+NO_CONTACTS = columns([], np.zeros(2))['contact_table']
 
 
 class Shared:
@@ -64,6 +65,8 @@ class Piece(NamedTuple):
     rods : sequence of Rod or None
         The m rods that the gripper holds instead of the simulator's, each begun anew. If None,
         that.
+    into : Place or None
+        Where the worker fills in m shapes, if all begin anew and `hangs_in_a_loop`.
     """
 
     simulator: Shared
@@ -75,10 +78,11 @@ class Piece(NamedTuple):
     ends: bool = False
     seconds: float | None = None
     rods: tuple[Rod, ...] | None = None
+    into: Place | None = None
 
 
 class PieceResult(NamedTuple):
-    """The result of a Piece: `columns` and, if requested, the Shapes at its ends.
+    """The result of a Piece: `columns`, unless they are where it says, and Shapes on request.
 
     Attributes
     ----------
@@ -88,18 +92,39 @@ class PieceResult(NamedTuple):
         The first Shape, where it is not given back otherwise.
     last : Shape or None
         Shape from which the next piece goes on: the last that converged, or nearly did.
+    placed : int
+        Number of shapes that were filled in where the piece wanted them, instead of `rows`.
     """
 
     rows: Columns
     first: Shape | None = None
     last: Shape | None = None
+    placed: int = 0
+
+    @property
+    def size(self) -> int:
+        """Number of shapes."""
+        return self.placed or len(self.rows['converged'])
 
 
 def piece_of(simulator: Shared, grippers: Sequence[Pose], **more: Any) -> Piece:
     """Return the Piece of some Poses."""
-    n = len(grippers)  # one after the other: an array of arrays takes four times as long
-    return Piece(simulator, np.concatenate([pose.position for pose in grippers]).reshape(n, 3),
-                 np.concatenate([pose.rotation for pose in grippers]).reshape(n, 3, 3), **more)
+    return Piece(simulator, *arrays_of(grippers), **more)
+
+
+def arrays_of(grippers: Sequence[Pose]) -> tuple[Floats, Floats]:
+    """Return positions (n, 3) and rotations (n, 3, 3) of n Poses, read-only."""
+    n = len(grippers)
+    return (_rows([pose.position for pose in grippers]).reshape(n, 3),
+            _rows([pose.rotation for pose in grippers]).reshape(n, 3, 3))
+
+
+def _rows(arrays: list[Any]) -> Floats:
+    """Return the numbers of some arrays in a row, read-only: `np.array` takes ten times as long."""
+    try:
+        return np.frombuffer(b''.join(arrays))
+    except TypeError:  # some are transposed in memory
+        return np.frombuffer(b''.join([one.tobytes() for one in arrays]))
 
 
 def result_of(piece: Piece) -> PieceResult:
@@ -107,10 +132,8 @@ def result_of(piece: Piece) -> PieceResult:
     simulator = piece.simulator.content
     if piece.rods is not None:
         return PieceResult(_each_rod(simulator, piece))
-    if len(piece.anew) == len(piece.positions):
-        rows = _each_alone(simulator, piece)
-        if rows is not None:
-            return PieceResult(rows)
+    if len(piece.anew) == len(piece.positions) and hangs_in_a_loop(simulator):
+        return _each_alone(simulator, piece)
     grippers = [_pose(*both) for both in zip(piece.positions, piece.rotations, strict=True)]
     starts = sorted({0, *piece.anew})
     shapes = []
@@ -125,19 +148,19 @@ def result_of(piece: Piece) -> PieceResult:
                        good[-1] if good else piece.start)
 
 
-def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns | None:
-    """Return `columns` of a DLO that hangs freely in each gripper; None if this one does not."""
-    hanging = hanging_shapes(simulator, piece.positions, piece.rotations)
-    if hanging is None:
-        return None
-    rows, good = hanging
-    rows['contact_table'] = _NO_CONTACTS
+def _each_alone(simulator: DirectSimulator, piece: Piece) -> PieceResult:
+    """Return the PieceResult of a DLO that hangs freely in each gripper, by the compiled loop."""
+    n = len(piece.positions)
+    filled = (piece.into and piece.into.filled) or Filled.new(n, simulator.mesh.s.size - 1)
+    good = hanging_shapes(simulator, piece.positions, piece.rotations, filled)
     for k in np.flatnonzero(~good):
         shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
         for name, values in columns([shape], simulator.mesh.s).items():
             if name != 'contact_table':
-                rows[name][k] = values[0]
-    return rows
+                filled.columns[name][k] = values[0]
+    if piece.into is not None and piece.into.takes(filled):
+        return PieceResult({}, placed=n)
+    return PieceResult(filled.columns | {'contact_table': NO_CONTACTS})
 
 
 def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
@@ -149,7 +172,7 @@ def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
     if loop.size:
         rows, good = hanging_rods(simulator, [rods[k] for k in loop],
                                   piece.positions[loop], piece.rotations[loop])
-        rows['contact_table'] = _NO_CONTACTS
+        rows['contact_table'] = NO_CONTACTS
         if loop.size == n and good.all():
             return rows
         for row, k in enumerate(loop):

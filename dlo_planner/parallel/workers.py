@@ -6,15 +6,17 @@ An executor is one of `concurrent.futures`: threads, processes, or a cluster's (
 `Client(...).get_executor()`).
 """
 
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import (
-    FIRST_COMPLETED,
     BrokenExecutor,
     Executor,
     Future,
     ProcessPoolExecutor,
+    ThreadPoolExecutor,
     wait,
 )
+from threading import Event
 from time import monotonic
 from typing import Any
 
@@ -22,12 +24,11 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import shown
 from dlo_planner.parallel.pools import has_lost_a_worker, leave, like
 
-_LOOK = 0.05  # s between two looks at the deadline
+_LOOK = 0.02  # s between two looks at what has ended, and at the deadline
 _GRACE = 1.0  # s in which a broken executor says so of all that it had
 _VAIN = 3     # executors that break one after the other without a result: the work breaks them
 
 Workers = Executor | Callable[[], Executor] | None
-Waiting = dict[Future[Any], tuple[int, Any, Executor | None]]  # index, task, and who has it
 
 
 def checked(executor: object) -> Workers:
@@ -36,6 +37,38 @@ def checked(executor: object) -> Workers:
         return executor
     raise InvalidTask(f'executor = {shown(executor)}: expected an Executor of concurrent.futures, '
                       'a function that makes one, or None')
+
+
+class _Waiting(dict[Future[Any], tuple[int, Any, Executor | None]]):
+    """What has been given and not taken: of each Future index, task, and who has it.
+
+    To wake up for each that ends, and to ask all of them then, would take more than some of them
+    do: it is looked at now and then, and when all have ended.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._ended: deque[Future[Any]] = deque()
+        self._all = Event()
+
+    def __setitem__(self, future: Future[Any], task: tuple[int, Any, Executor | None]) -> None:
+        super().__setitem__(future, task)
+        future.add_done_callback(self._note)
+
+    def _note(self, future: Future[Any]) -> None:
+        """Note that a Future has ended; whoever ended it calls this."""
+        self._ended.append(future)
+        if len(self._ended) >= len(self):
+            self._all.set()
+
+    def ended(self, seconds: float) -> list[Future[Any]]:
+        """Return those that have ended after so many seconds, or as soon as all have."""
+        if seconds:
+            self._all.clear()
+            if len(self._ended) < len(self):
+                self._all.wait(seconds)
+        ended = [self._ended.popleft() for _ in range(len(self._ended))]
+        return [future for future in ended if future in self]
 
 
 class Crew:
@@ -70,6 +103,16 @@ class Crew:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._own:
             self._executor.shutdown(wait=kind is None)  # what is left was canceled
+
+    @property
+    def shares(self) -> bool:
+        """Whether there is an executor."""
+        return self._executor is not None
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether workers may be in other processes."""
+        return not isinstance(self._executor, ThreadPoolExecutor | None)
 
     def run(self, function: Callable[[Any], Any], tasks: Iterable[Any],
             finished: Callable[[int, Any], object]) -> list[Any]:
@@ -132,7 +175,7 @@ class Crew:
 
     def _share_out(self, function: Callable[[Any], Any], tasks: Iterable[Any],
                    done: Callable[[int, Any], object]) -> None:
-        waiting: Waiting = {}
+        waiting = _Waiting()
         vain = 0
         try:
             for index, task in enumerate(tasks):
@@ -146,7 +189,7 @@ class Crew:
             for future in waiting:  # there are none unless something was raised
                 future.cancel()
 
-    def _submit(self, function: Callable[[Any], Any], waiting: Waiting, index: int,
+    def _submit(self, function: Callable[[Any], Any], waiting: _Waiting, index: int,
                 task: Any) -> None:
         try:
             future = self._executor.submit(function, task)
@@ -155,10 +198,10 @@ class Crew:
             future = self._executor.submit(function, task)
         waiting[future] = index, task, self._executor
 
-    def _collect(self, function: Callable[[Any], Any], waiting: Waiting,
+    def _collect(self, function: Callable[[Any], Any], waiting: _Waiting,
                  done: Callable[[int, Any], object], seconds: float, vain: int) -> int:
         """Take what has ended, give again what was lost; return how often that was in vain."""
-        ended, _ = wait(waiting, seconds, FIRST_COMPLETED)
+        ended = waiting.ended(seconds)
         lost: list[tuple[int, Any]] = []
         broken: BaseException | None = None
         for future in ended:

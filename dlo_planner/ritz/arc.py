@@ -59,6 +59,18 @@ def coefficients(a2):
 
 
 @kernel
+def coefficients_in(row):
+    """Return the tuple of an array (7,) that `put_coefficients` has filled."""
+    return row[0], row[1], row[2], row[3], row[4], row[5], row[6]
+
+
+@kernel
+def put_coefficients(s, out):
+    """Fill an array (7,): three sweeps over the same elements need their `coefficients`."""
+    out[0], out[1], out[2], out[3], out[4], out[5], out[6] = s
+
+
+@kernel
 def first_slopes(s):
     """Return d1 = D c1 and d2 = D c2, with D = (1 / a) d/da, of s = `coefficients`."""
     return 2 * s[3] - s[2], 3 * s[4] - s[3]
@@ -73,7 +85,13 @@ def second_slopes(s):
 @kernel(forceinline=True)
 def rotation_and_chord(x, y, z, h):
     """Return exp(phi^) (9 numbers) and h J(phi) e1 (3 numbers) for the vector phi = (x, y, z)."""
-    c0, c1, c2, _, _, _, _ = coefficients(x * x + y * y + z * z)
+    return rotation_and_chord_with(x, y, z, h, coefficients(x * x + y * y + z * z))
+
+
+@kernel(forceinline=True)
+def rotation_and_chord_with(x, y, z, h, c):
+    """Return what `rotation_and_chord` does, of c = `coefficients`."""
+    c0, c1, c2 = c[0], c[1], c[2]
     diagonal = 1 - c1 * (x * x + y * y + z * z)
     xy, xz, yz = c1 * x * y, c1 * x * z, c1 * y * z
     turn = (diagonal + c1 * x * x, xy - c0 * z, xz + c0 * y,
@@ -118,8 +136,13 @@ def slope(x: float, y: float, z: float, h: float, force: Vector, moment: Vector)
         force: (3 numbers) on the far end, as derivative of the potential, in this element's frame
         moment: likewise, about that end
     """
+    return slope_with(x, y, z, h, force, moment, coefficients(x * x + y * y + z * z))
+
+
+@kernel(forceinline=True)
+def slope_with(x, y, z, h, force, moment, c):
+    """Return what `slope` does, of c = `coefficients`."""
     a2 = x * x + y * y + z * z
-    c = coefficients(a2)
     c1, c2, (d1, d2) = c[1], c[2], first_slopes(c)
     b0, b1, b2 = force
     a0, a1, a_2 = moment

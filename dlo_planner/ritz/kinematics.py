@@ -16,7 +16,15 @@ import numpy as np
 
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import jacobians, rotation_and_chord, slope
+from dlo_planner.ritz.arc import (
+    coefficients,
+    coefficients_in,
+    jacobians,
+    put_coefficients,
+    rotation_and_chord,
+    rotation_and_chord_with,
+    slope_with,
+)
 from dlo_planner.ritz.attached import (
     acts_inside,
     at_tip,
@@ -41,7 +49,7 @@ from dlo_planner.ritz.matrix3 import (
 
 @kernel
 def forward_kinematics(lengths: Floats, strains: Floats, base: Floats, rotations: Floats,
-                       positions: Floats) -> None:
+                       positions: Floats, arcs: Floats) -> None:
     """Fill the frames and positions of all nodes from the strains, starting at the gripper.
 
     Args:
@@ -50,13 +58,17 @@ def forward_kinematics(lengths: Floats, strains: Floats, base: Floats, rotations
         base: (3, 3) the gripper's rotation, columns t, n, b
         rotations: (N + 1, 3, 3) filled; columns t, n, b in the world
         positions: (N + 1, 3) filled; relative to the gripper, world axes, m
+        arcs: (N, 7) filled with `arc.coefficients` of the elements
     """
     frame, place = matrix(base), (0.0, 0.0, 0.0)
     put_matrix(frame, rotations[0])
     put_vector(place, positions[0])
     for e in range(lengths.size):
         h = lengths[e]
-        turn, chord = rotation_and_chord(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
+        x, y, z = h * strains[e, 0], h * strains[e, 1], h * strains[e, 2]
+        c = coefficients(x * x + y * y + z * z)
+        put_coefficients(c, arcs[e])
+        turn, chord = rotation_and_chord_with(x, y, z, h, c)
         place = plus(place, applied(frame, chord))
         frame = times(frame, turn)
         put_matrix(frame, rotations[e + 1])
@@ -64,11 +76,12 @@ def forward_kinematics(lengths: Floats, strains: Floats, base: Floats, rotations
 
 
 @kernel
-def add_gradient(lengths, strains, rotations, positions, pull, attached, gradient, by_shift,
+def add_gradient(lengths, strains, arcs, rotations, positions, pull, attached, gradient, by_shift,
                  by_turn):
     """Add dV/du (N, 3) of a potential whose derivative by the node positions is `pull` (N + 1, 3).
 
     Args:
+        arcs: (N, 7) of these strains, see `forward_kinematics`
         attached: what acts elsewhere, or None
         by_shift, by_turn: (3,) filled: derivative by the gripper's displacement and by its rotation
             about its own origin, world frame
@@ -84,8 +97,9 @@ def add_gradient(lengths, strains, rotations, positions, pull, attached, gradien
         if beside:
             moment = plus_at_node(attached, e + 1, moment)
         frame = matrix(rotations[e])
-        own = slope(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h,
-                    transposed_applied(frame, force), transposed_applied(frame, moment))
+        own = slope_with(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h,
+                         transposed_applied(frame, force), transposed_applied(frame, moment),
+                         coefficients_in(arcs[e]))
         for j in range(3):
             gradient[e, j] += h * own[j]
         moment = plus(moment, cross((positions[e + 1, 0] - positions[e, 0],

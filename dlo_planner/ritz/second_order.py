@@ -11,7 +11,7 @@ import numpy as np
 
 from dlo_planner.kernels import kernel
 from dlo_planner.ritz.arc import (
-    coefficients,
+    coefficients_in,
     jacobians_with,
     second_derivatives,
     second_derivatives_with,
@@ -43,13 +43,14 @@ from dlo_planner.ritz.matrix3 import cross as crossed
 
 
 @kernel
-def second_order(lengths, strains, scale, rotations, positions, pull, attached, twist_jacobian,
-                 cross, diagonal, base):
+def second_order(lengths, strains, arcs, scale, rotations, positions, pull, attached,
+                 twist_jacobian, cross, diagonal, base):
     """Fill the three blocks per element of the Hessian of a potential of dead loads.
 
     All derivatives are by the scaled strains, u = natural + scale * (unknown).
 
     Args:
+        arcs: (N, 7) of these strains, see `kinematics.forward_kinematics`
         pull: (N + 1, 3) derivative of the potential by the node positions, constant
         twist_jacobian: (N, 3 or 6, 3) filled: world rotation of all that lies beyond, per scaled
             strain; in the last three rows, if any, displacement of the element's far end
@@ -71,8 +72,8 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
             moment = plus_at_node(attached, e + 1, moment)
             first = _first_at_node(attached, e + 1, first)
         turned, shifted, coupling, pivot = element_blocks(
-            h, vector(strains[e]), vector(scale[e]), matrix(rotations[e]), force, moment,
-            without_trace(first))
+            h, vector(strains[e]), coefficients_in(arcs[e]), vector(scale[e]),
+            matrix(rotations[e]), force, moment, without_trace(first))
         put_matrix(turned, twist_jacobian[e])
         if wide:
             put_matrix(shifted, twist_jacobian[e, 3:])
@@ -96,11 +97,12 @@ def second_order(lengths, strains, scale, rotations, positions, pull, attached, 
 
 
 @kernel(forceinline=True)
-def element_blocks(h, strain, scale, frame, force, moment, rolling):
+def element_blocks(h, strain, c, scale, frame, force, moment, rolling):
     """Return what the strain of one element does to all that lies beyond it.
 
     Args:
-        h: length, m; strain, scale: (3 numbers); frame: (9 numbers) rotation at its beginning
+        h: length, m; strain, scale: (3 numbers); c: `arc.coefficients`
+        frame: (9 numbers) rotation at its beginning
         force, moment: (3 numbers) of the loads beyond, about its far end, as derivatives of the
             potential
         rolling: (9 numbers) second derivative of the potential by rotations of all that lies
@@ -114,7 +116,6 @@ def element_blocks(h, strain, scale, frame, force, moment, rolling):
         pivot: (6 numbers: 00, 11, 22, 01, 02, 12) second derivative by the scaled strain
     """
     x, y, z = h * strain[0], h * strain[1], h * strain[2]
-    c = coefficients(x * x + y * y + z * z)
     rotation_jacobian, chord_jacobian = jacobians_with(x, y, z, h, c)
     w0, w1, w2 = h * scale[0], h * scale[1], h * scale[2]
     turned = times(frame, columns_scaled(rotation_jacobian, w0, w1, w2))

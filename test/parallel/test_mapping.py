@@ -3,6 +3,7 @@
 """Many shapes at once are those that one after the other would give, whoever computes them."""
 
 import os
+import pickle
 import signal
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -26,7 +27,10 @@ from dlo_planner import (
     parallel,
     solve_many,
 )
+from dlo_planner.model.pose import pose_of
 from dlo_planner.parallel.chains import parts_of
+from dlo_planner.parallel.memory import Room
+from dlo_planner.parallel.pieces import Piece, Shared, arrays_of, result_of
 from dlo_planner.progress import interrupted_by
 
 BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
@@ -78,6 +82,65 @@ def test_each_by_itself_is_what_solve_gives(simulator, anywhere):
     with ThreadPoolExecutor(2) as executor:
         assert parallel.map(simulator, anywhere, executor, chunk=7) == alone
     assert parallel.map(simulator, anywhere, processes, chunk=7) == alone
+
+
+class _Noting(ThreadPoolExecutor):
+    """Threads, of which the futures are kept."""
+
+    def __init__(self):
+        super().__init__(2)
+        self.given = []
+
+    def submit(self, function, /, *args, **kwargs):
+        self.given.append(super().submit(function, *args, **kwargs))
+        return self.given[-1]
+
+
+def test_threads_write_to_where_the_results_are(simulator, anywhere):
+    with _Noting() as executor:
+        parallel.map(simulator, anywhere, executor, chunk=7)
+    results = [future.result() for future in executor.given]
+    assert [(one.rows, one.placed) for one in results] == 5 * [({}, 7)] + [({}, 5)]
+
+
+def test_processes_write_there_too_where_they_can(simulator, anywhere):
+    serial = solve_many(simulator, anywhere)
+    with Room(len(anywhere), 32, shared=True) as room:
+        piece = Piece(Shared(simulator), *arrays_of(anywhere[8:16]), tuple(range(8)),
+                      into=room.part(8, 16))
+        with processes() as executor:
+            result = executor.submit(result_of, piece).result()
+        packed = pickle.dumps(piece)
+    assert (result.rows, result.placed) == ({}, 8)
+    for name, values in room.filled.columns.items():
+        np.testing.assert_array_equal(values[8:16], getattr(serial, name)[8:16], name)
+    # another machine has no such file, nor has this one any more: from there results are sent
+    with Room(3, 5, shared=True):  # but another one
+        result = result_of(pickle.loads(packed))
+    np.testing.assert_array_equal(result.rows['frames'], serial.frames[8:16])
+    piece = Piece(Shared(simulator), *arrays_of(anywhere), into=Room(40, 32, False).part(0, 40))
+    assert pickle.loads(pickle.dumps(piece)).into is None
+
+
+def test_arrays_of_poses():
+    back = turned(20)
+    poses = [turned(10), pose_of(-back.position, back.rotation.T), turned(30)]
+    assert not poses[1].rotation.flags.c_contiguous
+    for one, other in zip(zip(*arrays_of(poses), strict=True), poses, strict=True):
+        np.testing.assert_array_equal(one[0], other.position)
+        np.testing.assert_array_equal(one[1], other.rotation)
+    assert arrays_of([])[1].shape == (0, 3, 3)
+
+
+def test_the_last_pieces_are_small(simulator, anywhere):
+    serial, shared = [], []
+    parallel.map(simulator, 5 * anywhere, chunk=64, progress=lambda done, _: serial.append(done))
+    with ThreadPoolExecutor(2) as executor:
+        parallel.map(simulator, 5 * anywhere, executor, chunk=64,
+                     progress=lambda done, _: shared.append(done))
+    assert serial == [64, 128, 192, 200]
+    assert len(shared) == 8 and shared[-1] == 200 and np.diff([0, *shared]).max() == 50
+    assert np.diff([0, *shared]).min() == 16
 
 
 def test_yielding_and_friction_too():

@@ -26,7 +26,7 @@ def printed(steps):
 
 def exact():
     rotations, positions = np.empty((2, 3, 3)), np.empty((2, 3))
-    forward_kinematics(np.ones(1), STRAINS, np.eye(3), rotations, positions)
+    forward_kinematics(np.ones(1), STRAINS, np.eye(3), rotations, positions, np.empty((1, 7)))
     return positions[-1]
 
 
