@@ -11,7 +11,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    InverseSimulator,
+    Pose,
+    Rod,
+    Uncertainty,
+    robustness,
+)
 from dlo_planner.cli.main import main
 
 DOCS = Path(__file__).parents[2] / 'docs'
@@ -81,3 +89,13 @@ def test_the_code_of_each_equation_exists():
     assert len(named) > 12
     assert [name for module, name in named
             if not hasattr(import_module(f'dlo_planner.{module}'), name)] == []
+
+
+def test_what_is_uncertain_moves_the_free_end_by_centimeters():
+    said = re.search(r'move the free end of a 1.5 mm wire of 1 m by (\d) cm',
+                     (DOCS / 'theory.md').read_text())
+    simulator = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960, 110e9, 0.34))
+    plan = InverseSimulator(simulator).thread(CutOut(Pose.identity(), radius=0.01))
+    off = robustness(simulator, plan, Uncertainty(
+        bending_stiffness=0.05, natural_curvature=0.05, gripper_rotation=np.radians(0.2)))
+    assert round(100 * off.first_order.max()) == int(said[1])
