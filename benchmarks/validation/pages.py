@@ -53,6 +53,16 @@ def _unlike() -> list[str]:
             for name in ('free markers seen 20 ms late', 'stretch by its weight, 1 %')]
 
 
+def _slower() -> list[str]:
+    """Return how many times as long as Newton's method the paper's take, least and most."""
+    found = []
+    for method in ('dfp', 'downhill_simplex'):
+        ratios = [seconds / times['newton'][size] for times in (_json('fig08'), _json('fig09'))
+                  for size, seconds in times[method].items()]
+        found += [f'{min(ratios):.0f}', f'{max(ratios):.0f}']
+    return found
+
+
 def _curves(*names: str) -> list[str]:
     """Return deviations from the master curves of the protocols."""
     scripts = json.loads((DOCS / 'validation' / 'validation.json').read_text())['scripts']
@@ -63,6 +73,9 @@ def _curves(*names: str) -> list[str]:
 
 # of each page: a pattern with a group for each number, and what returns these numbers
 SAID: dict[str, dict[str, Callable[[], list[str]]]] = {
+    'howto/choosing.md': {
+        r'they take (\d+) to (\d+) and (\d+) to (\d+) times as long': _slower,
+    },
     'others.md': {
         r'A fit took (\d+) to (\d+) minutes of wall time, a prediction of 5 s ([\d.]+) to '
         r'([\d.]+) s': _fits,
