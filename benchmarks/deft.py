@@ -34,7 +34,7 @@ FOLDER = Path(__file__).parent.parent / 'docs' / 'benchmarks'
 ALIGNED, PAST = 0.05, 0.05  # m: free end before and past the hole
 
 # The bending stiffness is the first guess of DEFT's public code for the branch that is threaded;
-# the length is more than twice what its gripper leaves free, which droops by 60 mm.
+# the length is more than twice what its gripper leaves free, which droops by 70 mm.
 _DIAMETER, _STIFFNESS, _TWIST = 5e-3, 4e-3, 3e-3  # m, N m^2, N m^2
 CABLE = Rod(0.3, 0.03, _STIFFNESS, _TWIST, radius=_DIAMETER / 2)
 HOLES = {'A': 0.19, 'B': 0.35}       # m along the board, as in the comments of that code

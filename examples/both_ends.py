@@ -35,9 +35,10 @@ def main():
         left.plot(*shape.positions.T, color=plt.get_cmap('viridis')(k / 7), lw=2)
         print(f'hose, far end {k}: force there {np.linalg.norm(shape.far_wrench[:3]):.2f} N, '
               f'converged {shape.converged}')
-    left.set_aspect('equal')
-    left.set_xlabel('x [m]')
-    left.set_ylabel('y [m]')
+    sizes = [np.ptp(ends) for ends in (left.get_xlim(), left.get_ylim(), left.get_zlim())]
+    left.set_box_aspect(sizes, zoom=0.85)  # equal axes, with room for their labels
+    left.set_xlabel('x [m]', labelpad=8)
+    left.set_ylabel('y [m]', labelpad=8)
     left.set_zlabel('z [m]')
     left.set_title('Hose, 20 mm, L = 1 m: far end brought round', fontsize=10)
     ring_rod = Rod(1.0, 0.0, 1.0, 0.7)

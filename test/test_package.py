@@ -25,8 +25,10 @@ def test_the_version_is_the_same_everywhere():
     assert re.fullmatch(r'\d+\.\d+\.\d+', version)
     assert ElementTree.parse(ROOT / 'package.xml').findtext('version') == version
     assert re.search(r'^version: (.+)$', (ROOT / 'CITATION.cff').read_text(), re.M)[1] == version
-    first = re.search(r'^(\d\S+) \(', (ROOT / 'CHANGELOG.rst').read_text(), re.M)[1]
-    assert first in (version, 'Forthcoming')
+    newest = re.search(r'^(\d\S+) \((.+)\)', (ROOT / 'CHANGELOG.rst').read_text(), re.M)
+    assert newest[1] in (version, 'Forthcoming')
+    released = re.search(r'^date-released: (.+)$', (ROOT / 'CITATION.cff').read_text(), re.M)
+    assert released[1] == newest[2]
 
 
 def test_the_oldest_versions_are_those_that_setup_allows():
@@ -39,7 +41,8 @@ def test_the_oldest_versions_are_those_that_setup_allows():
 
 
 def test_numba_is_asked_for_as_kernels_know_it():
-    for name in ('setup.py', 'README.md', 'docs/start.md', 'package.xml'):
+    for name in ('setup.py', 'README.md', 'docs/start.md', 'package.xml', 'pyproject.toml',
+                 'requirements.txt'):
         assert WANTED in (ROOT / name).read_text(), name
 
 

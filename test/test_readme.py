@@ -126,7 +126,7 @@ def test_the_readme_is_short():
 def test_linked_files_exist(page):
     links = re.findall(r'\]\(([^)#:]+)\)', page.read_text())
     made = {f'made/{path.stem}.md' for path in (ROOT / 'examples' / 'tutorials').glob('*.py')}
-    made |= {'made/gallery.md', 'made/layers.md'}
+    made |= {'made/gallery.md', 'made/layers.md', 'made/parameters.md'}
     assert links or page.name != 'README.md'
     assert [link for link in links
             if link.removeprefix('../') not in made and not (page.parent / link).exists()] == []

@@ -34,7 +34,8 @@ def draw(folder: Path, found: Sequence['Compared']) -> None:
             _shapes(axis, one)
         for axis in list(axes.flat)[len(some):]:
             axis.remove()
-        axes.flat[0].legend(fontsize=8)
+        figure.legend(*axes.flat[0].get_legend_handles_labels(), loc='outside lower center',
+                      ncols=2, fontsize=8)  # beside the shapes, some of which fill their axes
         what = {STATIC: 'Wires that hang freely'}.get(kind, f'Scenes in {kind}')
         figure.suptitle(f'{what}: this package (lines), limit of MuJoCo\'s chains (dots), seen '
                         'along y', fontsize=10)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Measure again what the docs say; write docs/validation.md, its JSON, the README's numbers.
+"""Measure again what the docs say; write docs/validation.md, its JSON, numbers of README and docs.
 
 python -m benchmarks.validation [--jobs 2] [--output FOLDER] [words in the names of some ...]
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 from time import perf_counter
 
 from benchmarks import report
-from benchmarks.validation import asserted, page, readme, scripted
+from benchmarks.validation import asserted, page, pages, readme, scripted
 from benchmarks.validation.asserted import Json
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,6 +50,8 @@ def main(arguments: list[str] | None = None) -> int:
     if output == _DOCS:
         text = (ROOT / 'README.md').read_text()
         (ROOT / 'README.md').write_text(readme.updated(text))
+        for name in pages.SAID:
+            (pages.DOCS / name).write_text(pages.updated(name))
     bad = page.broken(known)
     print('\n'.join(bad) or 'all limits are kept')
     print(f'{seconds:.0f} s, {used.ru_utime + used.ru_stime:.0f} s of CPU; written to {output}')

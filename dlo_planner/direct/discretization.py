@@ -34,6 +34,7 @@ if TYPE_CHECKING:  # it imports this file
 _SPRINGS = (('spring', 1e5, 1e8), ('held_spring', 1e3, 1e8), ('hold_spring', 1e2, np.inf))
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
+_TWISTED = np.pi  # of natural twist: with more, elements misplace by turns, not by gradients
 
 
 class Discretization(Value):
@@ -192,9 +193,10 @@ class Discretization(Value):
 
     @cached_property
     def told_by_truncation(self) -> bool:
-        """Whether `ritz.truncation` bounds the error: nothing varies along the DLO."""
+        """Whether `ritz.truncation` bounds the error: nothing varies, little natural twist."""
         around = self.surroundings
-        return not (around.rod.varies or around.point_loads or callable(around.load))
+        return not (around.rod.varies or around.point_loads or callable(around.load)
+                    or bool(np.abs(self.natural[:, 0]) @ np.diff(self.s) > _TWISTED))
 
     def has_nodes(self, s: Floats) -> bool:
         """Whether its nodes are at `s` (n,), m."""

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quick bound of a shape's error, which spares the further solution of an error estimate.
 
-The error estimate (`Shape.error_estimate`) was never more than 3.1 times `ritz.truncation` over 600
-random DLOs that hang freely, 0.8 times where both ends are held (80), 1.8 times where something is
-touched (80). Of DLOs that may yield it was 0.5 times (97) as long as they have not, and 4.1 times
-(33) where fibers of their section had; of ideal plasticity, point loads and what varies along the
-length it says nothing.
+`python test/random_estimates.py` prints how large the error estimate (`Shape.error_estimate`) is
+beside `ritz.truncation`, for random DLOs that hang freely, are held at both ends, or touch
+something: below what is taken as certain here. For DLOs that may yield it was 0.5 times (97) as
+long as they have not, and 4.1 times (33) where fibers of their section had. Of ideal plasticity,
+point loads, more than half a turn of natural twist, and what varies along the length it says
+nothing.
 """
 
 from __future__ import annotations

@@ -3,11 +3,14 @@
 """Threading tasks of others, in the plant."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks import deft
+from dlo_planner import DirectSimulator, Pose
 
 pytest.importorskip('mujoco', reason='the cell needs mujoco (extra `cell`)')
 
@@ -21,6 +24,14 @@ def test_the_grid_has_forty_different_cases():
     assert {tuple(case.task.cutout.center) for case in cases} == {
         (across, 0.0, height) for across in deft.HOLES.values() for height in deft.HEIGHTS}
     assert all(case.task.depth == case.aligned == 0.05 for case in cases)
+
+
+def test_the_free_end_droops_as_the_page_says():
+    page = (Path(__file__).parents[2] / 'docs' / 'others.md').read_text()
+    said = re.search(r'a free end of (\d+) mm, which droops by some (\d+) mm', page)
+    shape = DirectSimulator(deft.CABLE).solve(Pose.identity())
+    assert [round(1e3 * deft.CABLE.length), round(-1e3 * shape.positions[-1, 2], -1)] == [
+        float(number) for number in said.groups()]
 
 
 def test_narrow_holes_are_as_wide_as_stated():

@@ -147,3 +147,17 @@ def test_the_shape_before_vouches_for_three_times_its_error():
     assert not like_before(replace(shape, jumped=True), before, 1.0)
     assert not like_before(replace(shape, stability=0.09), before, 1.0)
     assert not like_before(shape, None, 1.0)
+
+
+def test_rods_that_are_twisted_by_nature_keep_an_accuracy():
+    # their elements turn about each other by what the change of the strains does not tell
+    rng = np.random.default_rng(0)
+    kept = []
+    for _ in range(60):
+        weight, twist, wide = rng.uniform(0.1, 2.0), rng.uniform(8, 18), 10 ** rng.uniform(0.5, 2.5)
+        rod = Rod(1.0, weight / 9.81, (wide, 1.0), rng.uniform(0.5, 8.0), natural_twist=twist)
+        gripper = Pose((0, 0, 0), rng.normal(size=4))
+        accuracy = 10 ** rng.uniform(-4, -3)
+        shape = DirectSimulator(rod, accuracy=accuracy).solve(gripper)
+        kept.append(shape.converged and shape.error_estimate <= accuracy)
+    assert all(kept)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers of README and of the page of validations are those of the JSON that was measured."""
+"""The numbers of README and docs are those of the JSON that was measured."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.page import text
 from benchmarks.said import places
-from benchmarks.validation import page, readme
+from benchmarks.validation import page, pages, readme
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / 'README.md').read_text()
@@ -36,6 +36,11 @@ def test_the_readme_has_no_other_numbers():
     for plain in sorted(PLAIN, key=len, reverse=True):
         rest = re.sub(rf'(?<![\w.]){re.escape(plain)}(?![\w])', ' ', rest)
     assert re.findall(r'(?<![\w.-])\d[\d.]*', rest) == []
+
+
+@pytest.mark.parametrize('name', pages.SAID)
+def test_numbers_in_sentences_of_pages_are_those_that_were_measured(name):
+    assert pages.updated(name) == (pages.DOCS / name).read_text()
 
 
 def test_the_page_of_validations_is_that_of_its_json():

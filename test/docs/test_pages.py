@@ -11,10 +11,22 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner import (
+    CutOut,
+    DirectSimulator,
+    InverseSimulator,
+    Pose,
+    Rod,
+    Uncertainty,
+    robustness,
+)
 from dlo_planner.cli.main import main
+from dlo_planner.settings.entries import ENTRIES
 
-DOCS = Path(__file__).parents[2] / 'docs'
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / 'docs'
+PAGES = [ROOT / 'README.md', *DOCS.glob('*.md'), *(DOCS / 'howto').glob('*.md')]
+TEXT = '\n'.join(page.read_text() for page in PAGES).replace('\\\n', ' ')
 
 
 def blocks(page, language):
@@ -81,3 +93,56 @@ def test_the_code_of_each_equation_exists():
     assert len(named) > 12
     assert [name for module, name in named
             if not hasattr(import_module(f'dlo_planner.{module}'), name)] == []
+
+
+def test_what_is_uncertain_moves_the_free_end_by_centimeters():
+    said = re.search(r'move the free end of a 1.5 mm wire of 1 m by (\d) cm',
+                     (DOCS / 'theory.md').read_text())
+    simulator = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960, 110e9, 0.34))
+    plan = InverseSimulator(simulator).thread(CutOut(Pose.identity(), radius=0.01))
+    off = robustness(simulator, plan, Uncertainty(
+        bending_stiffness=0.05, natural_curvature=0.05, gripper_rotation=np.radians(0.2)))
+    assert round(100 * off.first_order.max()) == int(said[1])
+
+
+def commands(begin):
+    """Return what follows the beginning of a command in blocks and in `lines` of the pages."""
+    found = [*re.findall(rf'^ {{4,}}{begin} (.*)$', TEXT, re.M),
+             *re.findall(rf'`{begin} ([^`]*)`', TEXT)]
+    return [line.split('  #')[0].strip() for line in found if '...' not in line and '<' not in line]
+
+
+def test_commands_that_pages_show_are_understood(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ('my_cable.yaml', 'identified.yaml', 'plan.npz', 'seen.csv', 'level.csv', 'up.csv'):
+        (tmp_path / name).touch()
+    shown = {tuple(shlex.split(line)) for line in commands('dlo-planner')}
+    assert {name for name, *_ in shown} >= {'doctor', 'shape', 'thread', 'replay', 'identify',
+                                            'map', 'figures'}
+    for name, *arguments in shown:
+        if '--help' not in arguments:
+            main.get_command(None, name).make_context(name, arguments)
+
+
+def test_the_first_command_of_the_start_page_runs(tmp_path, monkeypatch):
+    pytest.importorskip('matplotlib')
+    monkeypatch.chdir(tmp_path)
+    line = re.search(r'^    dlo-planner (shape .*)$', (DOCS / 'start.md').read_text(), re.M)[1]
+    done = CliRunner().invoke(main, shlex.split(line))
+    assert done.exit_code == 0 and 'converged' in done.output, done.output
+    assert (tmp_path / 'wire.png').stat().st_size > 10_000
+
+
+def test_ros_is_told_names_that_exist():
+    executables = {path.name for path in (ROOT / 'scripts').iterdir()} | {'dlo-planner'}
+    ran = {line.split()[0] for line in commands('ros2 run dlo_planner')}
+    assert ran >= {'planner_node', 'cell', 'viewer'} and ran <= executables
+    launched = [line.split() for line in commands('ros2 launch dlo_planner')]
+    assert {name for name, *_ in launched} >= {'planner.launch.py', 'view.launch.py'}
+    for name, *arguments in launched:
+        source = (ROOT / 'launch' / name).read_text()
+        assert not [one for one in arguments if f"'{one.split(':=')[0]}'" not in source]
+    assert set(re.findall(r'rod:=(\w+)', TEXT)) <= {one.stem for one in
+                                                    (ROOT / 'config').glob('*.yaml')}
+    set_by_hand = {line.split()[1] for line in commands('ros2 param set')}
+    assert set_by_hand and set_by_hand <= set(ENTRIES)

@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers in sentences of pages of the docs: which figures of the JSON they are."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks.deform_surrogate import CABLES
+from benchmarks.said import renewed
+
+DOCS = Path(__file__).resolve().parents[2] / 'docs'
+
+
+def _json(name: str) -> dict[str, Any]:
+    """Return what docs/benchmarks/NAME.json holds of the benchmark itself."""
+    found: dict[str, Any] = json.loads((DOCS / 'benchmarks' / f'{name}.json').read_text())[name]
+    return found
+
+
+def _cells(name: str) -> list[list[str]]:
+    """Return the rows of the first table of docs/benchmarks/NAME.md, without its head."""
+    first = (DOCS / 'benchmarks' / f'{name}.md').read_text().split('\n\n')[1]
+    return [[cell.strip() for cell in line.strip('|').split('|')]
+            for line in first.splitlines()[2:]]
+
+
+def _fits() -> list[str]:
+    """Return how long fits (min) and predictions of 5 s (s) of cables took, least and most."""
+    fits = [one['fit_s'] / 60 for one in _json('deform_surrogate').values()]
+    predictions = [float(cells[-1]) for cells in _cells('deform_surrogate')]
+    return [f'{min(fits):.0f}', f'{max(fits):.0f}', f'{min(predictions)}', f'{max(predictions)}']
+
+
+def _lengths() -> list[str]:
+    """Return by how much the length of a cable was found wrong at most, %."""
+    off = [abs(one['length_m'] / CABLES[int(number)].length - 1)
+           for number, one in _json('deform_surrogate').items()]
+    return [f'{100 * max(off):.2f}']
+
+
+def _hose() -> list[str]:
+    """Return by how much a hose missed in a narrow hole, and what was promised, mm."""
+    hose = _json('narrow_1.1')['hose, 1.1']
+    return [f'{1e3 * hose[name]:.2f}' for name in ('miss_m', 'promised_m')]
+
+
+def _unlike() -> list[str]:
+    """Return misfits over noise: of late cameras and of a cable that stretches."""
+    rows = _json('deform_unlike')
+    return [f'{float(rows[name][0]):.1f}'
+            for name in ('free markers seen 20 ms late', 'stretch by its weight, 1 %')]
+
+
+def _slower() -> list[str]:
+    """Return how many times as long as Newton's method the paper's take, least and most."""
+    found = []
+    for method in ('dfp', 'downhill_simplex'):
+        ratios = [seconds / times['newton'][size] for times in (_json('fig08'), _json('fig09'))
+                  for size, seconds in times[method].items()]
+        found += [f'{min(ratios):.0f}', f'{max(ratios):.0f}']
+    return found
+
+
+def _curves(*names: str) -> list[str]:
+    """Return deviations from the master curves of the protocols."""
+    scripts = json.loads((DOCS / 'validation' / 'validation.json').read_text())['scripts']
+    measures = {one['what']: one['measured']
+                for one in scripts['master curves of the protocols']['measures']}
+    return [f'{measures[name]:.1e}'.replace('e-0', 'e-') for name in names]
+
+
+# of each page: a pattern with a group for each number, and what returns these numbers
+SAID: dict[str, dict[str, Callable[[], list[str]]]] = {
+    'howto/choosing.md': {
+        r'they take (\d+) to (\d+) and (\d+) to (\d+) times as long': _slower,
+    },
+    'others.md': {
+        r'A fit took (\d+) to (\d+) minutes of wall time, a prediction of 5 s ([\d.]+) to '
+        r'([\d.]+) s': _fits,
+        r'error of the length \(at most ([\d.]+) %': _lengths,
+        r'misses by ([\d.]+) mm in a hole of 1.1 times its diameter, ([\d.]+) mm were promised':
+            _hose,
+        r'make misfits of ([\d.]+) and ([\d.]+) times the noise': _unlike,
+    },
+    'protocols.md': {
+        r'width and height ([\d.e-]+) L, height / width ([\d.e-]+); with `accuracy=1e-5` '
+        r'([\d.e-]+)': lambda: _curves('width, height, default accuracy',
+                                       'aspect, default accuracy', 'aspect, accuracy=1e-5'),
+        r'bend before, the linearized equations \| ([\d.e-]+),':
+            lambda: _curves('lateral buckling, from SciPy'),
+    },
+}
+
+
+def updated(name: str) -> str:
+    """Return a page of the docs with the numbers that were measured last.
+
+    Raises:
+        ValueError: one of the sentences is not there
+    """
+    return renewed((DOCS / name).read_text(), SAID[name], name)
