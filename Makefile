@@ -29,9 +29,9 @@ demo: $(VENV)/compiled
 	$(RUN) -m dlo_planner.ros.demo
 
 test: check $(VENV)/compiled
-	$(RUN) -m pytest -n 2 -m 'not real_time'
-	$(RUN) -m pytest -m real_time -rR --reruns 1 --reruns-delay 5 \
-	  --max-suite-reruns 5
+	$(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time'
+	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m real_time \
+	  -rR --reruns 1 --reruns-delay 5 --max-suite-reruns 5
 
 oldest:
 	$(PYTHON) -m venv build/oldest

@@ -22,7 +22,10 @@ _TIMED = ('test/ros/', 'test/cell/test_node.py', 'test/view/test_plan_page.py')
 
 
 def pytest_collection_modifyitems(items):
-    """Mark the tests of real time: they run by themselves, as beside others they would be late."""
+    """Mark the tests of real time: beside others, which compute without a break, they are late.
+
+    Two files of them at a time are not: each worker has a ROS domain of its own.
+    """
     for item in items:
         if item.nodeid.startswith(_TIMED):
             item.add_marker(pytest.mark.real_time)

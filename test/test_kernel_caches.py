@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -90,12 +91,23 @@ tempfile.gettempdir = nowhere
 """
 
 
-@pytest.fixture
-def copied():
-    """Return a folder with a package of that name and a few kernels, that all can read."""
+@contextmanager
+def folder_for_all():
+    """Yield a folder that all can read, and delete it, whatever rights it has in the end."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        yield folder
+        for path in (folder, *folder.rglob('*')):
+            path.chmod(0o755)
+
+
+@contextmanager
+def package_of_kernels():
+    """Yield a folder with a package of that name and a few kernels."""
     package = Path(dlo_planner.__file__).parent
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder, 'dlo_planner')
+    with folder_for_all() as folder:
+        copy = folder / 'dlo_planner'
         shutil.copytree(package / 'kernels', copy / 'kernels',
                         ignore=shutil.ignore_patterns('__pycache__'))
         shutil.copy(package / 'prebuild.py', copy)
@@ -103,10 +115,35 @@ def copied():
         for name, text in (('__init__', version), ('deep', DEEP), ('chain', CHAIN),
                            ('exercises', EXERCISES)):
             Path(copy, f'{name}.py').write_text(text)
-        os.chmod(folder, 0o755)
-        yield Path(folder)
-        for path in (Path(folder), *Path(folder).rglob('*')):
-            path.chmod(0o755)
+        yield folder
+
+
+@pytest.fixture
+def copied():
+    """Return such a folder where nothing has been compiled."""
+    with package_of_kernels() as folder:
+        yield folder
+
+
+@pytest.fixture(scope='module')
+def _used():
+    with package_of_kernels() as folder:
+        run(folder)
+        yield folder
+
+
+@pytest.fixture
+def used(_used):
+    """Return a folder of one's own where all has been compiled, once for all tests."""
+    with folder_for_all() as folder:
+        shutil.copytree(_used, folder, ignore=shutil.ignore_patterns('__pycache__'),
+                        dirs_exist_ok=True)
+        yield folder
+
+
+def kept(folder):
+    """Return where what has been compiled there is kept."""
+    return folder / 'home/.cache/dlo_planner/kernels'
 
 
 def started(folder, code, **changes):
@@ -152,7 +189,7 @@ def make_read_only(folder):
 
 
 def test_an_edit_of_a_kernel_that_others_call_compiles_those_and_no_others(copied):
-    assert run(copied) == [[3.5, 0.0], [], ALL, str(copied / 'home/.cache/dlo_planner/kernels')]
+    assert run(copied) == [[3.5, 0.0], [], ALL, str(kept(copied))]
     assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]
     edit(copied, 'deep', 'FACTORS[0]', 'FACTORS[1]')
     values, found, compiled, _ = run(copied)
@@ -163,46 +200,46 @@ def test_an_edit_of_a_kernel_that_others_call_compiles_those_and_no_others(copie
     assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]  # still known
 
 
-def test_an_edit_of_a_kernel_that_is_called_where_it_is_compiles_its_callers(copied):
-    run(copied)
-    edit(copied, 'deep', '+ 1.0', '+ 2.0')
-    values, found, compiled, _ = run(copied)
+def test_an_edit_of_a_kernel_that_is_called_where_it_is_compiles_its_callers(used):
+    edit(used, 'deep', '+ 1.0', '+ 2.0')
+    values, found, compiled, _ = run(used)
     assert values == [5.5, 0.0] and set(found) == {'last', 'aside', 'alone'}
     assert set(compiled) == {'first', 'second', 'third', 'wide'}
 
 
-def test_a_kernel_that_is_called_where_it_is_can_be_missing(copied):
-    folder = Path(run(copied)[3])
+def test_a_kernel_that_is_called_where_it_is_can_be_missing(used):
     for name in ('wide', 'third', 'first'):
-        for path in folder.glob(f'dlo_planner.*.{name}-*'):
+        files = list(kept(used).glob(f'dlo_planner.*.{name}-*'))
+        assert files
+        for path in files:
             path.unlink()
-        assert run(copied)[0] == [3.5, 0.0]
-        assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]
+        assert run(used)[0] == [3.5, 0.0]
+        assert run(used)[:3] == [[3.5, 0.0], LOADED, []]
 
 
-def test_what_python_calls_can_be_missing(copied):
-    for path in Path(run(copied)[3]).glob('*.python'):
+def test_what_python_calls_can_be_missing(used):
+    files = list(kept(used).glob('*.python'))
+    assert files
+    for path in files:
         path.unlink()
-    assert run(copied)[:3] == run(copied)[:3] == [[3.5, 0.0], LOADED, []]
+    assert run(used)[:3] == run(used)[:3] == [[3.5, 0.0], LOADED, []]
 
 
-def test_the_contents_of_a_constant_count(copied):
-    run(copied)
-    edit(copied, 'deep', '[2.0, 3.0]', '[2.5, 3.0]')
-    values, found, _, _ = run(copied)
+def test_the_contents_of_a_constant_count(used):
+    edit(used, 'deep', '[2.0, 3.0]', '[2.5, 3.0]')
+    values, found, _, _ = run(used)
     assert values == [4.0, 0.0] and set(found) == {'aside', 'alone', 'wide'}
 
 
-def test_neither_place_nor_time_nor_line_nor_wording_counts(copied):
-    run(copied)
-    edit(copied, 'deep', '@kernel\ndef last(x):\n', '# Lines\n\n@kernel\ndef last(x):\n    # two\n')
-    edit(copied, 'chain', 'def aside(x):', 'def aside(x):\n    """Return half."""')
-    moved = copied / 'elsewhere'
+def test_neither_place_nor_time_nor_line_nor_wording_counts(used):
+    edit(used, 'deep', '@kernel\ndef last(x):\n', '# Lines\n\n@kernel\ndef last(x):\n    # two\n')
+    edit(used, 'chain', 'def aside(x):', 'def aside(x):\n    """Return half."""')
+    moved = used / 'elsewhere'
     moved.mkdir()
-    shutil.move(copied / 'dlo_planner', moved)
+    shutil.move(used / 'dlo_planner', moved)
     for path in moved.rglob('*.py'):
         path.touch()
-    assert run(moved, HOME=str(copied / 'home'))[1:3] == [LOADED, []]
+    assert run(moved, HOME=str(used / 'home'))[1:3] == [LOADED, []]
 
 
 @pytest.mark.parametrize('temporary', [True, False])
@@ -266,16 +303,16 @@ def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
     assert run(copied)[:3] == [[3.5, -1.0], LOADED, []]
 
 
-def test_a_file_that_is_not_whole_is_not_used(copied):
-    folder = Path(run(copied)[3])
-    files = sorted(folder.iterdir())
+def test_a_file_that_is_not_whole_is_not_used(used):
+    files = sorted(kept(used).iterdir())
+    assert len(files) == FILES
     for k, path in enumerate(files):
         data = path.read_bytes()
         path.write_bytes([data[:-9], b'', b'x' * 99, data[:200] + bytes([data[200] ^ 1])
                           + data[201:], data[9:], data[::-1]][k % 6])
-    values, found, compiled, _ = run(copied)
+    values, found, compiled, _ = run(used)
     assert values == [3.5, 0.0] and not found and set(compiled) >= {'first', 'alone', 'second'}
-    assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]
+    assert run(used)[:3] == [[3.5, 0.0], LOADED, []]
 
 
 def test_several_processes_at_once(copied):

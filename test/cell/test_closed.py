@@ -3,6 +3,7 @@
 """The driver that looks, and one motion in open loop."""
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -29,12 +30,18 @@ CAMERA = Camera(noise=0.3e-3)
 FAST = Limits(0.2, 1.0)
 
 
+@cache
+def in_open_loop(task):
+    """Return the Trajectory of a Task that is not looked at."""
+    return planned(task, FAST)
+
+
 def looking(**options):
     return replace(Looking.knowing(UNKNOWN, CAMERA, limits=FAST), look=0.6, **options)
 
 
 def test_what_is_promised_in_open_loop_is_observed():
-    outcome = run(TASK, OpenLoop(lambda task: planned(task, FAST)))
+    outcome = run(TASK, OpenLoop(in_open_loop))
     assert outcome.threaded
     assert outcome.force == 0
     assert outcome.miss == pytest.approx(outcome.promised, abs=2e-4)
@@ -45,8 +52,7 @@ def test_looking_finds_the_hole_that_open_loop_misses():
     assert outcome.threaded
     assert outcome.force == 0
     assert outcome.miss < outcome.promised < TASK.room
-    assert not run(TASK, OpenLoop(lambda task: planned(task, FAST)), seed=3,
-                   unknowns=UNKNOWN).threaded
+    assert not run(TASK, OpenLoop(in_open_loop), seed=3, unknowns=UNKNOWN).threaded
 
 
 def test_looks_on_the_way_help_where_the_first_was_short():

@@ -37,6 +37,19 @@ def plan():
     return InverseSimulator(DIRECT).thread(ROUND, depths=np.linspace(0, 0.9, 40))
 
 
+@pytest.fixture(scope='module')
+def good(plan):
+    """Return the report of the plan at default limits, a ball far away."""
+    return replay(DIRECT, plan, obstacles=[Sphere((0, 0, 3), 0.5)], limits=Limits())
+
+
+@pytest.fixture(scope='module')
+def whole(plan):
+    """Return a report in which nothing is left out, at a tolerance of its own."""
+    return replay(DIRECT, plan, limits=Limits(), tolerance=2e-3,
+                  workspace=Workspace((-3, -3, -3), (3, 3, 3)))
+
+
 def brute(shape, outside):
     """Return the least of a function of (n, 3) points over the DLO, looked at closely."""
     return outside(shape.positions_at(np.linspace(0, shape.s[-1], 40_001))).min() - WIRE.radius
@@ -71,8 +84,8 @@ def test_a_hole_without_a_size_has_no_clearance():
     assert (plan.clearance == np.inf).all()
 
 
-def test_report_of_a_good_plan(plan):
-    report = replay(DIRECT, plan, obstacles=[Sphere((0, 0, 3), 0.5)], limits=Limits())
+def test_report_of_a_good_plan(plan, good):
+    report = good
     assert report.converged
     assert report.position_error < 1e-6 and report.misalignment < 1e-6
     assert report.stability == pytest.approx(plan.stability.min(), abs=1e-3)
@@ -87,8 +100,8 @@ def test_report_of_a_good_plan(plan):
     assert slow.duration > 1.5 * report.duration and slow.safe
 
 
-def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan):
-    report = replay(DIRECT, plan, limits=Limits(), tolerance=2e-3)
+def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan, whole):
+    report = whole
     first, = DIRECT.track(plan.grippers[:1])  # what the replay begins with
     assert report.trajectory == Trajectory(plan, Limits(), tolerance=2e-3, simulator=DIRECT,
                                            initial=first)
@@ -111,7 +124,7 @@ def test_a_plan_for_another_dlo_misses(plan):
     assert report.clearance < 0 < plan.clearance.min()  # its own shapes are looked at
 
 
-def test_what_was_not_looked_at_is_nan_and_named(plan):
+def test_what_was_not_looked_at_is_nan_and_named(plan, whole):
     unsized = InverseSimulator(DIRECT).thread(CutOut(ROUND.pose), depths=[0.0, 0.3])
     report = replay(DIRECT, unsized)
     assert set(report.not_looked_at) == {
@@ -119,8 +132,7 @@ def test_what_was_not_looked_at_is_nan_and_named(plan):
         'dynamic_contact_force', 'duration', 'step', 'workspace_margin', 'mode_margin'}
     assert all(np.isnan(getattr(report, name)) for name in report.not_looked_at)
     assert report.trajectory is None and not report.safe
-    room = Workspace((-3, -3, -3), (3, 3, 3))
-    report = replay(DIRECT, plan, limits=Limits(), tolerance=2e-3, workspace=room)
+    report = whole
     assert report.not_looked_at == ()
     assert report.workspace_margin == pytest.approx(min(
         3 - np.abs(gripper.position).max() for gripper in plan.grippers))
@@ -151,13 +163,13 @@ def test_a_start_phase_in_motion_is_judged_by_swing_and_clearance(way):
     assert calm.swing < 0.5 * report.swing
 
 
-def test_every_reason_not_to_execute(plan, way, monkeypatch):
+def test_every_reason_not_to_execute(plan, way, good, monkeypatch):
     monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 2)  # else it takes long
     quick = Trajectory(plan, Limits(2.0, 10.0, 20.0, 100.0, np.inf, np.inf), tolerance=np.inf)
     softer = DirectSimulator(Rod.circular(1.0, 1.2e-3, 8960.0, 110e9, 0.34))
     narrow = Workspace((-3, -3, -3), (3, 3, 0.9))
     ball = Sphere(plan.shapes[-1].positions[-1], 0.02)  # where the free end comes to
-    calm = replay(DIRECT, plan, limits=Limits()).trajectory
+    calm = good.trajectory
     for report, said in (
             (replay(DIRECT, plan), 'not looked at in motion'),
             (replay(softer, plan, trajectory=calm), 'does not follow the poses'),
@@ -173,8 +185,8 @@ def test_every_reason_not_to_execute(plan, way, monkeypatch):
     assert report.dynamic_clearance < 0
 
 
-def test_a_motion_that_touches_or_fails_is_not_safe(plan):
-    calm = Trajectory(plan, simulator=DIRECT)
+def test_a_motion_that_touches_or_fails_is_not_safe(plan, good):
+    calm = good.trajectory
     for change, said in (({'contact_force': 0.2}, 'touches something, with 0.2 N'),
                          ({'position_error': 0.009}, 'misses by 0.009 m'),
                          ({'clearance': -0.001}, '0.001 m in the sheet'),

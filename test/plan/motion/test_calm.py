@@ -38,7 +38,7 @@ PROMISED = {'wire': (1e-3, 24.0), 'hose': (1.2e-3, 15.5), 'leaf spring': (1e-3, 
 
 
 def missed(name, rod, trajectory):
-    """Return (2, n): how far a Rod misses in a motion, and at rest at the same places, m."""
+    """Return (n,): how far a Rod misses in a motion, m."""
     _, plan = cell(name)
     direct = DirectSimulator(rod)
     first = direct.solve(plan.grippers[0], plan.shapes[0])
@@ -47,9 +47,8 @@ def missed(name, rod, trajectory):
     motion = direct.simulate(grippers, times[1], first)
     assert motion.converged
     last = np.clip(np.searchsorted(plan.times, done, side='right') - 1, 0, len(plan) - 2)
-    return np.array([[worst_miss(shape, plan.via_points[k], plan.via_points[k + 1])
-                      for k, shape in zip(last, shapes, strict=True)]
-                     for shapes in (motion.shapes, direct.track(grippers, initial=first))])
+    return np.array([worst_miss(shape, plan.via_points[k], plan.via_points[k + 1])
+                     for k, shape in zip(last, motion.shapes, strict=True)])
 
 
 @pytest.mark.parametrize('name', list(PROMISED))
@@ -60,7 +59,7 @@ def test_from_a_start_pose_of_its_own_it_threads_calmly(name):
     assert trajectory.motion.position_error <= miss and trajectory.motion.departure <= miss
     for ratio in (0.0, 0.01):  # and each by itself, not as the search saw it
         rod = replace(RODS[name], damping=(ratio / 0.01 * RODS[name].damping[0], 0.0))
-        assert missed(name, rod, trajectory)[0].max() <= miss
+        assert missed(name, rod, trajectory).max() <= miss
 
 
 def added(name, rod, trajectory):
@@ -218,9 +217,14 @@ def short():
     return direct, InverseSimulator(direct).thread(hole, depths=np.linspace(0, 0.25, 8))
 
 
-def test_the_default_tolerance_is_a_quarter_of_the_room(short):
-    direct, plan = short
-    way = Trajectory(plan)
+@pytest.fixture(scope='module')
+def short_way(short):
+    """Return the Trajectory of that plan at default limits."""
+    return Trajectory(short[1])
+
+
+def test_the_default_tolerance_is_a_quarter_of_the_room(short, short_way):
+    (direct, plan), way = short, short_way
     assert way.tolerance == pytest.approx(0.25 * plan.clearances[:, :, 0].min())
     assert way.motion.position_error <= way.tolerance and way.mode_margin > 0
     free = InverseSimulator(direct).thread(CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0))),
@@ -241,9 +245,8 @@ def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(short, monkey
     assert error.amount > 0 and error.plan is plan
 
 
-def test_it_is_a_value(short):
-    _, plan = short
-    way = Trajectory(plan)
+def test_it_is_a_value(short, short_way):
+    (_, plan), way = short, short_way
     again = pickle.loads(pickle.dumps(way))
     assert again == way and hash(again) == hash(way) and again.motion == way.motion
     assert way != Trajectory(plan, tolerance=np.inf)

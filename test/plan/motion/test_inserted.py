@@ -42,10 +42,15 @@ def planned(rod):
     return direct, InverseSimulator(direct).insert(BORE, depths=DEPTHS)
 
 
+@cache
+def fastest(rod):
+    """Return the Trajectory of that plan within limits alone."""
+    return Trajectory(planned(rod)[1], tolerance=np.inf)
+
+
 def moved(rod, slower=1.0):
     """Return InMotion of the fastest motion within limits, its speeds divided by `slower`."""
-    direct, plan = planned(rod)
-    way = Trajectory(plan, tolerance=np.inf)
+    (direct, plan), way = planned(rod), fastest(rod)
     way = TimedPath(way.path, tuple(law.slower(slower) for law in way.laws), way.limits)
     return in_motion(direct, plan, way, plan.shapes[0], (), Progress())
 
@@ -99,9 +104,10 @@ def test_from_a_start_pose_of_its_own_it_is_inserted_safely(rod):
 def test_what_is_outside_keeps_away_from_obstacles():
     direct, plan = planned(WIRE)
     low = min(shape.positions[:, 2].min() for shape in plan.shapes)
+    way = Trajectory(plan, tolerance=2e-3)
     for below, safe in ((1e-2, True), (-1e-3, False)):
         floor = DirectSimulator(WIRE, obstacles=[Plane((0, 0, low - 0.75e-3 - below), (0, 0, 1))])
-        report = replay(floor, plan, trajectory=Trajectory(plan, tolerance=2e-3))
+        report = replay(floor, plan, trajectory=way)
         assert report.safe == safe
         assert (report.dynamic_clearance > 0) == safe
 
