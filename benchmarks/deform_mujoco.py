@@ -68,9 +68,10 @@ def _built(rod: Rod, cells: int) -> _Scene:
     first = add_gripper(spec, chain)
     add_chain(first, chain)
     last = spec.body(f'piece {cells - 1}')
+    heavy = _HEAVY / chain.unit
     for body, along in ((first, 0.0), (last, 0.5 * chain.cell)):
-        body.gravcomp, body.mass, body.ipos = 1, _HEAVY, (along, 0, 0)
-        body.inertia = np.full(3, _HEAVY * _WIDE**2)
+        body.gravcomp, body.mass, body.ipos = 1, heavy, (along, 0, 0)
+        body.inertia = np.full(3, heavy * _WIDE**2)
     last.inertia = (chain.inertias[-1, 0], *last.inertia[1:])
     model = spec.compile()
     model.dof_damping[6:] = rod.damping[1] * set_springs(model, chain)
@@ -126,7 +127,7 @@ def _advance(scene: _Scene, wanted: list[tuple[Array, Rotation]], drag: float) -
         if body == scene.grippers[1]:
             axis = data.xmat[body].reshape(3, 3)[:, 0]
             pull[3:] -= (pull[3:] @ axis) * axis
-        data.xfrc_applied[body] = _HEAVY * pull
+        data.xfrc_applied[body] = _HEAVY / scene.chain.unit * pull
     mujoco.mj_step(model, data)
 
 

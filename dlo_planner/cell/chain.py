@@ -30,20 +30,25 @@ DLO, SCENE = 1, 2  # bits of what collides with what
 class Chain:
     """The properties of a chain of n cells; the gripper holds the first half of the first cell.
 
+    Its unit of mass is the mass of the whole, and forces are in it, too: the engine takes no mass
+    and no inertia below 1e-15, which those of a thin thread would be in kg.
+
     Attributes
     ----------
     length : float
         Length in m.
+    unit : float
+        Unit of mass, kg.
     stiffness : ndarray, shape (n, 3)
-        N m per rad of each joint, torsion, about n, about b.
+        N m per rad over `unit` of each joint, torsion, about n, about b.
     rest : ndarray, shape (n, 3)
         Rest in rad, the angles of each joint without stress.
     masses : ndarray, shape (n,)
-        Masses in kg, of the pieces.
+        Masses over `unit`, of the pieces.
     centers : ndarray, shape (n,)
         Centers in m, of their masses, from the joint before each.
     inertias : ndarray, shape (n, 3)
-        Inertias in kg m^2, about the center, along t, n, b.
+        Inertias in m^2, over `unit`, about the center, along t, n, b.
     radii : ndarray, shape (n,)
         Radii in m.
     box : (float, float) or None
@@ -51,6 +56,7 @@ class Chain:
     """
 
     length: float
+    unit: float
     stiffness: Floats
     rest: Floats
     masses: Floats
@@ -86,8 +92,10 @@ def chain_of(rod: Rod, truth: Truth, cells: int) -> Chain:
     box = None
     if section is not None and section.kind == 'rectangular':
         box = section.half_n, section.half_b
-    return Chain(length, stiffness / cell, _means(truth.natural_strains(rod, inside), cells) * cell,
-                 masses, centers, inertias,
+    unit = masses.sum()
+    return Chain(length, unit, stiffness / (cell * unit),
+                 _means(truth.natural_strains(rod, inside), cells) * cell,
+                 masses / unit, centers, inertias / unit,
                  rod.radii(np.minimum(0.5 * (joints + ends), rod.length)),
                  box)
 

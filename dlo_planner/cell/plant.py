@@ -270,7 +270,8 @@ class Plant:
         for k, contact in enumerate(data.contact):
             mujoco.mj_contactForce(self._model, data, k, wrench)
             one, other = (self._owner[geom] for geom in contact.geom)
-            self.forces[other if one is None else one] += np.linalg.norm(wrench[:3])
+            size = self._chain.unit * np.linalg.norm(wrench[:3])
+            self.forces[other if one is None else one] += size
 
     def _nodes(self, data: Any) -> tuple[Floats, Floats]:
         """Return places (n + 1, 3) and tangents (n + 1, 3) at the ends of the cells."""

@@ -27,7 +27,7 @@ def linear(model: Any, data: Any) -> tuple[Floats, Floats]:
     Returns
     -------
     (ndarray, ndarray)
-        Stiffness (3 n, 3 n) in N m/rad and mass (3 n, 3 n) in kg m^2.
+        Stiffness (3 n, 3 n) in N m/rad and mass (3 n, 3 n) in kg m^2, both over `Chain.unit` in kg.
     """
     size = model.nv - 6
     mujoco.mj_forward(model, data)

@@ -53,6 +53,23 @@ def test_tip_of_benchmark_a(wire, level):
     assert 3.6 < coarse / fine < 4.4  # second order
 
 
+@pytest.mark.parametrize('length', [5e-3, 0.05, 30.0])
+def test_a_thread_and_a_hose_are_like_a_wire(length):
+    # stiffness as the fifth power of the length: the same shape at every scale, over sqrt(length)
+    def pushed(scale):
+        rod = Rod(scale, 0.02 * scale**2, 0.2 * scale**5, 0.15 * scale**5, radius=4e-3 * scale)
+        floor = Plane((0, 0, 0.85 * scale), (0, 0, 1))
+        step = 4e-3 * np.sqrt(scale)
+        plant = Plant(rod, at(z=scale), [floor], cells=10, step=min(step, 0.01), damping=0.3)
+        hangs = plant.tip.position / scale
+        for k in range(1, 201):  # lowered, then still
+            plant.move(at(z=scale * (1 - 0.001 * min(k, 100))), 0.02 * np.sqrt(scale))
+        return hangs, plant.tip.position / scale, plant.forces[0] / scale**3
+
+    for found, wanted in zip(pushed(length), pushed(1.0), strict=True):
+        assert found == pytest.approx(wanted, rel=0.01, abs=1e-3)
+
+
 def test_shape_of_a_rod_with_everything(curly):
     gripper = Pose((0.1, 0.2, 1.0), np.array([0.3, -0.4, 0.2, 0.8]))
     true = DirectSimulator(curly, accuracy=1e-5).solve(gripper)
