@@ -61,23 +61,6 @@ def hugs_at(system, state, o, e, gaps, places):
 
 
 @kernel
-def last_bearing(system, o, gaps, places):
-    """Return the element from which on those of a series may be kept flat; arguments as `hugs_at`.
-
-    It is the last one that bears, or one near the free end. In a series no element bends by itself,
-    and a DLO is as flat only where its end lies down.
-    """
-    n, contacts = system.lengths.size, system.effects.contact.contacts
-    last = n - 1
-    while last > 0 and not presses(system, o, last + 1, gaps):
-        last -= 1
-    for c in range(contacts.element.size):
-        if contacts.obstacle[c] == o and contacts.multiplier[c] > 0.0:
-            last = max(last, int(places[c] - _BESIDE))
-    return min(last, n - NEARBY)
-
-
-@kernel
 def presses(system, o, k, gaps):
     """Return whether a spring at node k presses on obstacle o."""
     contacts = system.effects.contact.contacts

@@ -17,7 +17,7 @@ from dlo_planner.energy.outline import (
 from dlo_planner.energy.rolling import nearest_inside, watched
 from dlo_planner.energy.scene import FACE, NODE_FACE
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.hugging import MIDDLE, NEARBY, SAG, hugs_at, last_bearing, presses
+from dlo_planner.minimize.hugging import MIDDLE, NEARBY, SAG, hugs_at, presses
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
@@ -156,7 +156,7 @@ def points_inside(system, state, places):
                                normals[k], hessian)
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
-        for e in range(begin if alone else max(begin, last_bearing(system, o, gaps, places)), end):
+        for e in range(begin if alone else max(begin, n - NEARBY), end):
             hugs[e] = hugs_at(system, state, o, e, gaps, places)
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
@@ -188,8 +188,6 @@ def points_inside(system, state, places):
             gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
             if scene.feature[o] == FACE and not _rounds(scene, o, sag, rotation, x):
                 continue
-            if _meets_lying(system, o, e + (fraction > 0.5), gap + level, gaps, fraction > 0.5):
-                continue
             _, curve = slope_along(scene, o, rotation, state.strains[e], offset, normal, hessian)
             sharp = curve * system.lengths[e] ** 2 > _SHARP * sag or gap < near - sag
             if sharp or gap < near - level and not _lies(pushed[o], gaps, e):
@@ -202,40 +200,20 @@ def points_inside(system, state, places):
 def _hand_over(system, state, c):
     """Move the force of a point that is not watched any more to the nodes beside it that bear.
 
-    That is both, or the one that it has come to.
+    Or to the one that it has come to, if that is pressed in.
     """
-    scene, contacts, attached = (system.effects.contact.scene, system.effects.contact.contacts,
-                                 state.attached)
+    contacts, attached = system.effects.contact.contacts, state.attached
     o, e, fraction = contacts.obstacle[c], attached.element[c], attached.fraction[c]
     node, force = contacts.node[o], contacts.multiplier[c]
-    if force == 0.0:
-        return
-    bears, normal, hessian = np.empty(2, dtype=np.bool_), np.empty(3), np.empty((3, 3))
-    offset, x = np.zeros(2), np.empty(3)
-    for k in range(2):
-        gap = node_gap(scene, o, e + k, state.rotations, state.positions, offset, x, normal,
-                       hessian)
-        bears[k] = node[e + k] > 0.0 or attached.force[c].any() and gap < 0.0
-    if bears[0] and bears[1]:
+    if node[e] > 0.0 and node[e + 1] > 0.0:
         node[e] += (1.0 - fraction) * force
         node[e + 1] += fraction * force
-    elif not _AT_NODE < fraction < 1.0 - _AT_NODE and bears[int(fraction > 0.5)]:
-        node[e + (fraction > 0.5)] += force
-
-
-@kernel
-def _meets_lying(system, o, k, gap, gaps, ahead):
-    """Whether a point that rolls has come to node k, where the DLO begins to lie on an obstacle.
-
-    As the element beyond is flat, or bulges away, there is nowhere to roll: node k bears. A point
-    would stay there, at a jump of its gap to the one at that element's other end.
-
-    Args:
-        gap: m, of the point, and what it may be deeper than the node; gaps: (N + 1,) m
-        ahead: whether the element beyond the node is the next one, not the one before
-    """
-    beyond = k + 1 if ahead else k - 1
-    return 0 < beyond < gaps.size and gaps[k] < gap and presses(system, o, beyond, gaps)
+    elif not _AT_NODE < fraction < 1.0 - _AT_NODE:
+        k, offset, x = e + (fraction > 0.5), np.zeros(2), np.empty(3)
+        gap = node_gap(system.effects.contact.scene, o, k, state.rotations, state.positions, offset,
+                       x, np.empty(3), np.empty((3, 3)))
+        if gap < 0.0:
+            node[k] += force
 
 
 @kernel
