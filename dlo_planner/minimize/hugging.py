@@ -18,7 +18,6 @@ MIDDLE, _BESIDE = 0.5, 0.01  # of an element
 _EVEN, _LEAVES = 2.0, 40.0   # times the sag: how much a gap bends along an element
 _SNUG = 0.3     # rad: an element whose slope against an obstacle changes by more has its own bend
 _DEEP = 0.02    # of an element: a node that is deeper inside is on its way out
-NEARBY = 5      # elements: a DLO that bears within so many as well lies along the obstacle
 
 
 @kernel

@@ -17,13 +17,15 @@ from dlo_planner.energy.outline import (
 from dlo_planner.energy.rolling import nearest_inside, watched
 from dlo_planner.energy.scene import FACE, NODE_FACE
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.hugging import MIDDLE, NEARBY, SAG, hugs_at, presses
+from dlo_planner.minimize.hugging import MIDDLE, SAG, hugs_at, presses
 from dlo_planner.minimize.touching import with_contacts_of
 from dlo_planner.ritz.kinematics import point_inside
 
 _LEVEL = 1e-12  # the same, by rounding errors alone
 _NEXT = 0.2      # of an element: least share of its ends in a force
 _AT_NODE = 2e-3  # of an element: a point nearer to its end has come to the node
+_NEARBY = 5     # elements: a DLO that bears within so many as well lies along the obstacle
+_END = 5        # elements of a series, at its free end, that may be kept flat
 _SHARP = 8.0    # times the sag: how much a gap bends along an element that is not flat
 
 
@@ -156,7 +158,7 @@ def points_inside(system, state, places):
                                normals[k], hessian)
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
-        for e in range(begin if alone else max(begin, n - NEARBY), end):
+        for e in range(begin if alone else max(begin, n - _END), end):
             hugs[e] = hugs_at(system, state, o, e, gaps, places)
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
@@ -225,7 +227,7 @@ def _lies(node, gaps, e):
     """
     if node[e] > 0.0 and node[e + 1] > 0.0:
         return True
-    for k in range(max(1, e - NEARBY), min(node.size, e + 2 + NEARBY)):
+    for k in range(max(1, e - _NEARBY), min(node.size, e + 2 + _NEARBY)):
         if (node[k] > 0.0 or gaps[k] < 0.0) and not e - 1 <= k <= e + 2:
             return True
     return False
