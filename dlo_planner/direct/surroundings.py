@@ -83,6 +83,7 @@ class Surroundings(Value):
 
         PointLoads at the end of this one, or beyond the other's, are at the other's end.
         """
+        instance('rod', rod, Rod)
         return replace(self, rod=rod,
                        point_loads=loads_of_length(self.point_loads, self.rod, rod.length))
 
