@@ -86,9 +86,9 @@ setup(
         'peers': ['mujoco', 'pyelastica', 'cosseratbench', 'matplotlib'],
         'cell': ['mujoco>=3.13', 'matplotlib>=3.8'],
         'docs': ['sphinx>=7', 'furo', 'myst-parser', 'sphinx-copybutton', 'latex2mathml'],
-        'test': ['pytest', 'pytest-xdist', 'pytest-rerunfailures', 'hypothesis', 'import-linter',
-                 'ros-domain-coordinator', 'playwright', 'mypy', 'ruff', 'build', 'setuptools',
-                 'wheel'],
+        'test': ['pytest', 'pytest-xdist>=3.7', 'pytest-rerunfailures', 'hypothesis',
+                 'import-linter', 'ros-domain-coordinator', 'playwright', 'mypy', 'ruff', 'build',
+                 'setuptools', 'wheel'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

@@ -25,8 +25,8 @@ def test_the_version_is_the_same_everywhere():
     assert re.fullmatch(r'\d+\.\d+\.\d+', version)
     assert ElementTree.parse(ROOT / 'package.xml').findtext('version') == version
     assert re.search(r'^version: (.+)$', (ROOT / 'CITATION.cff').read_text(), re.M)[1] == version
-    newest = re.search(r'^(\d\S+) \((.+)\)', (ROOT / 'CHANGELOG.rst').read_text(), re.M)
-    assert newest[1] in (version, 'Forthcoming')
+    newest = re.search(r'^(\d\S+) \((.+)\)$', (ROOT / 'CHANGELOG.rst').read_text(), re.M)
+    assert newest[1] == version
     released = re.search(r'^date-released: (.+)$', (ROOT / 'CITATION.cff').read_text(), re.M)
     assert released[1] == newest[2]
 

@@ -30,8 +30,9 @@ DLO, SCENE = 1, 2  # bits of what collides with what
 class Chain:
     """The properties of a chain of n cells; the gripper holds the first half of the first cell.
 
-    Its unit of mass is the mass of the whole, and forces are in it, too: the engine takes no mass
-    and no inertia below 1e-15, which those of a thin thread would be in kg.
+    Masses, inertias, stiffness and forces of the model are divided by `unit`, the mass of the DLO
+    in kg: the engine takes no mass and no inertia below 1e-15, which those of a thin thread would
+    be in kg. A force of the model times `unit` is in N.
 
     Attributes
     ----------

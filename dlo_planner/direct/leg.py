@@ -247,9 +247,10 @@ def stepped(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]]
 
 
 def _pushes_little(now: Instant, after: Instant, energies: Floats, limits: Limits) -> bool:
-    """Whether contacts give no more energy in a step than may be gained, and all in all.
+    """Whether the work of contacts along the chords of steps is small.
 
-    Steps before may have lost as much: that of which there is more than when it began is a gain.
+    That of this step, and the energy that the motion has beyond what it began with, are each at
+    most what `books.allowed` says.
     """
     push = after.pushed - now.pushed
     excess = after.balance + after.pushed - limits.began

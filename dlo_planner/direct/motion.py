@@ -199,7 +199,9 @@ class Motion(Filmed):
     def numerical_loss(self) -> Floats:
         """(n,) J, taken since time 0 by the integrator, and by impacts on obstacles.
 
-        energy + dissipated + numerical_loss = energy at time 0 + work.
+        energy + dissipated + numerical_loss = energy at time 0 + work. Where the DLO slides along a
+        convex obstacle it may fall again, by the work of contacts along the chords of steps, though
+        hardly below zero.
         """
         if not len(self):
             return np.zeros(0)

@@ -7,6 +7,7 @@ import numpy as np
 from dlo_planner.energy.contact import next_touching
 from dlo_planner.energy.outline import (
     gap_at,
+    is_face,
     longest_stretch,
     node_gap,
     nodes_of,
@@ -204,16 +205,17 @@ def _hand_over(system, state, c):
 
     Or to the one that it has come to, if that is pressed in.
     """
-    contacts, attached = system.effects.contact.contacts, state.attached
+    scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
+    attached = state.attached
     o, e, fraction = contacts.obstacle[c], attached.element[c], attached.fraction[c]
     node, force = contacts.node[o], contacts.multiplier[c]
     if node[e] > 0.0 and node[e + 1] > 0.0:
         node[e] += (1.0 - fraction) * force
         node[e + 1] += fraction * force
-    elif not _AT_NODE < fraction < 1.0 - _AT_NODE:
-        k, offset, x = e + (fraction > 0.5), np.zeros(2), np.empty(3)
-        gap = node_gap(system.effects.contact.scene, o, k, state.rotations, state.positions, offset,
-                       x, np.empty(3), np.empty((3, 3)))
+    elif not is_face(scene, o) and not _AT_NODE < fraction < 1.0 - _AT_NODE:
+        k, offset, x = max(1, e + (fraction > 0.5)), np.zeros(2), np.empty(3)
+        gap = node_gap(scene, o, k, state.rotations, state.positions, offset, x, np.empty(3),
+                       np.empty((3, 3)))
         if gap < 0.0:
             node[k] += force
 

@@ -14,6 +14,8 @@ from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.rod import Rod
 
+_NEAR = 0.1  # of the length: a load so near to the end is one at the end
+
 BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other direction
 
 
@@ -35,9 +37,13 @@ def of_length(rod: Rod, length: float) -> Rod:
 
 
 def loads_of_length(loads: Iterable[PointLoad], rod: Rod, length: float) -> tuple[PointLoad, ...]:
-    """Return the PointLoads of a Rod as one of another length (m) has them, as in `of_length`."""
-    end = min(rod.length, length)
-    return tuple(one if one.s is None or one.s < end else replace(one, s=length) for one in loads)
+    """Return the PointLoads of a Rod as one of another length (m) has them.
+
+    What acts near the end and would be beyond it goes to the end, as in `of_length`.
+    """
+    end, near = min(rod.length, length), (1 - _NEAR) * rod.length
+    return tuple(one if one.s is None or one.s < max(end, near) else replace(one, s=length)
+                 for one in loads)
 
 
 def part_of_loads(loads: Iterable[PointLoad], rod: Rod, at: float,

@@ -226,7 +226,7 @@ def test_a_load_at_the_end_stays_on_a_shorter_dlo(s):
     if s == ROD.length:
         np.testing.assert_allclose(got[1].by_cause, got[0].by_cause, rtol=1e-6)
         np.testing.assert_allclose(got[1].sampled, got[0].sampled, atol=1e-9)
-    assert np.isfinite(got[1].sampled).all()
+    np.testing.assert_allclose(got[1].sampled, got[0].sampled, atol=0.3 * 0.01)
 
 
 def test_success_asks_for_every_waypoint():
