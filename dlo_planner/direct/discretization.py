@@ -24,6 +24,7 @@ from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, freeze, put
 from dlo_planner.ritz.series import orthonormal_basis
+from dlo_planner.ritz.truncation import very_twisted
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.shape import Shape
@@ -34,7 +35,6 @@ if TYPE_CHECKING:  # it imports this file
 _SPRINGS = (('spring', 1e5, 1e8), ('held_spring', 1e3, 1e8), ('hold_spring', 1e2, np.inf))
 SAMPLES = np.linspace(0, 1, 33)[1:-1]  # of the length: where shapes are compared
 _LEVER = 0.1  # of the length
-_TWISTED = np.pi  # of natural twist: with more, elements misplace by turns, not by gradients
 
 
 class Discretization(Value):
@@ -196,7 +196,7 @@ class Discretization(Value):
         """Whether `ritz.truncation` bounds the error: nothing varies, little natural twist."""
         around = self.surroundings
         return not (around.rod.varies or around.point_loads or callable(around.load)
-                    or bool(np.abs(self.natural[:, 0]) @ np.diff(self.s) > _TWISTED))
+                    or bool(very_twisted(np.abs(self.natural[:, 0]) @ np.diff(self.s))))
 
     def has_nodes(self, s: Floats) -> bool:
         """Whether its nodes are at `s` (n,), m."""

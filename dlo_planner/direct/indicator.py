@@ -54,21 +54,21 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
     return bool(times * _truncation(here, strains) <= accuracy)
 
 
-def hanging_surely_within(mesh: Discretization, stability: np.ndarray, truncated: np.ndarray,
+def hanging_surely_within(told: bool | Bools, stability: np.ndarray, truncated: np.ndarray,
                           accuracy: float | Floats) -> Bools:
     """Return (n,) what `surely_within` says of DLOs that hang freely.
 
     Parameters
     ----------
-    mesh : Discretization
-        Discretization of all.
+    told : bool or ndarray
+        Whether `truncation` bounds their errors, see `Discretization.told_by_truncation`.
     stability : ndarray, shape (n,)
     truncated : ndarray, shape (n,)
         `truncation` of each, m.
     accuracy : float
         Accuracy in m.
     """
-    return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & mesh.told_by_truncation
+    return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & told
 
 
 def mode_may_be_missed(shape: Shape) -> bool:

@@ -54,7 +54,8 @@ def hanging_shapes(simulator: DirectSimulator, positions: Floats, rotations: Flo
     if simulator.accuracy is None:
         return np.full(len(positions), True)
     _, stability, truncated = filled.proofs.T
-    good: NDArray[np.bool_] = hanging_surely_within(mesh, stability, truncated, simulator.accuracy)
+    good: NDArray[np.bool_] = hanging_surely_within(
+        mesh.told_by_truncation, stability, truncated, simulator.accuracy)
     return good
 
 

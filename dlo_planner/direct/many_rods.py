@@ -21,6 +21,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.series import orthonormal_basis
+from dlo_planner.ritz.truncation import very_twisted
 
 if TYPE_CHECKING:  # it imports this package
     from dlo_planner.direct.simulator import DirectSimulator
@@ -73,9 +74,11 @@ def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
     filled.told()
     if accuracy is None:
         return filled.columns, np.full(len(rods), True)
-    lengths = np.array([rod.length for rod in rods])
+    even_rods: Sequence[Any] = rods  # whose parameters are numbers, see `even`
+    lengths, twists = np.array([(rod.length, rod.natural_twist) for rod in even_rods]).T
     _, stability, truncated = filled.proofs.T
-    return filled.columns, hanging_surely_within(mesh, stability, truncated,
+    return filled.columns, hanging_surely_within(~very_twisted(twists * lengths), stability,
+                                                 truncated,
                                                  accuracy * (lengths / simulator.rod.length))
 
 

@@ -149,7 +149,7 @@ class Setup(Value):
     def with_rod(self, rod: Rod) -> Self:
         """Return a simulator of another Rod (as long or not), all else equal, without a set.
 
-        PointLoads in the last tenth of this one that would be beyond the other's end, or are at
+        PointLoads in the last twentieth of this one that would be beyond the other's end, or are at
         this one's, are at the other's; any other has to be on the other Rod.
         """
         return self._with(self.surroundings.of_rod(rod), None)

@@ -81,7 +81,7 @@ class Surroundings(Value):
     def of_rod(self, rod: Rod) -> Self:
         """Return the same about another Rod (as long or not).
 
-        PointLoads in the last tenth of this one that would be beyond the other's end, or are at
+        PointLoads in the last twentieth of this one that would be beyond the other's end, or are at
         this one's, are at the other's.
         """
         instance('rod', rod, Rod)

@@ -14,7 +14,7 @@ from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.rod import Rod
 
-_NEAR = 0.1  # of the length: a load so near to the end is one at the end
+_NEAR = 0.05  # of the length: a load so near to the end is one at the end
 
 BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other direction
 

@@ -3,8 +3,9 @@
 """Where shapes are filled in: memory of this process, or such as others of this machine reach.
 
 What processes send to each other is copied four times on the way. So they write into a file that
-lies in memory, and is gone with the last process that uses it (Linux: `memfd_create`). Who cannot
-open it, as on another machine, sends results.
+lies in memory, and is gone with the last process that has it open (Linux: `memfd_create`): those
+that a pool forks meanwhile have it until they end. Who cannot open it, as on another machine, sends
+results; so do all where the system has no such file to give.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ class Place:
         self.filled, self._file, self._begin, self._end = filled, file, begin, end
 
     def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled without a file it becomes None: the worker then sends its results."""
         if self._file is None:
             return type(None), ()
         return Place, (None, self._file, self._begin, self._end)
@@ -66,7 +68,7 @@ class Place:
 
 
 class Room:
-    """Memory for n shapes of so many elements; a context manager, after which nobody else opens it.
+    """Memory for n shapes of so many elements; a context manager, after which no one can open it.
 
     Parameters
     ----------
@@ -78,17 +80,31 @@ class Room:
     def __init__(self, n: int, elements: int, shared: bool) -> None:
         self._descriptor: int | None = None
         self._file: File | None = None
-        if not (shared and n and hasattr(os, 'memfd_create')):
+        places = _places(Filled.new(1, elements), n)
+        memory = self._reserved(places[-1], n) if shared and n else None
+        if memory is None:
             self.filled = Filled.new(n, elements)
             return
-        name = f'dlo_planner-{uuid4().hex}'
-        self._descriptor = os.memfd_create(name)
-        self._file = f'/proc/{os.getpid()}/fd/{self._descriptor}', f'/memfd:{name} (deleted)', n
-        places = _places(Filled.new(1, elements), n)
-        os.ftruncate(self._descriptor, places[-1])
-        memory, begins = mmap(self._descriptor, 0), iter(places)
+        begins = iter(places)
         self.filled = Filled.new(n, elements, lambda shape, kind: np.ndarray(
             shape, kind, memory, next(begins)))
+
+    def _reserved(self, size: int, n: int) -> mmap | None:
+        """Return memory of a file for n shapes, None where the system does not give it."""
+        if not hasattr(os, 'memfd_create'):
+            return None
+        name, descriptor = f'dlo_planner-{uuid4().hex}', None
+        try:
+            descriptor = os.memfd_create(name)
+            os.posix_fallocate(descriptor, 0, size)  # now, or a write would end the process
+            memory = mmap(descriptor, 0)
+        except OSError:
+            if descriptor is not None:
+                os.close(descriptor)
+            return None
+        self._descriptor = descriptor
+        self._file = f'/proc/{os.getpid()}/fd/{descriptor}', f'/memfd:{name} (deleted)', n
+        return memory
 
     def __enter__(self) -> Room:
         return self

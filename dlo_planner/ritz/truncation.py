@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 
 OF_AN_ARC = 12  # h^3 |u'| / 12: how far an arc's end is off
+_TWISTED = np.pi  # with more, elements misplace by turns, not by gradients
 
 
 @kernel
@@ -43,3 +46,8 @@ def truncation(lengths: Floats, strains: Floats, natural: Floats, scale: Floats,
     if terms:
         series *= total * np.sqrt(total) / terms**2
     return mesh / OF_AN_ARC + series
+
+
+def very_twisted(turn: Any) -> Any:
+    """Whether `truncation` says too little of a DLO with so much natural twist, in rad."""
+    return np.abs(turn) > _TWISTED

@@ -20,6 +20,7 @@ from dlo_planner import (
     parallel,
     solve_many,
 )
+from dlo_planner.direct.many_rods import hanging_rods
 
 FIGURES = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'energy', 'elastic_energy',
            'dissipated', 'residual', 'stability', 'violation', 'iterations', 'converged', 'jumped')
@@ -135,3 +136,24 @@ def test_what_does_not_fit_together_is_refused():
     loaded = DirectSimulator(copper_wire(), n_elements=8, point_loads=[PointLoad((0, 0, 1), s=0.9)])
     with pytest.raises(InvalidTask, match='PointLoad.s = 0.9'):
         solve_many(loaded, LEVEL, rods=[replace(rods[0], length=0.8)])
+
+
+def test_each_rod_is_judged_by_its_own_twist():
+    # the accuracy of what the loop finds is sure for rods with little natural twist alone
+    base = Rod(1.0, 0.01, (0.005, 0.02), 0.01, natural_curvature=(0.2, 0.1))
+    twists = np.array([0.0, 14.0, 0.3, -9.0, 25.0, 1.0])
+    rods = [replace(base, natural_twist=twist) for twist in twists]
+    for rod in (base, rods[1]):  # whichever rod the simulator has
+        simulator = DirectSimulator(rod, accuracy=0.05)
+        _, sure = hanging_rods(simulator, rods, np.zeros((6, 3)), np.tile(np.eye(3), (6, 1, 1)))
+        np.testing.assert_array_equal(sure, np.abs(twists) < np.pi)
+
+
+def test_a_load_at_the_end_of_a_shorter_rod_is_at_its_end():
+    rods = [copper_wire(), replace(copper_wire(), length=0.98)]
+    simulator = DirectSimulator(rods[0], n_elements=16, point_loads=[PointLoad((0, 0, -0.01),
+                                                                               s=1.0)])
+    found = solve_many(simulator, [LEVEL, LEVEL], rods=rods)
+    for k, rod in enumerate(rods):
+        np.testing.assert_array_equal(found[k].positions,
+                                      simulator.with_rod(rod).solve(LEVEL).positions)

@@ -9,6 +9,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPool
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -103,6 +104,8 @@ def test_threads_write_to_where_the_results_are(simulator, anywhere):
     assert [(one.rows, one.placed) for one in results] == 5 * [({}, 7)] + [({}, 5)]
 
 
+@pytest.mark.skipif(not (hasattr(os, 'memfd_create') and Path('/proc/self/fd').exists()),
+                    reason='no files in memory that other processes reach')
 def test_processes_write_there_too_where_they_can(simulator, anywhere):
     serial = solve_many(simulator, anywhere)
     with Room(len(anywhere), 32, shared=True) as room:
@@ -120,6 +123,21 @@ def test_processes_write_there_too_where_they_can(simulator, anywhere):
     np.testing.assert_array_equal(result.rows['frames'], serial.frames[8:16])
     piece = Piece(Shared(simulator), *arrays_of(anywhere), into=Room(40, 32, False).part(0, 40))
     assert pickle.loads(pickle.dumps(piece)).into is None
+
+
+@pytest.mark.parametrize('refused', ['memfd_create', 'posix_fallocate'])
+def test_results_are_sent_where_the_system_has_no_memory_to_share(simulator, anywhere, refused,
+                                                                  monkeypatch):
+    def refuse(*_):
+        raise OSError('no')
+
+    monkeypatch.setattr(f'dlo_planner.parallel.memory.os.{refused}', refuse, raising=False)
+    before = len(os.listdir('/proc/self/fd')) if Path('/proc/self/fd').exists() else 0
+    with Room(len(anywhere), 32, shared=True) as room:
+        assert pickle.loads(pickle.dumps(room.part(0, 8))) is None
+        assert room.filled.columns['positions'].shape == (len(anywhere), 33, 3)
+    after = len(os.listdir('/proc/self/fd')) if Path('/proc/self/fd').exists() else 0
+    assert after == before
 
 
 def test_arrays_of_poses():
