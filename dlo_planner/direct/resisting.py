@@ -64,7 +64,8 @@ def stability_at(system: System, how: Coefficients, base: Floats, origin: Floats
     for e in range(calm.shape[0]):
         for i in range(3):
             calm[e, i] = bends[0, e, i] - bends[1, e, i] / how.velocity_gain
-    moving = resisting(system, how, where, calm, base, origin)
+    # copied, since arrays that can be written are of another type: all else is compiled for them
+    moving = resisting(system, how, where, calm, base.copy(), origin.copy())
     work = new_workspace(moving)
     unknowns_of(moving, bends[0], work.state.q)
     evaluate(moving, work.state)

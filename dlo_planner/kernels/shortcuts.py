@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import dis
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
+from hashlib import sha256
 from typing import Any
 
-from numba.core import base, event, ir, transforms, types
+from numba.core import base, event, ir, itanium_mangler, transforms, types
 from numba.core.base import BaseContext
 from numba.core.codegen import CPUCodegen
+from numba.core.datamodel.models import DataModel
 from numba.core.errors import NumbaError
 from numba.core.event import _registered
 from numba.core.interpreter import Interpreter
@@ -20,6 +22,8 @@ from numba.core.runtime.context import NRTContext
 from numba.core.typeinfer import ConstraintNetwork
 from numba.core.types.functions import BaseFunction
 from numba.core.typing.context import BaseContext as TypingContext
+from numba.extending import overload
+from numba.np import arrayobj
 
 _resolve = BaseFunction.get_call_type
 _start, _end = event.start_event, event.end_event
@@ -185,6 +189,52 @@ def _operations(code: Any) -> set[str]:
     return {dis.opname[one] for one in set(code.co_code[::2])}
 
 
+def _equal(self: Any, other: Any) -> bool:
+    """Compare types; most of those that are equal are the same object."""
+    return self is other or self.__class__ is other.__class__ and self.key == other.key
+
+
+def _holds_counts(self: Any) -> bool:
+    """Find once for each model whether what it describes holds references that are counted."""
+    holds: bool | None = self.__dict__.get('_holds_counts')
+    if holds is None:
+        holds = self._holds_counts = _contains(self)
+    return holds
+
+
+_contains = DataModel.contains_nrt_meminfo
+@lru_cache(maxsize=None, typed=True)
+def _mangled(value: object) -> str:
+    """Write a type in the name of what is compiled: those of many words by a digest of them."""
+    name: str = _mangle(value)
+    if len(name) <= _SHORT:
+        return name
+    return f'{_SHORT}T{sha256(name.encode()).hexdigest()[:_SHORT - 1]}'
+
+
+_mangle, _SHORT = itanium_mangler.mangle_type_or_value, 40
+
+
+def _mismatch(given: object, part: object) -> None:
+    """Say that an array does not fit the part of an array that is to hold it."""
+
+
+@overload(_mismatch)
+def _of_mismatch(given: object, part: object) -> Callable[..., None]:
+    """Say so in constant words: numba's own need half of what it knows of strings."""
+    def mismatch(given: object, part: object) -> None:
+        raise ValueError('an array does not fit the part of an array that is to hold it')
+
+    return mismatch
+
+
+def _pass_builder(self: Any, **options: Any) -> Any:
+    """Optimize as LLVM does at its first level: kernels came out as quick as at the third."""
+    return _builder(self, **{'opt': 1} | options)
+
+
+_builder = CPUCodegen._pass_builder
+
 SHORTCUTS: list[tuple[Any, str, Callable[..., Any]]] = [  # whose, what, and what stands for it
     (BaseFunction, 'get_call_type', _call_type),
     (event, 'start_event', _started),
@@ -194,6 +244,11 @@ SHORTCUTS: list[tuple[Any, str, Callable[..., Any]]] = [  # whose, what, and wha
     (BaseContext, 'refresh', _refreshed),
     (TypingContext, 'refresh', _refreshed),
     (CPUCodegen, '_module_pass_manager', _module_pass_manager),
+    (CPUCodegen, '_pass_builder', _pass_builder),
+    (types.Type, '__eq__', _equal),
+    (DataModel, 'contains_nrt_meminfo', _holds_counts),
+    (itanium_mangler, 'mangle_type_or_value', _mangled),
+    (arrayobj, 'raise_with_shape_context', _mismatch),
     (CPUCodegen, '_check_llvm_bugs', _check_llvm_bugs),
     (base, '_has_loc', _has_loc),
     (ConstraintNetwork, 'propagate', _propagated),
