@@ -104,9 +104,7 @@ def test_what_makes_no_array_counts_no_references():
     assert sys.getrefcount(array) == before + 1
     del array
     assert part.tolist() == [2.0, 2.0, 2.0]
-    codes = [str(next(iter(one.overloads.values())).library._get_module_for_linking())
-             for one in (filled, last)]
-    assert ['NRT_' in code for code in codes] == [False, True]
+    assert ['NRT_' in code_of(one) for one in (filled, last)] == [False, True]
 
 
 def test_functions_of_numba_that_kernels_call_are_as_numba_makes_them(counted):
@@ -121,3 +119,40 @@ def test_functions_of_numba_that_kernels_call_are_as_numba_makes_them(counted):
         sorted_sum(a)
     after = counted()
     assert after.alloc - before.alloc == after.free - before.free > 0
+
+
+def code_of(function):
+    """Return what is linked into kernels that call one."""
+    return str(next(iter(function.overloads.values())).library._get_module_for_linking())
+
+
+def test_an_array_that_does_not_fit_is_refused_without_strings_being_made():
+    @kernel
+    def put(a, b):
+        a[1:, :2] = b
+
+    a = np.zeros((3, 4))
+    put(a, np.ones((2, 2)))
+    assert a.sum() == 4
+    with pytest.raises(ValueError, match='does not fit'):
+        put(a, np.ones((2, 3)))
+    assert a.sum() == 4 and 'unicode' not in code_of(put)
+
+
+def test_names_of_machine_code_are_short_and_tell_types_apart():
+    nested = tuple((np.zeros(1), np.zeros(n * (1,)), np.zeros(1, bool)) for n in (1, 2, 3))
+
+    @kernel
+    def first(pairs):
+        return pairs[0][0][0] + pairs[2][1].ndim
+
+    assert first(nested) == 3.0 and first((*nested, nested)) == 3.0
+    names = [one.fndesc.llvm_func_name for one in first.overloads.values()]
+    assert len(set(names)) == 2 and max(map(len, names)) < 250
+
+
+def test_llvm_optimizes_at_its_first_level_within():
+    with compiling():
+        passes = cpu_target.target_context.codegen()._pass_builder()
+    levels = [cpu_target.target_context.codegen()._pass_builder(), passes]
+    assert [one._pto.speed_level for one in levels] == [3, 1]

@@ -219,7 +219,7 @@ def _mismatch(given: object, part: object) -> None:
     """Say that an array does not fit the part of an array that is to hold it."""
 
 
-@overload(_mismatch)
+@overload(_mismatch)  # type: ignore[untyped-decorator]  # numba is not annotated
 def _of_mismatch(given: object, part: object) -> Callable[..., None]:
     """Say so in constant words: numba's own need half of what it knows of strings."""
     def mismatch(given: object, part: object) -> None:
