@@ -18,7 +18,6 @@ from contextlib import contextmanager
 from functools import cache, partial
 from typing import Any
 
-from numba.core import codegen
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.environment import lookup_environment
@@ -119,8 +118,7 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba is not annotated
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Optimize each function alone that is more than declared."""
-        one_by_one = hasattr(codegen, 'create_pass_builder')  # not in old versions of numba
-        super()._optimize_functions(_Defined(ll_module) if one_by_one else ll_module)
+        super()._optimize_functions(_Defined(ll_module))
 
     def emit(self) -> None:
         """Make the machine code, where it has not been made."""

@@ -10,7 +10,7 @@ from functools import cache, lru_cache
 from hashlib import sha256
 from typing import Any
 
-from numba.core import base, event, ir, itanium_mangler, transforms, types
+from numba.core import base, config, event, ir, itanium_mangler, transforms, types
 from numba.core.base import BaseContext
 from numba.core.codegen import CPUCodegen
 from numba.core.datamodel.models import DataModel
@@ -104,8 +104,6 @@ def _module_pass_manager(self: Any, **options: Any) -> Any:
     passes = _passes_of(self, **options)
     if options.get('cost') != 'cheap':
         return passes
-    if not isinstance(passes, tuple):  # in old versions of numba
-        return _ForCounts(passes)
     return _ForCounts(passes[0]), passes[1]
 
 
@@ -203,6 +201,8 @@ def _holds_counts(self: Any) -> bool:
 
 
 _contains = DataModel.contains_nrt_meminfo
+
+
 @lru_cache(maxsize=None, typed=True)
 def _mangled(value: object) -> str:
     """Write a type in the name of what is compiled: those of many words by a digest of them."""
@@ -230,7 +230,7 @@ def _of_mismatch(given: object, part: object) -> Callable[..., None]:
 
 def _pass_builder(self: Any, **options: Any) -> Any:
     """Optimize as LLVM does at its first level: kernels came out as quick as at the third."""
-    return _builder(self, **{'opt': 1} | options)
+    return _builder(self, **{'opt': min(1, config.OPT)} | options)
 
 
 _builder = CPUCodegen._pass_builder
