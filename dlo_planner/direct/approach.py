@@ -73,7 +73,9 @@ def advance_boundary(discretization: Discretization, previous: Shape | None, str
     if parts == 0:
         return Advanced(gripper, strains, history)
     if previous is None and far_end is not None:
-        return Advanced(*set_down(discretization, gripper, strains, far_end, history))
+        assert held is not None  # as far_end is not
+        return Advanced(*set_down(discretization, gripper, strains, (held, far_end), history,
+                                  parts))
     if not obstacles and held is not None and far_end is not None:
         return Advanced(*lead(discretization, strains, (begin, gripper), (held, far_end), history,
                               parts))

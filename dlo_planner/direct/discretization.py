@@ -77,7 +77,7 @@ class Discretization(Value):
         put(self, surroundings=surroundings, s=s, basis=basis, n_terms=n_terms)
         freeze(s)
         rod = surroundings.rod
-        lengths = np.diff(s)
+        lengths = s[1:] - s[:-1]
         stiffness = rod.mean_stiffnesses(s)
         if basis == 'local':
             scale = 1 / np.sqrt(stiffness * lengths[:, None])
@@ -85,7 +85,7 @@ class Discretization(Value):
             scale = np.sqrt(rod.stiffness) / stiffness
         pull = (-node_masses(rod, s)[:, None] * surroundings.gravity
                 - node_forces(surroundings, s))
-        weight = np.linalg.norm(pull, axis=1).sum()
+        weight = np.sqrt(np.einsum('ki,ki->k', pull, pull)).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
         for name, stiff, most in _SPRINGS:
             put(self, **{name: min(stiff * (weight + bend), most * bend) / rod.length})
@@ -196,7 +196,7 @@ class Discretization(Value):
         """Whether `ritz.truncation` bounds the error: nothing varies, little natural twist."""
         around = self.surroundings
         return not (around.rod.varies or around.point_loads or callable(around.load)
-                    or bool(very_twisted(np.abs(self.natural[:, 0]) @ np.diff(self.s))))
+                    or bool(very_twisted(np.abs(self.natural[:, 0]) @ self.bare.lengths)))
 
     def has_nodes(self, s: Floats) -> bool:
         """Whether its nodes are at `s` (n,), m."""

@@ -3,7 +3,8 @@
 """A step of a DLO between two grips that move a little: most steps of one that is held so.
 
 One kernel finds it (`minimize.holding`). Where it does not, grips are brought to their places in
-parts (`direct.leading`), and every guard of `minimize.held` watches the way.
+parts (`direct.leading`), and every guard of `minimize.held` watches the way. So it is with a DLO
+that is set down in its grips; the end of its way is such a step again.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from dlo_planner.direct.statics import estimated, held_nearby
 if TYPE_CHECKING:
     from dlo_planner.direct.discretization import Discretization
     from dlo_planner.direct.history import History
+    from dlo_planner.model.arrays import Floats
     from dlo_planner.model.far_end import FarEnd
     from dlo_planner.model.pose import Pose
 
@@ -41,7 +43,23 @@ def holding_on(mesh: Discretization, gripper: Pose, initial: Shape | None,
     if (initial is None or not mesh.hangs or initial.far_end is None
             or initial.far_end.grip != far_end.grip):
         return None
-    found = held_nearby(mesh, gripper, far_end, mesh.start_from(initial), past.left['hold'])
+    return held_from(mesh, gripper, mesh.start_from(initial), far_end, past)
+
+
+def held_from(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd,
+              past: History) -> tuple[Shape, int] | None:
+    """Return the Shape next to given strains, and 0 kicks; None where it is not near.
+
+    Parameters
+    ----------
+    mesh, gripper, far_end
+        As of `holding_on`.
+    strains : ndarray, shape (N, 3)
+        Strains of the elements, 1/m, read-only.
+    past : History
+        What is left to the step, on this mesh, with the forces of the far end's grip.
+    """
+    found = held_nearby(mesh, gripper, far_end, strains, past.left['hold'])
     if found is None:
         return None
     (strains, frames, positions, wrenches, force, elastic, energy, residual, stability, steps,

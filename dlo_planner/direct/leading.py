@@ -3,7 +3,6 @@
 """Bringing the grip of a held far end, and the gripper, to where a step begins its search."""
 
 import numpy as np
-import scipy
 
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization
@@ -15,6 +14,7 @@ from dlo_planner.minimize.held import led
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd, held_rows
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.ritz.rotation import partway
 
 _TURN, _SHIFT = 0.3, 0.08  # rad, part of the length: how far a grip goes in one part
 _FINER = 4   # times the parts of a way that is not found in larger ones
@@ -73,11 +73,8 @@ def lead(discretization: Discretization, strains: Floats, grippers: tuple[Pose, 
 
 def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
     """Return positions (n, 3) and rotations (n, 3, 3) at shares (n,) of a straight way."""
-    Rotation = scipy.spatial.transform.Rotation
-    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
-    turns = Rotation.from_rotvec(shares[:, None] * turn).as_matrix()
-    return (one.position + shares[:, None] * (other.position - one.position),
-            np.ascontiguousarray(turns @ one.rotation))
+    turned = [partway(one.rotation, other.rotation, share) for share in shares.tolist()]
+    return one.position + shares[:, None] * (other.position - one.position), np.array(turned)
 
 
 def grip_before(discretization: Discretization, previous: Shape | None, strains: Floats,

@@ -73,7 +73,7 @@ def nodes_at(s: NDArray[np.float64], shares: NDArray[np.float64], elements: int,
     breaks : ndarray, shape (n,), optional
         Arc lengths of jumps, m.
     """
-    nodes = np.interp(np.linspace(0, 1, elements + 1), shares, s)
+    nodes = np.interp(np.arange(elements + 1.0) * (1.0 / elements), shares, s)
     nodes[0], nodes[-1] = 0.0, s[-1]
     return with_breaks(nodes, breaks)
 

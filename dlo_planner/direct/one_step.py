@@ -12,12 +12,13 @@ from dlo_planner.direct.bearing import bearing_on
 from dlo_planner.direct.described import described_equilibrium
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
-from dlo_planner.direct.holding import holding_on
+from dlo_planner.direct.holding import held_from, holding_on
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium, hanging
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import freeze
 
 
 class How(NamedTuple):
@@ -73,6 +74,11 @@ def step(discretization: Discretization, gripper: Pose, initial: Shape | None,
     gripper = held_by(discretization.surroundings, gripper, initial)
     gripper, strains, past, clear = advance_boundary(discretization, initial, strains, gripper,
                                                      far_end, past)
+    if initial is None and far_end is not None and discretization.hangs and method == 'newton':
+        freeze(strains)  # kernels take what is read-only as another type
+        found = held_from(discretization, gripper, strains, far_end, past)
+        if found is not None:
+            return found
     shape, kicks = equilibrium(discretization, gripper, strains, method, past, far_end)
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
 

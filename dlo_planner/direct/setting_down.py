@@ -15,7 +15,7 @@ import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
-from dlo_planner.direct.leading import grip_before, lead, parts_between
+from dlo_planner.direct.leading import lead
 from dlo_planner.direct.part import Solved
 from dlo_planner.direct.statics import Search, equilibrium, solve
 from dlo_planner.energy.depth import depth
@@ -33,8 +33,9 @@ _ENOUGH = 10.0
 _FINEST = 2.0**-10  # of the growth: if smaller steps fail, the growth ends there
 
 
-def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray, far_end: FarEnd,
-             history: History) -> tuple[Pose, np.ndarray, History]:
+def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
+             far_ends: tuple[FarEnd, FarEnd], history: History,
+             parts: int) -> tuple[Pose, np.ndarray, History]:
     """Return gripper, strains (N, 3) and the past of a DLO that is in its grips.
 
     Parameters
@@ -45,18 +46,19 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
         The final pose.
     strains : ndarray, shape (N, 3)
         Strains to begin with, 1/m.
-    far_end : FarEnd
+    far_ends : tuple
+        Two FarEnds of the same grip: where the end is with these strains, and where it is held.
     history : History
         History on this mesh.
+    parts : int
+        Number of parts into which the way of the far end is cut.
     """
+    far_end = far_ends[1]
     firm = _resisting_twist(discretization)
     amid = bool(discretization.surroundings.obstacles)
     bare = firm.without_obstacles if amid else firm
     past = bare.past(history)
-    held = grip_before(bare, None, strains, gripper, far_end)
-    assert held is not None  # as far_end is not
-    parts = parts_between(gripper, gripper, held, far_end, bare.s[-1])
-    gripper, strains, past = lead(bare, strains, (gripper, gripper), (held, far_end), past, parts)
+    gripper, strains, past = lead(bare, strains, (gripper, gripper), far_ends, past, parts)
     if amid:
         shape, _ = equilibrium(bare, gripper, strains, 'newton', past, far_end)
         past = firm.past(history).leaving(hold=shape.state.left.left['hold'])

@@ -11,10 +11,11 @@ is solved with answers H^-1 A^T, found one by one, and the inverse of A H^-1 A^T
 import numpy as np
 
 from dlo_planner.energy.effects import fill_rows
-from dlo_planner.energy.potential import project
 from dlo_planner.kernels import kernel
 
 _NEVER = 1e-14  # of the largest: the eigenvalue of a direction in which nothing can move
+_CLEAR = 1e-9   # of the largest entry: a pivot above it is of a direction in which something can
+_LARGE = 0.1    # of the largest entry left: a pivot above it spoils nothing
 
 
 @kernel
@@ -25,15 +26,34 @@ def fill_border(system, state, hessian, border):
     n, held = system.lengths.size, border.rows.shape[0]
     if held == 0:
         return
-    twists, values = np.empty((held, 6)), np.zeros((n, 3))
+    twists, values = np.empty((held, 6)), np.empty((n, held, 3))
     fill_rows(system.effects, state.rotations[n], state.positions[n], twists)
-    for row in range(held):
-        for e in range(n):
+    for e in range(n):
+        moved = hessian.twist_jacobian[e]
+        for row in range(held):
             for i in range(3):
-                values[e, i] = 0.0
+                total = 0.0
                 for k in range(6):
-                    values[e, i] += hessian.twist_jacobian[e, k, i] * twists[row, k]
-        project(system.basis, values, border.rows[row])
+                    total += moved[k, i] * twists[row, k]
+                values[e, row, i] = total
+    project_rows(system.basis, values, border.rows)
+
+
+@kernel
+def project_rows(basis, values, rows):
+    """Fill rows (K, m, 3) with the sum over the elements of basis times values (N, K, 3)."""
+    held, m = rows.shape[0], rows.shape[1]
+    if basis.shape[1] == 0:
+        for row in range(held):
+            for e in range(m):
+                for i in range(3):
+                    rows[row, e, i] = values[e, row, i]
+        return
+    sums = basis.T @ values.reshape((values.shape[0], 3 * held))
+    for row in range(held):
+        for j in range(m):
+            for i in range(3):
+                rows[row, j, i] = sums[j, 3 * row + i]
 
 
 @kernel
@@ -43,8 +63,7 @@ def complemented(border):
     As many of those of H are not of what the grip leaves free (Haynsworth). Where a number
     overflowed, the factorization is of no use: it returns less than there can be.
     """
-    negative, held = 0, border.rows.shape[0]
-    schur = border.schur
+    schur, held = border.schur, border.rows.shape[0]
     for row in range(held):
         for other in range(row + 1):
             schur[row, other] = dot(border.rows[row], border.answers[other])
@@ -53,6 +72,57 @@ def complemented(border):
     if not np.isfinite(schur).all():
         schur[:] = 0.0
         return -held - 1
+    negative = _inverted(schur)
+    return negative if negative >= 0 else _inverted_where_it_can_be(schur)
+
+
+@kernel
+def _inverted(schur):
+    """Invert a symmetric matrix (K, K) in place; return how many of its eigenvalues are negative.
+
+    By exchange of rows with columns (Gauss and Jordan) on the largest pivot of the diagonal: a
+    congruence, so that pivots have the eigenvalues' signs. Where none left is large enough it
+    returns -1, and the matrix is what it was.
+    """
+    held, negative = schur.shape[0], 0
+    work, left = schur.copy(), np.ones(held, dtype=np.bool_)
+    least = 0.0
+    for _ in range(held):
+        best, pivot, largest = -1, 0.0, 0.0
+        for row in range(held):
+            if left[row]:
+                if best < 0 or abs(work[row, row]) > abs(pivot):
+                    best, pivot = row, work[row, row]
+                for other in range(row + 1):
+                    if left[other]:
+                        largest = max(largest, abs(work[row, other]))
+        least = max(least, _CLEAR * largest)
+        if not (abs(pivot) > least and abs(pivot) >= _LARGE * largest):
+            return -1
+        left[best] = False
+        negative += pivot < 0.0
+        for row in range(held):
+            if row == best:
+                continue
+            factor = work[row, best] / pivot
+            for other in range(held):
+                if other != best:
+                    work[row, other] -= factor * work[best, other]
+            work[row, best] = factor
+        for other in range(held):
+            if other != best:
+                work[best, other] /= pivot
+        work[best, best] = -1.0 / pivot
+    for row in range(held):
+        for other in range(held):
+            schur[row, other] = -work[row, other]
+    return negative
+
+
+@kernel
+def _inverted_where_it_can_be(schur):
+    """Do what `_inverted` does of a matrix on what it does not map to nothing, by eigenvectors."""
+    negative, held = 0, schur.shape[0]
     values, vectors = np.linalg.eigh(schur)
     largest = np.abs(values).max()
     for row in range(held):

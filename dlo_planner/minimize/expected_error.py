@@ -91,27 +91,45 @@ def resampled_means(s: Floats, values: Floats, nodes: Floats, out: Floats) -> No
     """
     points = min(6, s.size)
     total, now, before = np.zeros((s.size, 3)), np.zeros(3), np.zeros(3)
+    factors, ahead, weights = np.empty(points), np.empty(points + 1), np.empty(points)
     for e in range(values.shape[0]):
         for i in range(3):
             total[e + 1, i] = total[e, i] + (s[e + 1] - s[e]) * values[e, i]
-    first, right = 0, 1  # of the points, and the node that follows
+    first, of, right = 0, -1, 1  # of the points, of those of `factors`, and the node that follows
+    shorter = 1.0  # 1 over the way from the first point to the last, 1/m
     for k in range(1, nodes.size):
         x = nodes[k]
         while right < s.size - 1 and s[right] < x:
             right += 1
         first = min(max(right - points // 2, 0), s.size - points)
+        if first != of:
+            of, shorter = first, 1.0 / (s[first + points - 1] - s[first])
+            _fill_factors(s[first:first + points], shorter, factors)
+        ahead[points] = 1.0
+        for j in range(points - 1, -1, -1):
+            ahead[j] = ahead[j + 1] * (x - s[first + j]) * shorter
+        passed = 1.0
+        for j in range(points):
+            weights[j] = passed * ahead[j + 1] * factors[j]
+            passed *= (x - s[first + j]) * shorter
+        dense = 1.0 / (x - nodes[k - 1])
         for i in range(3):
             now[i] = 0.0
-        for j in range(first, first + points):
-            weight = 1.0
-            for other in range(first, first + points):
-                if other != j:
-                    weight *= (x - s[other]) / (s[j] - s[other])
-            for i in range(3):
-                now[i] += weight * total[j, i]
-        for i in range(3):
-            out[k - 1, i] = (now[i] - before[i]) / (nodes[k] - nodes[k - 1])
+            for j in range(points):
+                now[i] += weights[j] * total[first + j, i]
+            out[k - 1, i] = (now[i] - before[i]) * dense
             before[i] = now[i]
+
+
+@kernel
+def _fill_factors(s, shorter, factors):
+    """Fill (n,) 1 over the product of distances, `shorter`, of each node `s` (n,) from others."""
+    for j in range(s.size):
+        product = 1.0
+        for other in range(s.size):
+            if other != j:
+                product *= (s[j] - s[other]) * shorter
+        factors[j] = 1.0 / product
 
 
 @kernel

@@ -33,7 +33,6 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.border import dot
 from dlo_planner.minimize.linear import (
     assemble,
-    factorize,
     largest_turn,
     new_hessian,
     solve_held,
@@ -155,8 +154,7 @@ def descend_held(system: System, q: Floats, tolerance: float, exact: float, max_
             # neutral steps are as large as rounding errors over the shift, and spoil what their
             # square is; a shift that vanishes with the residual costs nothing (Fan and Yuan 2005)
             shift = max(shift, min(residual, _MOST_PROXIMAL))
-        if arrived or factorize(system, hessian, shift) > 0:
-            shift = safe_shift(system, hessian, 0.0 if arrived else shift)
+        shift = safe_shift(system, hessian, 0.0 if arrived else shift)
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift, 1e-4)
             break

@@ -19,9 +19,10 @@ import numpy as np
 
 from dlo_planner.energy.effects import Border, fill_rows, potential, stored
 from dlo_planner.energy.hold import Hold, fill_miss
-from dlo_planner.energy.potential import evaluate, project, unknowns_of
+from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.system import State, System, new_state, regripped_system, unknown_count
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.border import project_rows
 from dlo_planner.minimize.linear import (
     Hessian,
     assemble,
@@ -34,7 +35,7 @@ from dlo_planner.minimize.newton import without_traces
 from dlo_planner.minimize.residual import gradient_noise, residual_of
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import jacobians
+from dlo_planner.ritz.arc import coefficients_in, jacobians_with
 from dlo_planner.ritz.arrays import put_sum, scaled_by
 from dlo_planner.ritz.matrix3 import columns_scaled, matrix, times
 
@@ -183,12 +184,12 @@ def fill_rows_of_turns(system: System, state: State, turning: Floats, rows: Floa
     As `border.fill_border`, where the blocks `turning` (N, 3, 3) are of rotations alone.
     """
     n, held = system.lengths.size, rows.shape[0]
-    twists, values = np.empty((held, 6)), np.empty((held, n, 3))
+    twists, values = np.empty((held, 6)), np.empty((n, held, 3))
     fill_rows(system.effects, state.rotations[n], state.positions[n], twists)
     for e in range(n):
         h, u, x, scale = (system.lengths[e], state.strains[e], state.positions[e + 1],
                           system.scale[e])
-        _, chord = jacobians(h * u[0], h * u[1], h * u[2], h)
+        _, chord = jacobians_with(h * u[0], h * u[1], h * u[2], h, coefficients_in(state.arcs[e]))
         moved = columns_scaled(times(matrix(state.rotations[e]), chord), h * scale[0],
                                h * scale[1], h * scale[2])
         turned = matrix(turning[e])
@@ -198,7 +199,6 @@ def fill_rows_of_turns(system: System, state: State, turning: Floats, rows: Floa
             m1 = twists[row, 1] - x[2] * f0 + x[0] * f2
             m2 = twists[row, 2] - x[0] * f1 + x[1] * f0
             for i in range(3):
-                values[row, e, i] = (turned[i] * m0 + turned[3 + i] * m1 + turned[6 + i] * m2
+                values[e, row, i] = (turned[i] * m0 + turned[3 + i] * m1 + turned[6 + i] * m2
                                      + moved[i] * f0 + moved[3 + i] * f1 + moved[6 + i] * f2)
-    for row in range(held):
-        project(system.basis, values[row], rows[row])
+    project_rows(system.basis, values, rows)

@@ -76,7 +76,7 @@ class AlongRod(Value):
         if callable(self.mass_per_length):
             result: Floats = self._profiles['mass_per_length'].on_nodes(s)[:, 0]
             return result
-        half = 0.5 * np.diff(s) * self.mass_per_length
+        half = 0.5 * (s[1:] - s[:-1]) * self.mass_per_length
         masses = np.zeros(len(s))
         masses[:-1] += half
         masses[1:] += half

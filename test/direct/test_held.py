@@ -135,7 +135,8 @@ def test_track_goes_on_from_a_shape_that_is_nearly_converged(monkeypatch):
         calls.append(None)
         return len(calls) != 2 and promised(*given)
 
-    monkeypatch.setattr(one_step, 'holding_on', lambda *_: None)  # has a proof of its own
+    for quick in ('holding_on', 'held_from'):  # have a proof of their own
+        monkeypatch.setattr(one_step, quick, lambda *_: None)
     monkeypatch.setattr(proof, '_promised', second_fails)
     shapes = direct.track([HERE] * 3, far_ends=ends)
     assert [shape.converged for shape in shapes] == [True, False, True]
