@@ -110,7 +110,7 @@ def seen() -> None:
     spread = Uncertainty(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
     direct = DirectSimulator(_ROD)
     goal = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
-    plan = InverseSimulator(direct).thread(goal, depths=[0, 0.5])
+    plan = InverseSimulator(direct).thread(goal, depths=[0, 0.03, 0.06, 0.5])
     InverseSimulator(direct).thread_sequence(
         [CutOut(Pose.looking_along((x, 0, 1), (1, 0, 0))) for x in (0, 0.2, 0.4)], depths=[0, 0.1])
     shape = direct.solve(_TILTED)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.builder import PlanBuilder
 
+_Number = TypeVar('_Number', float, Floats)
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
 _STABLE = 0.1  # stability at both ends of a step, without which the DLO may fall between them
 _SAME = 1e-3   # of the length: farther apart, two shapes are not the same
@@ -25,14 +27,35 @@ _TURN, _TURN_RATE = 0.05, 10.0
 _SHIFT, _SHIFT_RATE = 0.02, 3.0
 
 
-def largest_turn(step: float) -> float:
+def largest_turn(step: _Number) -> _Number:
     """Return the turn of the gripper in rad that a step in depth (of the length) may cause."""
     return _TURN + _TURN_RATE * abs(step)
 
 
-def largest_shift(step: float) -> float:
+def largest_shift(step: _Number) -> _Number:
     """Return the same for the gripper's displacement, of the length."""
     return _SHIFT + _SHIFT_RATE * abs(step)
+
+
+def without_doubt(steps: Floats, length: float) -> tuple[Floats, float]:
+    """Return what a step may be so that neither gripper nor DLO leap, without a second look.
+
+    Parameters
+    ----------
+    steps : ndarray, shape (k,)
+        Steps of the depth, relative to the length.
+    length : float
+        Length of the DLO, m.
+
+    Returns
+    -------
+    most : ndarray, shape (3, k)
+        By how much the gripper may turn, rad, and move, m, and nodes may turn besides, rad.
+    least : float
+        Stability that the DLO must have at both ends.
+    """
+    most = (largest_turn(steps), length * largest_shift(steps), np.full(len(steps), _QUIET))
+    return np.array(most), _STABLE
 
 
 def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float,

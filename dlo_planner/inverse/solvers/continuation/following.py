@@ -19,9 +19,9 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.continuity import excess, refusal_for_leap
 
-_LONGEST_STEP = 1 / 16   # of the length
+LONGEST_STEP = 1 / 16   # of the length
 _SHORTEST_STEP = 1 / 1024
-_AHEAD = 4.0             # steps ahead that a trend is believed for
+AHEAD = 4.0             # steps ahead that a trend is believed for
 _SHARES = 1.0, 0.5, 0.0  # of a roll
 
 
@@ -69,7 +69,7 @@ class Passing(NamedTuple):
             return None
         shape, begun = self.since
         ahead = (depth - self.depth) / (self.depth - begun) if self.depth != begun else 0.0
-        return (shape, ahead) if 0.0 < ahead <= _AHEAD else None
+        return (shape, ahead) if 0.0 < ahead <= AHEAD else None
 
 
 class Condition(Protocol):
@@ -136,7 +136,7 @@ def follow(condition: Condition, passing: Passing, depth: float, goal: float,
         If None, no roll.
     """
     length = passing.shape.s[-1]
-    step = longest = _LONGEST_STEP * length
+    step = longest = LONGEST_STEP * length
     begun = depth
     while True:
         target = depth + min(max(goal - depth, -step), step)

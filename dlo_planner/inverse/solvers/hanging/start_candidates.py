@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
@@ -18,7 +17,7 @@ from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.minimize.minimum import Minimum
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.pose import Pose, angle_between, turned_by
 from dlo_planner.model.rod import Rod
 
 _ALIKE = 1e-9  # part of the stiffness, rad along the length: what makes no difference
@@ -61,8 +60,7 @@ def start_candidates(simulator: DirectSimulator, cutout: CutOut,
 
     def end_rolled(angle: float) -> tuple[Floats, Floats, Floats]:
         """Return strains, gripper rotation, and the reference of its roll."""
-        turn = Rotation.from_rotvec(angle * cutout.normal).as_matrix()
-        strains, base = integrate_from_tip(system, turn @ preferred)
+        strains, base = integrate_from_tip(system, turned_by(angle * cutout.normal) @ preferred)
         return strains, base, least_turn(preferred[:, 0], base[:, 0]) @ preferred
 
     def roll(angle: float) -> float:
@@ -107,8 +105,7 @@ def is_axisymmetric(rod: Rod) -> bool:
 
 def least_turn(one: Floats, other: Floats) -> Floats:
     """Return the rotation (3, 3) about the axis across both that takes unit vector one to other."""
-    turn: Floats = Rotation.from_rotvec(_rotvec_between(one, other)).as_matrix()
-    return turn
+    return turned_by(_rotvec_between(one, other))
 
 
 def _rotvec_between(one: Floats, other: Floats) -> Floats:

@@ -10,15 +10,17 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import TOLERANCE, found_hanging, shape_of
 from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.inverse.solvers.continuation.following import Passing
+from dlo_planner.inverse.solvers.continuation.following import AHEAD, LONGEST_STEP, Passing
 from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes, crossings
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
 from dlo_planner.inverse.solvers.points.coupled import aligned_hanging
 from dlo_planner.inverse.solvers.points.nested import nested_alignment
+from dlo_planner.inverse.solvers.points.onward import aligned_onward
 from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose, pose_of
 from dlo_planner.model.value import freeze
+from dlo_planner.plan.continuity import without_doubt
 
 _MAX_ITERATIONS = 60
 _ORIGIN = np.zeros(3)
@@ -74,10 +76,76 @@ class Aligned:
         axes, position = shape.frame_at(s)
         return Passing(shape, shape.gripper.position - position, depth=depth, axes=axes)
 
+    def onward(self, before: Passing, depths: Floats) -> list[Passing]:
+        """Return the Passings at the first of some depths, without roll, that leave no doubt.
+
+        As `at` finds them, in less time. There may be none: where the gripper or the DLO might
+        leap, where the DLO is hardly stable, and where its mesh depends on the shape.
+
+        Parameters
+        ----------
+        before : Passing
+            Passing at the depth before.
+        depths : ndarray, shape (k,)
+            The depths that follow, m.
+        """
+        mesh = before.shape.state.mesh
+        if (self._align is not aligned_shape or self.simulator.accuracy is not None
+                or mesh is None or not mesh.hangs):
+            return []
+        far = np.flatnonzero(~(abs(np.diff(depths, prepend=before.depth))
+                               <= LONGEST_STEP * self.simulator.rod.length))
+        return _onward(mesh, self.normal, before, depths[:far[0]] if far.size else depths)
+
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
         s = self.simulator.rod.length - depth
         return crossings(shapes, shapes.at(s)[1], self.normal, s)
+
+
+def _onward(mesh: Discretization, normal: Floats, before: Passing,
+            depths: Floats) -> list[Passing]:
+    """Return what `Aligned.onward` does, of a Discretization that hangs freely."""
+    shape, length = before.shape, mesh.s[-1]
+    steps = np.diff(depths, prepend=before.depth) / length
+    most, least = without_doubt(steps, length)
+    if not (len(depths) and shape.stability > least):
+        return []
+    earlier, ahead = before.trend(depths[0]) or (shape, 0.0)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        further = steps[1:] / steps[:-1]
+    further[~((further > 0.0) & (further <= AHEAD))] = 0.0
+    pair = (np.array([one.gripper.rotation for one in (earlier, shape)]),
+            np.array([one.element_strains for one in (earlier, shape)]))
+    freeze(pair)
+    found, shapes, bases, axes, places = aligned_onward(
+        mesh.static, *pair, shape.frames, before.place, np.array([ahead, *further]),
+        *_places(mesh.s, length - depths), np.array(normal), most, least, mesh.sampled, TOLERANCE,
+        _MAX_ITERATIONS)
+    passings: list[Passing] = []
+    for k in range(found):
+        passing = _passing(mesh, k, shapes, bases[k], axes[k], places[k])
+        before = passing._replace(depth=float(depths[k])).after(before)
+        passings.append(before)
+    return passings
+
+
+def _passing(mesh: Discretization, k: int, shapes: tuple[Floats, ...], base: Floats, axes: Floats,
+             place: Floats) -> Passing:
+    """Return the Passing of a Shape that `aligned_onward` found, the k-th."""
+    strains, frames, positions, wrenches, numbers = shapes
+    elastic, energy, residual, stability, iterations = numbers[:, k].tolist()
+    shape = found_hanging(mesh, pose_of(_ORIGIN, base), (
+        strains[k], frames[k], positions[k], wrenches[k], elastic, energy, residual, stability,
+        int(iterations), 0))
+    return Passing(shape, -place, axes=axes)
+
+
+def _places(nodes: Floats, s: Floats) -> tuple[Ints, Floats]:
+    """Return (k,) elements in which arc lengths (k,), m, are, and (k,) fractions of them."""
+    elements = np.minimum(nodes.searchsorted(s, side='right') - 1, nodes.size - 2)
+    begin = nodes[elements]
+    return elements, (s - begin) / (nodes[elements + 1] - begin)
 
 
 def _angle(one: Floats, other: Floats) -> float:
@@ -115,10 +183,8 @@ def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Fl
 def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: Floats,
                reference: Floats, trend: tuple[Shape, float] | None = None) -> Shape | None:
     """Return what `aligned_shape` returns, on a Discretization."""
-    element = min(int(discretization.s.searchsorted(s, side='right')) - 1,
-                  discretization.s.size - 2)
-    begin, end = discretization.s[element:element + 2].tolist()
-    fraction = (s - begin) / (end - begin)
+    (element,), (fraction,) = (found.tolist() for found in _places(
+        discretization.s, np.array([s])))
     goal = (element, fraction, np.array(normal), np.array(reference, order='C'),
             free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
     if discretization.hangs:

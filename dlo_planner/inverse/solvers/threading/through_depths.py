@@ -37,6 +37,8 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_of
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
+_AT_ONCE = 32  # waypoints that are found in one call
+_LATER = 8     # waypoints until that is tried again, where one was in doubt
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
 _AS_STABLE = 0.8    # of that, or of what there is: rolled evenly it may be less
 
@@ -103,13 +105,20 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
     guess, reference, depth = begin
     last, jerks = aligned.from_guess(guess, depth, reference), False
     passings: list[Passing] = []
-    for target in task.depths:
+    ready: list[Passing] = []  # the next ones, the last first
+    doubtful = 0  # where they are next looked for
+    for index, target in enumerate(task.depths):
         demands.progress.check()
-        step = Step(None, depth, 0.0) if last is None else follow(
-            aligned, last, depth, target, route)
         before = last if builder.waypoints else None
-        refusal = _refusal(simulator, builder, before, target, step)
-        passing = step.passing if refusal is None else None
+        if before is not None and route is None and not ready and index >= doubtful:
+            ready = aligned.onward(before, task.depths[index:index + _AT_ONCE])[::-1]
+            doubtful = index + max(len(ready), _LATER)
+        refusal, passing = None, ready.pop() if ready else None
+        if passing is None:
+            step = Step(None, depth, 0.0) if last is None else follow(
+                aligned, last, depth, target, route)
+            refusal = _refusal(simulator, builder, before, target, step)
+            passing = step.passing if refusal is None else None
         if before is not None and may_roll and (
                 passing is None or passing.shape.stability < _DOUBTFUL):
             jerks = True
