@@ -92,7 +92,7 @@ def test_what_is_hardly_stable_is_left_to_others(monkeypatch):
     depths = np.array([passing.depth for passing in way])
     stable = [passing.shape.stability for passing in aligned.onward(way[0], depths[1:])]
     worst = int(np.argmin(stable))
-    assert 0 < worst and stable[worst] < way[0].shape.stability
+    assert worst > 0 and stable[worst] < way[0].shape.stability
     for room, expected in ((1e-9, len(stable)), (-1e-9, worst)):
         monkeypatch.setattr(continuity, '_STABLE', stable[worst] - room)
         assert len(aligned.onward(way[0], depths[1:])) == expected
