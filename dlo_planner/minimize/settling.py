@@ -67,6 +67,8 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
     stiffer, finer, held = 1.0, 1.0, is_held(system)
     stability, judged, final = np.nan, False, False
     for turn in range(rounds):
+        if turn % _TURN == 0:  # what was in vain with other points tells nothing of these
+            vain, best = 0, np.inf
         state, left, steps, contacts, new = _round(
             system, q, finer * tolerance, exact, min(_PATIENCE, max_iterations - iterations), previous,
             turn // _TURN % 2 == 1 and violation < _OUTSIDE * exact)
