@@ -16,7 +16,7 @@ from dlo_planner.minimize.held import HELD_NEUTRAL
 from dlo_planner.minimize.linear import assemble
 from dlo_planner.minimize.newton import HARDLY, WELL_STABLE
 from dlo_planner.minimize.residual import gradient_noise
-from dlo_planner.minimize.settling import ROUNDS, STALLED, has_settled, is_held, settle
+from dlo_planner.minimize.settling import ROUNDS, STALLED, is_held, settle
 from dlo_planner.minimize.shifting import safe_shift
 from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.minimize.watching import watching
@@ -73,8 +73,6 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
             loaded, state.q, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
         bears = kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
                                       exact)
-    elif bears and not has_settled(loaded, state):
-        bears = False
     elif bears and check:
         stability = _stability(loaded, state, hessian, turned)
         bears = stability > -HELD_NEUTRAL

@@ -19,7 +19,6 @@ from dlo_planner.energy.hold import violation as hold_violation
 from dlo_planner.energy.system import hinged
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
-from dlo_planner.minimize.decrement import SETTLED, decrement_of
 from dlo_planner.minimize.exchange import exchanged
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
@@ -48,7 +47,6 @@ _HELPS = 0.5        # an error that falls less in a round asks for smaller steps
 _SHARES = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.125, 0.125, 0.0)  # after so many rounds in vain
 _SHORT = 1e3        # times the tolerance: a residual that Newton's method did not bring down
 _PATIENCE = 80      # Newton steps in a round, before it is looked at what touches
-_FINER = 0.1        # the tolerance of the next descent, where this one was not enough
 _NEWS = 3           # rounds in a row that go without multipliers, because of what has just touched
 
 
@@ -64,13 +62,11 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
     """
     vain = news = kicks = iterations = 0
     best = before = violation = np.inf
-    stiffer, finer, held = 1.0, 1.0, is_held(system)
+    stiffer, held = 1.0, is_held(system)
     stability, judged, final = np.nan, False, False
     for turn in range(rounds):
-        if turn % _TURN == 0:  # what was in vain with other points tells nothing of these
-            vain, best = 0, np.inf
         state, left, steps, contacts, new = _round(
-            system, q, finer * tolerance, exact, min(_PATIENCE, max_iterations - iterations), previous,
+            system, q, tolerance, exact, min(_PATIENCE, max_iterations - iterations), previous,
             turn // _TURN % 2 == 1 and violation < _OUTSIDE * exact)
         news = news + 1 if new or left > _SHORT * tolerance else 0
         iterations += steps
@@ -81,8 +77,6 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
         enough = residual < max(tolerance * (_COARSER if steps else STALLED),
                                 gradient_noise(system, state))
         good = violation < exact and enough
-        if good and not has_settled(system, state):
-            good, finer = False, _FINER * finer
         if iterations >= max_iterations or good and not check:
             break
         if good:
@@ -141,17 +135,6 @@ def _round(system, q, tolerance, exact, most, previous, keeps):
     if len(previous) and residual <= _SHORT * tolerance:
         contacts = with_friction(system, contacts, state, previous)
     return state, residual, steps, contacts, new
-
-
-@kernel
-def has_settled(system, state):
-    """Whether a DLO in motion is as near to the end of its step as `minimize.decrement` asks.
-
-    The shorter a step, the more of a residual is rounding errors, which then hide that more is to
-    be done. True without inertia; with a grip, too, which the decrement does not know.
-    """
-    return (system.effects.anchor.weight.size == 0 or is_held(system)
-            or decrement_of(system, state) < SETTLED)
 
 
 @kernel

@@ -174,9 +174,8 @@ def points_inside(system, state, places):
             if hugs[e]:
                 points[count, 0], points[count, 1], fixed[count] = e, o, MIDDLE
                 count += 1
-            if (hugs[e]
-                    or e > 0 and hugs[e - 1] and _ends_at(system, o, e, gaps, places)
-                    or e + 1 < n and hugs[e + 1] and _ends_at(system, o, e + 1, gaps, places)):
+            if (hugs[e] or e > 0 and hugs[e - 1] and presses(system, o, e, gaps)
+                    or e + 1 < n and hugs[e + 1] and presses(system, o, e + 1, gaps)):
                 continue
             grows = taper(scene, o, e) / system.lengths[e]
             if (_slope(state.rotations[e], state.strains[e], offsets[e], normals[e]) >= grows
@@ -201,23 +200,6 @@ def points_inside(system, state, places):
 
 
 @kernel
-def _ends_at(system, o, k, gaps, places):
-    """Whether the DLO bears on obstacle o at node k, the end of an element that is kept flat.
-
-    A point that has rolled there stays there: next to it is no nearest point, and its gap has no
-    derivative where the slope of the DLO changes its sign.
-    """
-    if presses(system, o, k, gaps):
-        return True
-    contacts = system.effects.contact.contacts
-    for c in range(places.size):
-        if (contacts.obstacle[c] == o and abs(places[c] - k) < _AT_NODE
-                and contacts.multiplier[c] > contacts.stiffness * gaps[k]):
-            return True
-    return False
-
-
-@kernel
 def _hand_over(system, state, c):
     """Move the force of a point that is not watched any more to the nodes beside it that bear.
 
@@ -234,7 +216,7 @@ def _hand_over(system, state, c):
         k, offset, x = max(1, e + (fraction > 0.5)), np.zeros(2), np.empty(3)
         gap = node_gap(scene, o, k, state.rotations, state.positions, offset, x, np.empty(3),
                        np.empty((3, 3)))
-        if gap * contacts.stiffness < force:
+        if gap < 0.0:
             node[k] += force
 
 
