@@ -137,19 +137,50 @@ class _Pace:
 
     def go_on(self) -> Leg:
         """Return the Leg of the next steps, which are entered here."""
-        plan, stepper, level = self._plan, self._stepper, self._level
+        level = self._level
         last_try = level == HALVINGS or self._fixed
+        leg = self._steps_of(level, last_try)
+        if (leg.refused is not None and last_try and not self._fixed and not len(leg.errors)
+                and self._stepper.discretization.surroundings.obstacles):
+            leg = self._longer(leg)
+        if leg.refused is not None:
+            self.stuck = last_try
+            self._level, self._calm = min(level + 1, HALVINGS), 0
+        elif level and self._calm >= _CALM and self._at % (2 << (HALVINGS - level)) == 0:
+            self._level, self._calm = level - 1, 0
+        return leg
+
+    def _longer(self, leg: Leg) -> Leg:
+        """Return the Leg of a step that is good though the shortest, of `leg`, is not, or `leg`.
+
+        The shorter a step over obstacles is, the larger are the forces of what is pressed in, and
+        the more sets of contacts are tried: a step that was too long for a few Newton steps, and
+        ends elsewhere, may be found by many.
+        """
+        left = (1 << HALVINGS) - self._at % (1 << HALVINGS)  # until the next instant
+        for level in range(HALVINGS - 1, _OF_CONTACT - 1, -1):
+            if 1 << (HALVINGS - level) > left:
+                break
+            longer = self._steps_of(level, True, 1)
+            if len(longer.errors):
+                return longer
+        return leg
+
+    def _steps_of(self, level: int, patient: bool, most: int = MOST) -> Leg:
+        """Return the Leg of the next steps, `most` of them at most, which are entered here."""
+        plan, stepper = self._plan, self._stepper
         scheme = plan.scheme(stepper.dt, level)
         now, books = self.now, self._books.copy()
         if self._steps and self._steps[-1] != level and not now.touched:
             now = renewed(stepper, now, scheme.dt)
             given_back(books, now.balance, self._began)
         limits = Limits(
-            MAX_ITERATIONS if last_try else _PATIENCE,
-            np.inf if last_try else _PART * plan.tolerance, _GAIN,
+            MAX_ITERATIONS if patient else _PATIENCE,
+            np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance, _GAIN,
             np.inf if self._fixed else self._noise, books, level >= _OF_CONTACT, self._began)
         size = 1 << (HALVINGS - level)
-        places = (self._at + size * np.arange(1, self._length(size) + 1)) / (1 << HALVINGS)
+        count = min(most, self._length(size))
+        places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
         leg = leg_of(stepper, now, self._past, places, scheme, limits)
         made = len(leg.errors)
         if made:
@@ -160,11 +191,6 @@ class _Pace:
             self._samples.append(leg.samples)
         rough = np.flatnonzero(8 * leg.errors >= _WELL_WITHIN * _PART * plan.tolerance)
         self._calm = made - 1 - int(rough[-1]) if rough.size else self._calm + made
-        if leg.refused is not None:
-            self.stuck = last_try
-            self._level, self._calm = min(level + 1, HALVINGS), 0
-        elif level and self._calm >= _CALM and self._at % (2 * size) == 0:
-            self._level, self._calm = level - 1, 0
         return leg
 
     def _length(self, size: int) -> int:

@@ -40,6 +40,20 @@ def test_a_dlo_slips_off_an_obstacle_without_a_gain_of_energy(seed):
     assert_no_gain(motion)
 
 
+@pytest.mark.parametrize('seed', [43, 49])  # refused in the shortest step: as unsolved; for energy
+def test_where_the_shortest_step_is_refused_a_longer_one_goes_on(seed):
+    simulator, way, dt = random_slide(seed)
+    motion = simulator.simulate(way, dt)
+    assert motion.status == 'complete', motion.message
+    assert_no_gain(motion)
+    for shape in motion.shapes:
+        assert shape.converged
+        for contact in shape.contacts:
+            assert contact.penetration < 1e-7
+            limit = simulator.surroundings.obstacles[contact.obstacle].friction * contact.force
+            assert np.linalg.norm(contact.friction) <= limit * (1 + 1e-6) + 1e-12
+
+
 def test_a_point_rolls_to_where_the_rest_of_the_dlo_lies():
     rod = Rod(1.0, 0.1, 0.02, 0.015, radius=0.005, damping=1e-3)
     simulator = DirectSimulator(rod, obstacles=[Plane((0, 0, -0.2), (0, 0, 1))])
