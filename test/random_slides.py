@@ -4,10 +4,21 @@
 
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
-from dlo_planner import Box, Cylinder, DirectSimulator, Plane, Pose, Rod, Sphere
+sys.path[:0] = [str(Path(__file__).parent.parent)]
+
+from dlo_planner import (  # noqa: E402
+    Box,
+    Cylinder,
+    DirectSimulator,
+    Plane,
+    Pose,
+    Rod,
+    Sphere,
+)
 
 
 def random_slide(seed):

@@ -140,9 +140,9 @@ class _Pace:
         level = self._level
         last_try = level == HALVINGS or self._fixed
         leg = self._steps_of(level, last_try)
-        if (leg.refused is not None and last_try and not self._fixed and not len(leg.errors)
+        if (leg.refused is not None and last_try and not self._fixed
                 and self._stepper.discretization.surroundings.obstacles):
-            leg = self._longer(leg)
+            leg = leg._replace(refused=None) if len(leg.errors) else self._longer(leg)
         if leg.refused is not None:
             self.stuck = last_try
             self._level, self._calm = min(level + 1, HALVINGS), 0
