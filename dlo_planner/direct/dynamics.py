@@ -89,7 +89,7 @@ def _run(stepper: Stepper, first: Instant, plan: Recipe, progress: Progress) -> 
     """Return the Run that begins with the Instant `first`."""
     pace, reached = _Pace(stepper, first, plan), [first]
     while len(reached) < plan.instants:
-        leg = pace.go_on()
+        leg = pace.go_on(progress)
         progress.check()
         for instant in leg.kept:
             reached.append(instant)
@@ -135,14 +135,14 @@ class _Pace:
         return Run(reached, self._steps, float(sum(self._errors)), status, message,
                    np.concatenate(self._samples) if self._samples else None)
 
-    def go_on(self) -> Leg:
+    def go_on(self, progress: Progress) -> Leg:
         """Return the Leg of the next steps, which are entered here."""
         level = self._level
         last_try = level == HALVINGS or self._fixed
         leg = self._steps_of(level, last_try)
         if (leg.refused is not None and last_try and not self._fixed
                 and self._stepper.discretization.surroundings.obstacles):
-            leg = leg._replace(refused=None) if len(leg.errors) else self._longer(leg)
+            leg = leg._replace(refused=None) if len(leg.errors) else self._longer(leg, progress)
         if leg.refused is not None:
             self.stuck = last_try
             self._level, self._calm = min(level + 1, HALVINGS), 0
@@ -150,7 +150,7 @@ class _Pace:
             self._level, self._calm = level - 1, 0
         return leg
 
-    def _longer(self, leg: Leg) -> Leg:
+    def _longer(self, leg: Leg, progress: Progress) -> Leg:
         """Return the Leg of a step that is good though the shortest, of `leg`, is not, or `leg`.
 
         The shorter a step over obstacles is, the larger are the forces of what is pressed in, and
@@ -161,6 +161,7 @@ class _Pace:
         for level in range(HALVINGS - 1, _OF_CONTACT - 1, -1):
             if 1 << (HALVINGS - level) > left:
                 break
+            progress.check()
             longer = self._steps_of(level, True, 1)
             if len(longer.errors):
                 return longer
