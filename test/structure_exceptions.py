@@ -42,7 +42,7 @@ EXCEPTIONS = {
     'function': {
         'dlo_planner/identify/fitting.py:fit_rod': 90,
         'dlo_planner/inverse/solvers/points/aligned.py:aligned_newton': 90,
-        'dlo_planner/inverse/solvers/points/coupled.py:two_points_hanging': 100,
+        'dlo_planner/inverse/solvers/points/spanning.py:two_points_hanging': 100,
         'dlo_planner/minimize/held.py:descend_held': 90,
         'dlo_planner/minimize/watching.py:points_inside': 80,
     },

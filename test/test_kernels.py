@@ -45,7 +45,8 @@ from dlo_planner.identify import looking, response
 from dlo_planner.identify.misfit import nearest
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton
-from dlo_planner.inverse.solvers.points.coupled import aligned_hanging, two_points_hanging
+from dlo_planner.inverse.solvers.points.coupled import aligned_hanging
+from dlo_planner.inverse.solvers.points.spanning import two_points_hanging
 from dlo_planner.kernels.linking import kernel_of
 from dlo_planner.minimize.bearing import correction
 from dlo_planner.minimize.contact_forces import move_multipliers

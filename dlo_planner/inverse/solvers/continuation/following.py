@@ -37,8 +37,8 @@ class Passing(NamedTuple):
         Arc length at a second center, m. None if there is none.
     depth : float
         Its depth, m; nan: not known.
-    since : (Shape, float) or None
-        The Shape that it was followed from, and its depth, m. None: not known.
+    since : Passing or None
+        The one that it was followed from, without its own. None: not known.
     axes : ndarray, shape (3, 3), or None
         Axes of the DLO at the first center. None: not known.
     """
@@ -47,7 +47,7 @@ class Passing(NamedTuple):
     place: Floats
     second: float | None = None
     depth: float = float('nan')
-    since: tuple[Shape, float] | None = None
+    since: Passing | None = None
     axes: Floats | None = None
 
     @property
@@ -55,19 +55,24 @@ class Passing(NamedTuple):
         """The gripper's rotation (3, 3) and its position (3,) from the first center."""
         return self.shape.gripper.rotation, self.place
 
+    @property
+    def known(self) -> tuple[Floats, Floats] | None:
+        """Axes and position (3,), m, of the shape at the first center; None: not known."""
+        return None if self.axes is None else (self.axes, self.shape.gripper.position - self.place)
+
     def after(self, before: Passing) -> Passing:
         """Return the same, followed from another one."""
-        return Passing(self.shape, self.place, self.second, self.depth,
-                       (before.shape, before.depth), self.axes)
+        since = Passing(before.shape, before.place, before.second, before.depth)
+        return Passing(self.shape, self.place, self.second, self.depth, since, self.axes)
 
     def trend(self, depth: float) -> tuple[Shape, float] | None:
         """Return the Shape before on the same mesh, and how many such steps it is to `depth` (m).
 
         None if it is not known, or not a few steps on.
         """
-        if self.since is None or self.since[0].s is not self.shape.s:
+        if self.since is None or self.since.shape.s is not self.shape.s:
             return None
-        shape, begun = self.since
+        shape, begun = self.since.shape, self.since.depth
         ahead = (depth - self.depth) / (self.depth - begun) if self.depth != begun else 0.0
         return (shape, ahead) if 0.0 < ahead <= AHEAD else None
 

@@ -51,8 +51,8 @@ from dlo_planner.ritz.matrix3 import cross as crossed
 
 _SINGULAR = 1e-14
 _LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
-_LEAVES = 5.0        # 1/rad: of a misfit, what an old factorization leaves per rad turned since
-_OLD = 1e-4          # rad, turned since: an older factorization tells nothing of stability
+LEAVES = 5.0        # 1/rad: of a misfit, what an old factorization leaves per rad turned since
+OLD = 1e-4          # rad, turned since: an older factorization tells nothing of stability
 _PER_TURN = 100.0    # change of an eigenvalue per rad, at most
 
 
@@ -106,11 +106,11 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         residual = residual_of(here, state)
         misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), dot(tangent, normal))
         converged = residual < tolerance and misaligned < tolerance
-        stale = converged and negative == 0 and since < _OLD
+        stale = converged and negative == 0 and since < OLD
         if stale:
             break
         # near the end the factorization before is as good
-        fresh = converged or negative > 0 or not _LEAVES * since * merit < tolerance
+        fresh = converged or negative > 0 or not LEAVES * since * merit < tolerance
         if fresh:
             negative, since = 0, 0.0
             if not assembled_definite(here, state, hessian, 0.0):
@@ -118,7 +118,7 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         if converged or iterations >= max_iterations:
             break
         iterations += 1
-        _answer(here, state, hessian, fresh, load, answers)
+        answer(here, state, hessian, fresh, load, answers)
         for column in range(0 if fresh else 3, 4):
             _fill_turn(here, hessian, part, element, answers[column], turned[column])
         _fill_rows(here.base, miss, tangent, across, reference, axis, turned, rows, right)
@@ -153,12 +153,13 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         else:  # the Hessian has changed by too much
             since = np.inf
             _miss(here, state, element, fraction, across, reference, axis, part, tangent)
-    stability = _stability(here, state, hessian, negative, since)
+    stability = stability_near(here, state, hessian, negative, since)
     return state, here.base, residual, misaligned, stability, iterations, converged
 
 
 @kernel
-def _stability(system: System, state: State, hessian: Hessian, negative: int, since: float) -> Any:
+def stability_near(system: System, state: State, hessian: Hessian, negative: int,
+                   since: float) -> Any:
     """Return the smallest eigenvalue of the Hessian, factorized with `negative` eigenvalues.
 
     Where the DLO has turned `since`, in rad, that is of the shape before, which tells a stable one.
@@ -208,7 +209,7 @@ def _merit(system: System, state: State, miss: Floats) -> Any:
 
 
 @kernel
-def _answer(system: System, state: State, hessian: Hessian, fresh: bool, load: Floats,
+def answer(system: System, state: State, hessian: Hessian, fresh: bool, load: Floats,
             answers: Floats) -> None:
     """Fill answers (4, m, 3): changes of the equilibrium per gripper rotation about x, y, z.
 

@@ -1,36 +1,25 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Equilibrium and task in one Newton system, of a DLO that hangs freely: one kernel a shape.
+"""Equilibrium and alignment of a DLO that hangs freely: one kernel from one shape to the next.
 
-`aligned_hanging` is `aligned.aligned_newton`, with the results of a Shape. `two_points_hanging`
-finds the shape that passes two centers at once: unknowns are the strains q, a rotation w of the
-gripper and one of the arc lengths s1, s2; equations that the gradient of the potential vanishes,
-x(s2) - x(s1) = P2 - P1, and that the gripper rolls by a given angle about the axis that is free.
+`aligned.aligned_newton`, which begins ahead in the trend, with the results of a Shape.
 """
 
 from typing import Any
 
 import numpy as np
 
-from dlo_planner.energy.potential import at_element, evaluate, project, unknowns_of
-from dlo_planner.energy.system import State, System, new_state, turned_system, unknown_count
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import System, turned_system, unknown_count
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, turn_by
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorize, largest_turn, new_hessian, solve
 from dlo_planner.minimize.outcome import outcome
-from dlo_planner.minimize.residual import residual_of
-from dlo_planner.minimize.shifting import safe_shift
-from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.arc import dot
-from dlo_planner.ritz.kinematics import part_of_element, point_inside
 from dlo_planner.ritz.matrix3 import matrix, put_vector, times_transposed
 from dlo_planner.ritz.rotation import rotation_vector
 
-_LARGEST_TURN = 0.6   # rad per step, of the gripper and of any node
-_LARGEST_SHIFT = 0.1  # of the length per step, of an arc length
-_HALVINGS = 8
-_SINGULAR = 1e-14
+_LARGEST_TURN = 0.6  # rad, of the gripper: no search begins farther ahead
 
 
 @kernel
@@ -54,25 +43,42 @@ def aligned_hanging(system: System, base: Floats, strains: Floats, earlier_base:
     """
     here = turned_system(system, base.copy(), system.origin)
     q, begin = np.empty((unknown_count(system), 3)), strains.copy()
-    if ahead > 0.0:
-        turn = np.empty(3)
-        put_vector(rotation_vector(times_transposed(matrix(here.base), matrix(earlier_base))), turn)
-        turn *= ahead
-        if np.sqrt(dot(turn, turn)) < _LARGEST_TURN:
-            turn_by(base.copy(), turn, here.base)
-            for e in range(begin.shape[0]):
-                for i in range(3):
-                    begin[e, i] += ahead * (strains[e, i] - earlier[e, i])
+    go_ahead(earlier_base, earlier, ahead, here.base, begin, np.empty(3))
     unknowns_of(here, begin, q)
     state, turned, residual, _, stability, iterations, converged = aligned_newton(
         here, q, element, fraction, normal, reference, axis, tolerance, max_iterations)
     wrench, elastic, energy = outcome(system, state)
     return (state.strains, state.rotations, state.positions, wrench, elastic, energy, residual,
-            stability, iterations, 0), _orthonormal(turned), converged
+            stability, iterations, 0), orthonormal(turned), converged
 
 
 @kernel
-def _orthonormal(rotation: Floats) -> Floats:
+def go_ahead(earlier_base: Floats, earlier: Floats, ahead: float, base: Floats, strains: Floats,
+             turn: Floats) -> None:
+    """Go on with base (3, 3) and strains (N, 3), 1/m, as they have changed since earlier ones.
+
+    Args:
+        earlier_base, earlier: (3, 3), (N, 3), read-only
+        ahead: how many times that change
+        turn: (3,) filled: the turn of the base, rad; 0 where it would be a large one
+    """
+    for i in range(3):
+        turn[i] = 0.0
+    if ahead <= 0.0:
+        return
+    put_vector(rotation_vector(times_transposed(matrix(base), matrix(earlier_base))), turn)
+    turn *= ahead
+    if not np.sqrt(dot(turn, turn)) < _LARGEST_TURN:
+        turn[:] = 0.0
+        return
+    turn_by(base.copy(), turn, base)
+    for e in range(strains.shape[0]):
+        for i in range(3):
+            strains[e, i] += ahead * (strains[e, i] - earlier[e, i])
+
+
+@kernel
+def orthonormal(rotation: Floats) -> Floats:
     """Return the rotation (3, 3) nearest to one that is it but for rounding (Newton's method)."""
     out = 1.5 * rotation
     for i in range(3):
@@ -83,183 +89,3 @@ def _orthonormal(rotation: Floats) -> Floats:
             for k in range(3):
                 out[k, j] -= 0.5 * rotation[k, i] * drift
     return out
-
-
-@kernel
-def two_points_hanging(system: System, base: Floats, strains: Floats, s: Floats, way: Floats,
-                       first: float, second: float, first_free: bool, axis: Floats, roll: float,
-                       tolerance: float, exact: float,
-                       max_iterations: int) -> tuple[tuple[Any, ...], Floats, float, float, bool]:
-    """Find the equilibrium with x(second) - x(first) = `way`.
-
-    Args:
-        system, tolerance, max_iterations: as in `aligned_hanging`
-        base: (3, 3), read-only, where the gripper's rotation starts
-        strains: (N, 3), read-only, where the search starts, 1/m
-        s: (N + 1,), read-only, of the nodes, m; way: (3,), read-only, m
-        first, second: arc lengths, m; first_free: whether the first one is sought, else the second
-        axis: (3,) unit vector about which the gripper is to turn by `roll`, rad
-        exact: of x(second) - x(first), m
-
-    Returns:
-        what `minimize.hanging.hang` returns, of a gripper in the origin
-        base: (3, 3) rotation of the gripper; first, second: m; converged
-    """
-    length = s[-1]
-    here = turned_system(system, base.copy(), system.origin)
-    there = turned_system(system, base.copy(), system.origin)
-    state, trial = new_state(here), new_state(here)
-    hessian = new_hessian(here)
-    load, answers = np.empty_like(state.q), np.empty((4, state.q.shape[0], 3))
-    moved = np.empty((2, 4, 3))
-    ends, new_ends = np.empty((2, 2, 3)), np.empty((2, 2, 3))  # place and tangent at both
-    rows, right = np.empty((4, 4)), np.empty(4)
-    unknowns_of(here, strains.copy(), state.q)
-    evaluate(here, state)
-    miss = _miss(system, state, s, first, second, way, ends)
-    missing, converged, iterations = roll, False, 0
-    merit = _merit(here, state, miss, missing, length)
-    while True:
-        residual = residual_of(here, state)
-        assemble(here, state, hessian)
-        negative = factorize(here, hessian, 0.0)
-        converged = (residual < tolerance and np.sqrt(dot(miss, miss)) < exact
-                     and abs(missing) < tolerance)
-        if converged or iterations >= max_iterations:
-            break
-        iterations += 1
-        for column in range(4):
-            if column < 3:
-                project(here.basis, -hessian.cross[:, :, column], load)
-            else:
-                load[:] = -state.gradient
-            solve(here, hessian, load, answers[column])
-        _displacements(here, state, answers, s, first, second, moved)
-        for i in range(3):
-            for column in range(3):
-                rows[i, column] = moved[1, column, i] - moved[0, column, i]
-                rows[3, column] = axis[column]
-            rows[i, 3] = -ends[0, 1, i] if first_free else ends[1, 1, i]
-            right[i] = -miss[i] - moved[1, 3, i] + moved[0, 3, i]
-        rows[3, 3], right[3] = 0.0, missing
-        if not abs(np.linalg.det(rows)) > _SINGULAR * length**3:
-            break
-        found = np.linalg.solve(rows, right)
-        turn, shift = found[:3].copy(), found[3]
-        step = answers[3]
-        for column in range(3):
-            step += turn[column] * answers[column]
-        size = max(np.sqrt(dot(turn, turn)), largest_turn(here, hessian, step))
-        if not np.isfinite(size + shift):
-            break
-        portion = min(1.0, _LARGEST_TURN / max(size, 1e-300),
-                      _LARGEST_SHIFT * length / max(abs(shift), 1e-300))
-        accepted = False
-        for _ in range(_HALVINGS):
-            low = first + portion * shift if first_free else first
-            high = second if first_free else second + portion * shift
-            if 0.0 <= low < high <= length * (1 + 1e-12):
-                high = min(high, length)
-                turn_by(here.base, portion * turn, there.base)
-                trial.q[:] = state.q + portion * step
-                evaluate(there, trial)
-                new_miss = _miss(system, trial, s, low, high, way, new_ends)
-                left = missing - portion * dot(axis, turn)
-                new_merit = _merit(there, trial, new_miss, left, length)
-                if new_merit < merit * (1 - 0.1 * portion) or new_merit < tolerance:
-                    accepted = True
-                    break
-            portion *= 0.5
-        if not accepted:
-            break
-        merit, miss, missing, first, second = new_merit, new_miss, left, low, high
-        state, trial = trial, state
-        here, there = there, here
-        ends, new_ends = new_ends, ends
-    shift = safe_shift(here, hessian, 1e-3) if negative > 0 else 0.0
-    stability, _ = lowest_mode(here, hessian, shift, 1e-4)
-    wrench, elastic, energy = outcome(system, state)
-    return (state.strains, state.rotations, state.positions, wrench, elastic, energy, residual,
-            stability, iterations, 0), here.base, first, second, converged
-
-
-@kernel
-def _merit(system: System, state: State, miss: Floats, missing: float, length: float) -> Any:
-    return residual_of(system, state) + np.sqrt(dot(miss, miss)) / length + abs(missing)
-
-
-@kernel
-def _element(s: Floats, where: float) -> Any:
-    """Return the element in which an arc length (m) is."""
-    return min(np.searchsorted(s, where, side='right') - 1, s.size - 2)
-
-
-@kernel
-def _miss(system: System, state: State, s: Floats, first: float, second: float, way: Floats,
-          ends: Floats) -> Any:
-    """Return x(second) - x(first) - way; fill ends (2, 2, 3) with place and tangent at both."""
-    frame, place, where = np.empty((3, 3)), np.empty(3), first
-    for end in range(2):
-        e = _element(s, where)
-        point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
-                     (where - s[e]) / system.lengths[e], frame, place)
-        for i in range(3):
-            ends[end, 0, i], ends[end, 1, i] = place[i], frame[i, 0]
-        where = second
-    return ends[1, 0] - ends[0, 0] - way
-
-
-@kernel
-def _displacements(system: System, state: State, answers: Floats, s: Floats, first: float,
-                   second: float, moved: Floats) -> None:
-    """Fill moved (2, 4, 3) with the displacements of the DLO at two arc lengths.
-
-    By turns of the gripper about each world axis, with what the strains answer, and by the last of
-    the answers (4, m, 3) alone.
-    """
-    lengths, scale, basis = system.lengths, system.scale, system.basis
-    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
-    turn, shift = np.zeros((4, 3)), np.zeros((4, 3))
-    for column in range(3):
-        turn[column, column] = 1.0
-    begin, end = _element(s, first), _element(s, second)
-    for e in range(end + 1):
-        if e == begin:
-            _fill_moved(system, state, answers, e, (first - s[e]) / lengths[e], turn, shift,
-                        moved[0])
-        if e == end:
-            _fill_moved(system, state, answers, e, (second - s[e]) / lengths[e], turn, shift,
-                        moved[1])
-            break
-        part_of_element(lengths[e], 1.0, state.strains[e], scale[e], state.rotations[e], part, arm)
-        for column in range(4):
-            _carry(turn[column], arm, shift[column])
-            for i in range(3):
-                value[i] = at_element(basis, answers[column], e, i)
-            for i in range(3):
-                turn[column, i] += dot(part[i], value)
-                shift[column, i] += dot(part[3 + i], value)
-
-
-@kernel
-def _fill_moved(system: System, state: State, answers: Floats, e: int, fraction: float,
-                turn: Floats, shift: Floats, moved: Floats) -> None:
-    """Fill moved (4, 3) at a fraction of the element e, whose beginning has turn and shift."""
-    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
-    part_of_element(system.lengths[e], fraction, state.strains[e], system.scale[e],
-                    state.rotations[e], part, arm)
-    for column in range(4):
-        for i in range(3):
-            moved[column, i] = shift[column, i]
-            value[i] = at_element(system.basis, answers[column], e, i)
-        _carry(turn[column], arm, moved[column])
-        for i in range(3):
-            moved[column, i] += dot(part[3 + i], value)
-
-
-@kernel
-def _carry(turn: Floats, arm: Floats, shift: Floats) -> None:
-    """Add to `shift` (3,) what a turn (3,) does at the end of an arm (3,)."""
-    shift[0] += turn[1] * arm[2] - turn[2] * arm[1]
-    shift[1] += turn[2] * arm[0] - turn[0] * arm[2]
-    shift[2] += turn[0] * arm[1] - turn[1] * arm[0]

@@ -12,13 +12,15 @@ from dlo_planner.direct.statics import TOLERANCE, found_hanging
 from dlo_planner.inverse.solvers.continuation.following import Passing
 from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes, crossings
 from dlo_planner.inverse.solvers.points.aligned import free_axis
-from dlo_planner.inverse.solvers.points.coupled import two_points_hanging
+from dlo_planner.inverse.solvers.points.spanning import two_points_hanging
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import pose_of
 from dlo_planner.model.value import freeze
+from dlo_planner.plan.waypoint import length_of
 
 _ITERATIONS = 30
 _ORIGIN = np.zeros(3)
+freeze(_ORIGIN)
 _EXACT = 1e-10          # of the length
 _TURNED = 1e-9          # rad
 _LARGEST_TURN = 0.3     # rad per step
@@ -37,7 +39,8 @@ class TwoPoints:
     """
 
     def __init__(self, simulator: DirectSimulator, chord: Floats) -> None:
-        self.simulator, self.chord = simulator, chord
+        self.simulator, self.chord = simulator, np.array(chord, dtype=float)
+        freeze(self.chord)
         self._apart = float(np.linalg.norm(chord))
 
     def axis(self, shape: Shape) -> Floats:
@@ -49,9 +52,15 @@ class TwoPoints:
         """Return the Passing at `depth`; see `following.Condition`."""
         del final
         assert before.second is not None  # every Passing of this task has it
-        solved = self._solved(before.shape, self.simulator.rod.length - depth, before.second,
-                              'second', roll)
-        return None if solved is None else solved[0]
+        s1, s2, trend = self.simulator.rod.length - depth, before.second, before.trend(depth)
+        if roll or trend is None or before.since is None or before.since.second is None:
+            trend = None
+        else:
+            s2 = min(s2 + trend[1] * (s2 - before.since.second), self.simulator.rod.length)
+            if s2 <= s1:
+                s2, trend = before.second, None
+        solved = self._solved(before.shape, s1, s2, 'second', roll, trend)
+        return None if solved is None else solved[0]._replace(depth=depth).after(before)
 
     def from_end(self, guess: Shape, depth: float) -> tuple[Passing, float] | None:
         """Return the Passing whose free end is at the second center, and its depth, m, or None.
@@ -65,16 +74,20 @@ class TwoPoints:
         """
         length = self.simulator.rod.length
         solved = self._solved(guess, length - depth, length, 'first')
-        return None if solved is None else (solved[0], length - solved[1])
+        if solved is None:
+            return None
+        passing, s1 = solved
+        return passing._replace(depth=length - s1), length - s1
 
-    def _solved(self, shape: Shape, s1: float, s2: float, free: str,
-                roll: float = 0.0) -> tuple[Passing, float] | None:
+    def _solved(self, shape: Shape, s1: float, s2: float, free: str, roll: float = 0.0,
+                trend: tuple[Shape, float] | None = None) -> tuple[Passing, float] | None:
         """Return the Passing and its s1, or None."""
-        solved = two_points(self.simulator, shape, self.chord, (s1, s2), free, roll)
+        solved = two_points(self.simulator, shape, self.chord, (s1, s2), free, roll, trend)
         if solved is None:
             return None
         shape, s1, s2 = solved
-        return Passing(shape, shape.gripper.position - shape.frame_at(s1)[1], s2), s1
+        axes, place = shape.frame_at(s1)
+        return Passing(shape, shape.gripper.position - place, s2, axes=axes), s1
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
@@ -128,13 +141,16 @@ def _first_above(s: Floats, away: Floats, apart: float) -> Floats:
 
 
 def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple[float, float],
-               free: str, roll: float = 0.0) -> tuple[Shape, float, float] | None:
+               free: str, roll: float = 0.0, trend: tuple[Shape, float] | None = None,
+               ) -> tuple[Shape, float, float] | None:
     """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `chord`.
 
     The search ends where the DLO falls into another shape after a step.
 
     Parameters
     ----------
+    chord : ndarray, shape (3,)
+        Read-only, m.
     s : tuple[float, float]
         Arc lengths s1 and s2, m.
     free : str
@@ -142,31 +158,35 @@ def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple
     roll : float, optional
         Rotation in rad about the axis that the task leaves free, solved together with the
         rest.
+    trend : (Shape, float) or None, optional
+        What `Passing.trend` returns; the search begins as far ahead.
 
     Returns
     -------
     (Shape, float, float) or None
         The shape, s1 and s2. None if there is none.
     """
-    mesh, chord = shape.state.mesh, np.array(chord)
-    freeze(chord)
+    mesh = shape.state.mesh
     if simulator.method != 'newton' or mesh is None or not mesh.hangs:
         return _step_by_step(simulator, shape, chord, s, free, roll)
     before, (s1, s2) = shape, s
-    axis = free_axis(shape.gripper.rotation, chord / np.linalg.norm(chord))
+    axis = free_axis(shape.gripper.rotation, chord / length_of(chord))
     for _ in range(_MESHES):
+        earlier, ahead = trend or (shape, 0.0)
+        begin = mesh.start_from(shape)
         solution, base, s1, s2, converged = two_points_hanging(
-            mesh.static, shape.gripper.rotation, mesh.start_from(shape), mesh.s, chord, s1, s2,
+            mesh.static, shape.gripper.rotation, begin, earlier.gripper.rotation,
+            earlier.element_strains if trend else begin, ahead, mesh.s, chord, s1, s2,
             free == 'first', axis, roll, TOLERANCE, _EXACT * mesh.s[-1], _ITERATIONS)
         if not converged:
             return None
-        shape = found_hanging(mesh, Pose.from_rotation(_ORIGIN, base), solution)
+        shape = found_hanging(mesh, pose_of(_ORIGIN, base), solution)
         if not shape.converged or fell(before, shape):
             return None
         better = simulator.discretization(shape.gripper, shape)
         if better is mesh:
             break
-        mesh, roll = better, 0.0
+        mesh, roll, trend = better, 0.0, None
     return shape, s1, s2
 
 

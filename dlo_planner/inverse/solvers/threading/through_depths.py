@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.solvers.continuation.ahead import Ahead
 from dlo_planner.inverse.solvers.continuation.even_rolls import EvenRolls, even_rolls
 from dlo_planner.inverse.solvers.continuation.following import (
     Passing,
@@ -37,8 +38,6 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_of
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
-_AT_ONCE = 32  # waypoints that are found in one call
-_LATER = 8     # waypoints until that is tried again, where one was in doubt
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
 _AS_STABLE = 0.8    # of that, or of what there is: rolled evenly it may be less
 
@@ -105,15 +104,12 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
     guess, reference, depth = begin
     last, jerks = aligned.from_guess(guess, depth, reference), False
     passings: list[Passing] = []
-    ready: list[Passing] = []  # the next ones, the last first
-    doubtful = 0  # where they are next looked for
+    ahead = Ahead(aligned, task.depths) if route is None else None
     for index, target in enumerate(task.depths):
         demands.progress.check()
         before = last if builder.waypoints else None
-        if before is not None and route is None and not ready and index >= doubtful:
-            ready = aligned.onward(before, task.depths[index:index + _AT_ONCE])[::-1]
-            doubtful = index + max(len(ready), _LATER)
-        refusal, passing = None, ready.pop() if ready else None
+        refusal = None
+        passing = None if ahead is None or before is None else ahead.passing(before, index)
         if passing is None:
             step = Step(None, depth, 0.0) if last is None else follow(
                 aligned, last, depth, target, route)
@@ -128,8 +124,8 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
             raise refusal
         last, depth = as_replayed(simulator, aligned, builder.last, passing, target), target
         passings.append(last)
-        known = None if last.axes is None else (last.axes, last.shape.gripper.position - last.place)
-        waypoint = waypoint_of(last.shape, cutout.center, length - target, cutout.normal, known)
+        waypoint = waypoint_of(last.shape, cutout.center, length - target, cutout.normal,
+                               last.known)
         builder.add(waypoint.with_clearances([cutout], [sheet], demands.surface))
     plan = builder.finished()
     return _evenly(simulator, task, begin, plan, passings) if jerks else plan

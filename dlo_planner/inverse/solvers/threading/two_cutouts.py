@@ -12,11 +12,13 @@ is passed in its direction, possibly obliquely.
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.solvers.continuation.ahead import Ahead
 from dlo_planner.inverse.solvers.continuation.following import (
     Condition,
     Passing,
@@ -187,17 +189,23 @@ def _thread_through(simulator: DirectSimulator, task: Pair, change: Change) -> P
     along = float(direction @ task.first.normal)
     if along <= 0 and depths[0] < change.depth:  # it is passed along `direction` from the beginning
         raise _direction_refusal(PlanBuilder(depths, task.demands), 'first', along)
-    steps: dict[int, Step] = {}
+    steps: dict[int, _Followed] = {}
     conditions = Aligned(simulator, direction), TwoPoints(simulator, task.chord)
     parts: tuple[tuple[Condition, Route | None, Ints], ...] = (
         (conditions[0], change.back, np.flatnonzero(depths < change.depth)[::-1]),
         (conditions[1], change.on, np.flatnonzero(depths >= change.depth)))
     for condition, route, order in parts:
         passing, depth = change.passing, change.depth
-        for index in order:
+        ahead = (Ahead(condition, depths[order]) if route is None and condition is conditions[0]
+                 else None)
+        for k, index in enumerate(order):
             task.demands.progress.check()
-            step = steps[int(index)] = follow(condition, passing, depth, depths[index], route)
-            if step.passing is None or _against(task, step.passing, step.depth) is not None:
+            found = None if ahead is None else ahead.passing(passing, k)
+            step = (follow(condition, passing, depth, depths[index], route) if found is None else
+                    Step(found, float(depths[index]), 0.0, True))
+            against = None if step.passing is None else _against(task, step.passing, step.depth)
+            steps[int(index)] = _Followed(step, against)
+            if step.passing is None or against is not None:
                 break
             passing, depth = step.passing, step.depth
         if len(steps) < np.sum(depths < change.depth):
@@ -205,14 +213,22 @@ def _thread_through(simulator: DirectSimulator, task: Pair, change: Change) -> P
     return _judged(simulator, task, change, conditions, steps)
 
 
+class _Followed(NamedTuple):
+    """A Step, and what `_against` returns of its Passing."""
+
+    step: Step
+    against: tuple[str, float] | None
+
+
 def _against(task: Pair, passing: Passing, depth: float) -> tuple[str, float] | None:
     """Return the name of a cut-out that a Passing passes against its direction, and its cosine."""
-    length = passing.shape.s[-1]
-    passes = [('first', task.first, length - depth)]
+    shape = passing.shape
+    axes = passing.axes if passing.axes is not None else shape.frame_at(shape.s[-1] - depth)[0]
+    passes = [('first', task.first, axes)]
     if passing.second is not None:
-        passes.append(('second', task.second, passing.second))
-    for name, cutout, s in passes:
-        along = float(passing.shape.frame_at(s)[0][:, 0] @ cutout.normal)
+        passes.append(('second', task.second, shape.frame_at(passing.second)[0]))
+    for name, cutout, axes in passes:
+        along = float(axes[:, 0] @ cutout.normal)
         if along <= 0:
             return name, along
     return None
@@ -224,14 +240,14 @@ def _direction_refusal(builder: PlanBuilder, name: str, along: float) -> Infeasi
 
 
 def _judged(simulator: DirectSimulator, task: Pair, change: Change,
-            conditions: tuple[Aligned, TwoPoints], steps: dict[int, Step]) -> Plan:
+            conditions: tuple[Aligned, TwoPoints], steps: dict[int, _Followed]) -> Plan:
     """Return the Plan of all waypoints, or raise Infeasible at the first impossible one.
 
     Parameters
     ----------
     conditions : tuple
         What is kept before the change, and after it.
-    steps : dict of int to Step
+    steps : dict of int to _Followed
         The Step to each waypoint, by its index.
     """
     length, builder = simulator.rod.length, PlanBuilder(task.depths, task.demands)
@@ -240,15 +256,16 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
     before = None
     for index, depth in enumerate(task.depths):
         # without a step: those back from the change ended before this depth
-        step = steps.get(index, Step(None, change.depth, 0.0))
-        refusal, passing = _refusal(simulator, task, builder, before, step), step.passing
+        step = steps.get(index, _Followed(Step(None, change.depth, 0.0), None))
+        refusal, passing = _refusal(simulator, task, builder, before, step), step.step.passing
         if refusal is not None or passing is None:
             assert refusal is not None  # else there is one
             raise refusal
         passing = as_replayed(simulator, conditions[int(depth >= change.depth)], builder.last,
                               passing, depth)
         second = passing.second if depth >= change.depth else None
-        waypoint = waypoint_of(passing.shape, task.first.center, length - depth, None)
+        waypoint = waypoint_of(passing.shape, task.first.center, length - depth, None,
+                               passing.known)
         if second is not None:
             waypoint = waypoint.with_via_point(task.second.center, second)
         builder.add(waypoint.with_clearances(cutouts, sheets, task.demands.surface))
@@ -257,7 +274,7 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
 
 
 def _refusal(simulator: DirectSimulator, task: Pair, builder: PlanBuilder, before: Passing | None,
-             step: Step) -> Infeasible | None:
+             judged: _Followed) -> Infeasible | None:
     """Return why a Step does not lead to the next waypoint, or None.
 
     Parameters
@@ -265,6 +282,7 @@ def _refusal(simulator: DirectSimulator, task: Pair, builder: PlanBuilder, befor
     before : Passing or None
         Passing of the waypoint before. If None, it is the first one.
     """
+    step, against = judged
     passing, depth = step.passing, task.depths[len(builder.waypoints)]
     if passing is None and step.leap:
         return builder.refusal('continuity', step.leap, 'the gripper would have to leap: the '
@@ -276,7 +294,6 @@ def _refusal(simulator: DirectSimulator, task: Pair, builder: PlanBuilder, befor
     if shape.stability < -NEUTRAL:
         return builder.refusal('stability', -shape.stability, 'the DLO would not stay there; '
                                f'stability {shape.stability:.3g} < 0')
-    against = _against(task, passing, depth)
     if against is not None:
         return _direction_refusal(builder, *against)
     return refusal_for_step(simulator, builder, before, passing)

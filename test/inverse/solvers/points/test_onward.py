@@ -46,7 +46,7 @@ def test_they_are_those_found_one_by_one_bit_for_bit(options):
         assert np.array_equal(one.gripper[0], other.gripper[0]) and one.depth == other.depth
         np.testing.assert_allclose(one.place, other.place, atol=1e-15)
         np.testing.assert_allclose(one.axes, other.axes, atol=1e-15)
-        assert one.since[1] == other.since[1]
+        assert one.since.depth == other.since.depth
         assert not one.shape.positions.flags.writeable
 
 
