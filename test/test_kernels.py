@@ -35,7 +35,13 @@ from dlo_planner import (
     fit_rod,
     solve_many,
 )
-from dlo_planner.direct.sensitivity import Sensitivity, _strains_by, gripper_answers
+from dlo_planner.direct.sensitivity import (
+    Sensitivity,
+    _strains_by,
+    gripper_answers,
+    node_twists,
+    twists_inside,
+)
 from dlo_planner.energy.distance import signed_distance
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.plastic import settled
@@ -44,8 +50,10 @@ from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.identify import looking, response
 from dlo_planner.identify.misfit import nearest
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
+from dlo_planner.inverse.solvers.points.aims import fill_misses, fill_slopes
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton
 from dlo_planner.inverse.solvers.points.coupled import aligned_hanging
+from dlo_planner.inverse.solvers.points.nearest_hanging import _nearest_hanging
 from dlo_planner.inverse.solvers.points.spanning import two_points_hanging
 from dlo_planner.kernels.linking import kernel_of
 from dlo_planner.minimize.bearing import correction
@@ -76,7 +84,8 @@ KERNELS = [leashed_descent, unknowns_of, aligned_newton, integrate_from_tip, fra
            curve_distance._distances, workspace._distances, _strains_by, response._moved,
            looking._points_at, vibrated, nearest_place, aligned_hanging, two_points_hanging,
            hang_rods, touch_down, bear_on, correction, hold_on, foresee,
-           resampled_means, even_shares]
+           resampled_means, even_shares, node_twists, twists_inside, fill_misses, fill_slopes,
+           _nearest_hanging]
 
 
 def use_everything():
@@ -111,6 +120,9 @@ def use_everything():
     for options in ({}, {'accuracy': 1e-4}):
         InverseSimulator(DirectSimulator(rod, **options)).thread_two(
             goal, CutOut(Pose.looking_along((0.3, 0, 0.97), (1, 0, 0))), depths=[0, 0.2, 0.4])
+        InverseSimulator(DirectSimulator(rod, **options)).thread_sequence(
+            [CutOut(Pose.looking_along((x, 0, 1), (1, 0, 0))) for x in (0, 0.2, 0.4)],
+            depths=[0, 0.1])
     spread = Uncertainty(0.05, 0.05, 0.05, 1e-3, 0.05, 1e-3, 1e-3, 0.05)
     for options in ({}, {'basis': 'local', 'n_elements': 48}):
         observer = Observer(DirectSimulator(rod, **options), spread, bias=1e-3)

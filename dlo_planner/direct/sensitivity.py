@@ -84,14 +84,14 @@ class Sensitivity:
         shape = self.shape
         element = min(int(shape.s.searchsorted(s, side='right')) - 1, shape.s.size - 2)
         fraction = (s - shape.s[element]) / (shape.s[element + 1] - shape.s[element])
-        result: Floats = _twists_inside(self._system, self._state, self._answers, self._columns,
+        result: Floats = twists_inside(self._system, self._state, self._answers, self._columns,
                                         self._nodes[element], element, float(fraction))
         return result
 
     @cached_property
     def _nodes(self) -> Floats:
         """(N + 1, 6, 6) the same at all nodes: of one shape, several places are asked for."""
-        result: Floats = _node_twists(self._system, self._state, self._answers, self._columns)
+        result: Floats = node_twists(self._system, self._state, self._answers, self._columns)
         return result
 
     @cached_property
@@ -248,7 +248,7 @@ def gripper_answers(system: System, q: Floats) -> tuple[State, Floats, Hessian]:
 
 
 @kernel
-def _node_twists(system: System, state: State, answers: Floats, columns: int) -> Floats:
+def node_twists(system: System, state: State, answers: Floats, columns: int) -> Floats:
     """Return (N + 1, 6, 6) the twists of the nodes' frames by that of the gripper.
 
     Args:
@@ -268,7 +268,7 @@ def _node_twists(system: System, state: State, answers: Floats, columns: int) ->
 
 
 @kernel
-def _twists_inside(system: System, state: State, answers: Floats, columns: int, begin: Floats,
+def twists_inside(system: System, state: State, answers: Floats, columns: int, begin: Floats,
                    element: int, fraction: float) -> Floats:
     """Return (6, 6) the same inside `element`, whose beginning has the twists `begin` (6, 6)."""
     out = begin.copy()

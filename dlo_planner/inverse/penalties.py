@@ -180,7 +180,7 @@ class Through(Value):
     def _nearest(self, shape: Shape) -> tuple[float, Floats]:
         """Return the arc length of the passage, and what `nearest_place` fills, (3, 3)."""
         place = np.empty((3, 3))
-        s = nearest_place(shape.s, *shape.for_kernels, self.point, self.after, place)
+        s = nearest_place(shape.s, *shape.for_kernels, np.array(self.point), self.after, place)
         return float(s), place
 
 

@@ -22,7 +22,7 @@ def nearest_place(s: Floats, lengths: Floats, strains: Floats, rotations: Floats
     Args:
         s: (N + 1,), read-only, of the nodes, m
         lengths: (N,), strains: (N, 3), rotations: (N + 1, 3, 3), positions: (N + 1, 3): the shape
-        point: (3,), read-only, m
+        point: (3,), m
         after: arc length beyond which the place is sought, m
         place: (3, 3) filled, by rows: the place less the point, the tangent, its change per m
     """

@@ -31,8 +31,8 @@ def aligned_hanging(system: System, base: Floats, strains: Floats, earlier_base:
 
     Args:
         system: System without obstacles, far end, plasticity; its `base` is not used
-        base: (3, 3), read-only, rotation of the gripper before
-        strains: (N, 3), read-only, strains before, 1/m
+        base: (3, 3), rotation of the gripper before
+        strains: (N, 3), strains before, 1/m
         earlier_base, earlier: the same once more before
         ahead: how many times that change the search starts ahead of where the DLO was before
         element, fraction, normal, reference, axis, tolerance, max_iterations: as `aligned_newton`
@@ -58,7 +58,7 @@ def go_ahead(earlier_base: Floats, earlier: Floats, ahead: float, base: Floats, 
     """Go on with base (3, 3) and strains (N, 3), 1/m, as they have changed since earlier ones.
 
     Args:
-        earlier_base, earlier: (3, 3), (N, 3), read-only
+        earlier_base, earlier: (3, 3), (N, 3)
         ahead: how many times that change
         turn: (3,) filled: the turn of the base, rad; 0 where it would be a large one
     """

@@ -7,7 +7,6 @@ Gauss and Newton's method on the penalties' residuals, the gripper kept in a bal
 away, the step goes towards it as far as the ball allows.
 """
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,11 +19,11 @@ from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
 
-_ITERATIONS = 25
-_STILL = 1e-9     # rad, and of the length: a step that ends the search
-_ENOUGH = 1e-6    # relative decrease of the penalty that ends it as well
-_HARDLY, _SMALL = 1e-8, 1e-4  # the same, and a part of what is within reach: not worth a step
-_HALVINGS = 6
+ITERATIONS = 25
+STILL = 1e-9     # rad, and of the length: a step that ends the search
+ENOUGH = 1e-6    # relative decrease of the penalty that ends it as well
+HARDLY, SMALL = 1e-8, 1e-4  # the same, and a part of what is within reach: not worth a step
+HALVINGS = 6
 
 
 class Near(NamedTuple):
@@ -34,15 +33,15 @@ class Near(NamedTuple):
     sensitivity: Sensitivity | None = None
 
 
-def nearest_within(simulator: DirectSimulator, penalties: Sequence[Residuals], begin: Near,
-                   turn: float, shift: float) -> Near | None:
+def nearest_within(simulator: DirectSimulator, penalty: Residuals, begin: Near, turn: float,
+                   shift: float) -> Near | None:
     """Return the Shape of least penalty whose gripper is within reach, or None.
 
     Parameters
     ----------
     simulator : DirectSimulator
-    penalties : sequence of Residuals
-        Values with `residuals` and `slopes`, see `inverse.penalties`.
+    penalty : Residuals
+        With `residuals` and `slopes`, see `inverse.penalties`.
     begin : Near
         Shape where the step begins.
     turn : float
@@ -52,38 +51,35 @@ def nearest_within(simulator: DirectSimulator, penalties: Sequence[Residuals], b
     """
     scale = np.array([turn] * 3 + [shift] * 3)
     shape, sensitivity = before, _ = begin
-    x, right = np.zeros(6), _residuals(penalties, before)
+    x, right = np.zeros(6), penalty.residuals(before)
     value = float(right @ right)
-    for _ in range(_ITERATIONS):
+    for _ in range(ITERATIONS):
         sensitivity = sensitivity or Sensitivity(shape)
-        rows = np.vstack([penalty.slopes(shape, sensitivity) for penalty in penalties]) * scale
-        step = _step_within_ball(rows, right, x)
+        rows = penalty.slopes(shape, sensitivity) * scale
+        step = step_within_ball(rows, right, x)
         left = rows @ step + right
-        if value - left @ left < _HARDLY * value and np.abs(step).max() < _SMALL:
+        size = np.abs(step).max()
+        if size < STILL / turn or value - left @ left < HARDLY * value and size < SMALL:
             break  # it is there
-        for _ in range(_HALVINGS):
+        for _ in range(HALVINGS):
             trial = simulator.solve(displaced(before.gripper, scale * (x + step)), shape)
-            ahead = _residuals(penalties, trial)
+            ahead = penalty.residuals(trial)
             new = float(ahead @ ahead) if trial.converged else np.inf
             if new <= value:
                 break
             step = 0.5 * step
         else:
             return Near(shape, sensitivity) if shape is not before else None
-        done = (np.abs(step).max() < _STILL / turn
-                or value - new < _ENOUGH * value and np.abs(step).max() < 1e-3)
+        done = (np.abs(step).max() < STILL / turn
+                or value - new < ENOUGH * value and np.abs(step).max() < 1e-3)
         shape, x, value, right, sensitivity = trial, x + step, new, ahead, None
         if done:
             break
     return Near(shape, sensitivity)
 
 
-def _residuals(penalties: Sequence[Residuals], shape: Shape) -> Floats:
-    return np.concatenate([penalty.residuals(shape) for penalty in penalties])
-
-
 @kernel
-def _step_within_ball(rows: Floats, right: Floats, x: Floats) -> Any:
+def step_within_ball(rows: Floats, right: Floats, x: Floats) -> Any:
     """Return the step (6,) that minimizes |rows step + right| with |x + step| <= 1.
 
     The multiplier of the constraint is found by bisection, along the axes of the quadratic form.

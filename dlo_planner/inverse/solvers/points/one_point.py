@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shapes that pass one center along a normal, at each depth."""
 
+from itertools import takewhile
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -80,7 +82,7 @@ class Aligned:
         """Return the Passings at the first of some depths, without roll, that leave no doubt.
 
         As `at` finds them, in less time. There may be none: where the gripper or the DLO might
-        leap, where the DLO is hardly stable, and where its mesh depends on the shape.
+        leap, where the DLO is hardly stable, and where another mesh is needed.
 
         Parameters
         ----------
@@ -90,12 +92,18 @@ class Aligned:
             The depths that follow, m.
         """
         mesh = before.shape.state.mesh
-        if (self._align is not aligned_shape or self.simulator.accuracy is not None
-                or mesh is None or not mesh.hangs):
+        if self._align is not aligned_shape or mesh is None or not mesh.hangs:
             return []
         far = np.flatnonzero(~(abs(np.diff(depths, prepend=before.depth))
                                <= LONGEST_STEP * self.simulator.rod.length))
-        return _onward(mesh, self.normal, before, depths[:far[0]] if far.size else depths)
+        found = _onward(mesh, self.normal, before, depths[:far[0]] if far.size else depths)
+        if self.simulator.accuracy is not None:
+            found = list(takewhile(lambda passing: self._mesh_of(passing.shape) is mesh, found))
+        return found
+
+    def _mesh_of(self, shape: Shape) -> Discretization:
+        """Return the Discretization that keeps the accuracy at a Shape."""
+        return self.simulator.discretization(shape.gripper, shape)
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
@@ -191,8 +199,10 @@ def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: F
         begin = discretization.start_from(guess)
         earlier, ahead = trend or (guess, 0.0)
         before = earlier.element_strains if trend and discretization.has_nodes(guess.s) else begin
+        # copies, since read-only arrays are another type: kernels call it with others
         solution, base, converged = aligned_hanging(
-            discretization.static, guess.gripper.rotation, begin, earlier.gripper.rotation, before,
+            discretization.static, np.array(guess.gripper.rotation), np.array(begin),
+            np.array(earlier.gripper.rotation), np.array(before),
             ahead if before is not begin else 0.0, *goal)
         if not converged:
             return None

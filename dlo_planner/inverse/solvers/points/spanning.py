@@ -94,7 +94,7 @@ def two_points_hanging(system: System, base: Floats, strains: Floats, earlier_ba
         if not abs(np.linalg.det(rows)) > _SINGULAR * length**3:
             break
         found = np.linalg.solve(rows, right)
-        turn, shift = found[:3].copy(), found[3]
+        turn[:], shift = found[:3], found[3]
         step = answers[3]
         for column in range(3):
             add_to(step, turn[column], answers[column])

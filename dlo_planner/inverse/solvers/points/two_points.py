@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shapes that pass two centers at once, without a direction: x(s2) - x(s1) = P2 - P1."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dlo_planner.direct.continuation import fell
@@ -25,6 +27,28 @@ _EXACT = 1e-10          # of the length
 _TURNED = 1e-9          # rad
 _LARGEST_TURN = 0.3     # rad per step
 _MESHES = 6             # that an accuracy may take
+
+
+class Sought(NamedTuple):
+    """Where two centers are passed, as far as it is known.
+
+    Attributes
+    ----------
+    first, second : float
+        Arc lengths s1 and s2, m, one of them about.
+    free : str
+        'first' or 'second': which of them is sought.
+    roll : float
+        Rotation in rad about the axis that the task leaves free, solved together with the rest.
+    trend : (Shape, float) or None
+        What `Passing.trend` returns; the search begins as far ahead.
+    """
+
+    first: float
+    second: float
+    free: str
+    roll: float = 0.0
+    trend: tuple[Shape, float] | None = None
 
 
 class TwoPoints:
@@ -59,7 +83,7 @@ class TwoPoints:
             s2 = min(s2 + trend[1] * (s2 - before.since.second), self.simulator.rod.length)
             if s2 <= s1:
                 s2, trend = before.second, None
-        solved = self._solved(before.shape, s1, s2, 'second', roll, trend)
+        solved = self._solved(before.shape, Sought(s1, s2, 'second', roll, trend))
         return None if solved is None else solved[0]._replace(depth=depth).after(before)
 
     def from_end(self, guess: Shape, depth: float) -> tuple[Passing, float] | None:
@@ -73,16 +97,15 @@ class TwoPoints:
             Approximate depth, m.
         """
         length = self.simulator.rod.length
-        solved = self._solved(guess, length - depth, length, 'first')
+        solved = self._solved(guess, Sought(length - depth, length, 'first'))
         if solved is None:
             return None
         passing, s1 = solved
         return passing._replace(depth=length - s1), length - s1
 
-    def _solved(self, shape: Shape, s1: float, s2: float, free: str, roll: float = 0.0,
-                trend: tuple[Shape, float] | None = None) -> tuple[Passing, float] | None:
+    def _solved(self, shape: Shape, sought: Sought) -> tuple[Passing, float] | None:
         """Return the Passing and its s1, or None."""
-        solved = two_points(self.simulator, shape, self.chord, (s1, s2), free, roll, trend)
+        solved = two_points(self.simulator, shape, self.chord, sought)
         if solved is None:
             return None
         shape, s1, s2 = solved
@@ -140,9 +163,8 @@ def _first_above(s: Floats, away: Floats, apart: float) -> Floats:
     return np.where(crossed, s[k - 1] + share * (s[k] - s[k - 1]), np.nan)
 
 
-def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple[float, float],
-               free: str, roll: float = 0.0, trend: tuple[Shape, float] | None = None,
-               ) -> tuple[Shape, float, float] | None:
+def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats,
+               sought: Sought) -> tuple[Shape, float, float] | None:
     """Find the gripper's rotation and an arc length such that x(s2) - x(s1) = `chord`.
 
     The search ends where the DLO falls into another shape after a step.
@@ -151,15 +173,7 @@ def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple
     ----------
     chord : ndarray, shape (3,)
         Read-only, m.
-    s : tuple[float, float]
-        Arc lengths s1 and s2, m.
-    free : str
-        'first' or 'second': which of them is sought.
-    roll : float, optional
-        Rotation in rad about the axis that the task leaves free, solved together with the
-        rest.
-    trend : (Shape, float) or None, optional
-        What `Passing.trend` returns; the search begins as far ahead.
+    sought : Sought
 
     Returns
     -------
@@ -168,15 +182,16 @@ def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple
     """
     mesh = shape.state.mesh
     if simulator.method != 'newton' or mesh is None or not mesh.hangs:
-        return _step_by_step(simulator, shape, chord, s, free, roll)
-    before, (s1, s2) = shape, s
+        return _step_by_step(simulator, shape, chord, sought)
+    before, (s1, s2, free, roll, trend) = shape, sought
     axis = free_axis(shape.gripper.rotation, chord / length_of(chord))
     for _ in range(_MESHES):
         earlier, ahead = trend or (shape, 0.0)
         begin = mesh.start_from(shape)
         solution, base, s1, s2, converged = two_points_hanging(
-            mesh.static, shape.gripper.rotation, begin, earlier.gripper.rotation,
-            earlier.element_strains if trend else begin, ahead, mesh.s, chord, s1, s2,
+            mesh.static, np.array(shape.gripper.rotation), np.array(begin),
+            np.array(earlier.gripper.rotation),
+            np.array(earlier.element_strains if trend else begin), ahead, mesh.s, chord, s1, s2,
             free == 'first', axis, roll, TOLERANCE, _EXACT * mesh.s[-1], _ITERATIONS)
         if not converged:
             return None
@@ -190,14 +205,14 @@ def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple
     return shape, s1, s2
 
 
-def _step_by_step(simulator: DirectSimulator, shape: Shape, chord: Floats, s: tuple[float, float],
-                  free: str, roll: float) -> tuple[Shape, float, float] | None:
+def _step_by_step(simulator: DirectSimulator, shape: Shape, chord: Floats,
+                  sought: Sought) -> tuple[Shape, float, float] | None:
     """Return the same as `two_points`, for any DLO, with one equilibrium per step.
 
     Newton's method with the sensitivities of the equilibrium. They also predict the shape after
     each step, so that the shapes in between nearly pass both centers.
     """
-    length, (s1, s2) = shape.s[-1], s
+    length, (s1, s2, free, roll, _) = shape.s[-1], sought
     axis = free_axis(shape.gripper.rotation, chord / np.linalg.norm(chord))
     missing = roll
     for _ in range(_ITERATIONS):

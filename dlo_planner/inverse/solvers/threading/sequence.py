@@ -14,15 +14,14 @@ from functools import cached_property
 
 import numpy as np
 
-from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.penalties import DirectionAt, PositionAt, Through
-from dlo_planner.inverse.penalty import Residuals
+from dlo_planner.inverse.penalties import Through
 from dlo_planner.inverse.solvers.continuation.quick import quick_simulator, thinned
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
+from dlo_planner.inverse.solvers.points.aims import Aimed, Aims
 from dlo_planner.inverse.solvers.points.nearest import Near, nearest_within
+from dlo_planner.inverse.solvers.points.nearest_hanging import nearest_hanging
 from dlo_planner.inverse.solvers.threading.one_cutout import thread
 from dlo_planner.inverse.solvers.threading.through_depths import Threading
 from dlo_planner.model.arrays import Floats
@@ -33,7 +32,6 @@ from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_at
-from dlo_planner.ritz.rotation import turn_between
 
 _BLEND = 0.25         # of the length: from there on a cut-out ahead counts
 _LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
@@ -72,7 +70,7 @@ class CutoutSequence:
     @cached_property
     def centers(self) -> Floats:
         """(k, 3) m."""
-        return np.array([cutout.center for cutout in self.cutouts])
+        return np.array([cutout.center for cutout in self.cutouts], dtype=float)
 
     @cached_property
     def apart(self) -> Floats:
@@ -163,40 +161,19 @@ def _thread(simulator: DirectSimulator, task: CutoutSequence) -> Plan:
     return builder.finished()
 
 
-def _penalties(task: CutoutSequence, depth: float, length: float) -> list[Residuals]:
-    """Return the penalties at a depth, m."""
-    cutouts, weights = task.cutouts, task.weights
+def _aims(task: CutoutSequence, depth: float, length: float, gripper: Pose) -> Aims:
+    """Return what the DLO should be like at a depth, m, after the gripper was at a Pose."""
     share = np.clip((depth - task.apart) / (_BLEND * length) + 1, 0, 1)
     share = share**2 * (3 - 2 * share)
-    penalties: list[Residuals] = [PositionAt(length - depth, cutouts[0].center, weights[0])]
-    if share[1] < 1:
-        penalties.append(DirectionAt(length - depth, cutouts[0].normal,
-                                     _FREE * (1 - share[1]) * length))
+    weights = task.weights * share
+    weights[0] = task.weights[0]
     if share[1] > 0:
         # Two can be hit, whatever the weight: so the second one may decide what the normal did,
         # and has to count in full before a third one does.
         second = share[1] * max(_FREE, min(1.0, share[2] / _SOON))
-        penalties.append(Through(cutouts[1].center, length - depth,
-                                 weights[1] * (1.0 if share[1] == 1 else second)))
-    return penalties + [Through(cutout.center, length - depth, weight * part)
-                        for cutout, weight, part in zip(cutouts[2:], weights[2:], share[2:],
-                                                        strict=True) if part > 0]
-
-
-@dataclass(frozen=True)
-class _NotRolled:
-    """The gripper has not turned about its own axis since a pose; a round DLO leaves that free."""
-
-    before: Pose
-    weight: float
-
-    def residuals(self, shape: Shape) -> Floats:
-        turn = turn_between(self.before.rotation, shape.gripper.rotation)
-        return self.weight * np.array([turn @ self.before.direction])
-
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        del shape, sensitivity  # to first order about the pose before
-        return self.weight * np.append(self.before.direction, np.zeros(3))[None]
+        weights[1] = task.weights[1] * (1.0 if share[1] == 1 else second)
+    return Aims(length - depth, task.centers, weights, np.array(task.cutouts[0].normal),
+                _FREE * float(1 - share[1]) * length, np.array(gripper.rotation), _FREE * length)
 
 
 def _follow(simulator: DirectSimulator, task: CutoutSequence, near: Near, depth: float,
@@ -213,7 +190,8 @@ def _follow(simulator: DirectSimulator, task: CutoutSequence, near: Near, depth:
     while True:
         task.demands.progress.check()
         target = min(goal, depth + step)
-        nearest = _nearest(simulator, _penalties(task, target, length), near, target - depth)
+        nearest = _nearest(simulator, _aims(task, target, length, near.shape.gripper), near,
+                           target - depth)
         if nearest is not None:
             near, depth = nearest, target
             if depth == goal:
@@ -225,13 +203,17 @@ def _follow(simulator: DirectSimulator, task: CutoutSequence, near: Near, depth:
     return near, depth
 
 
-def _nearest(simulator: DirectSimulator, penalties: list[Residuals], near: Near,
-             step: float) -> Near | None:
+def _nearest(simulator: DirectSimulator, aims: Aims, near: Near, step: float) -> Near | None:
     """Return the Shape that follows another one after a step in depth (m), or None.
 
     The nearest shape may be far from the present one: then the DLO goes towards it by one step.
     """
-    length = near.shape.s[-1]
-    turn, shift = largest_turn(step / length), largest_shift(step / length) * length
-    free = _NotRolled(near.shape.gripper, _FREE * length)
-    return nearest_within(simulator, [*penalties, free], near, _PART * turn, _PART * shift)
+    mesh, length = near.shape.state.mesh, near.shape.s[-1]
+    turn = _PART * largest_turn(step / length)
+    shift = _PART * largest_shift(step / length) * length
+    if simulator.method == 'newton' and mesh is not None and mesh.hangs:
+        shape = nearest_hanging(mesh, aims, near.shape, turn, shift)
+        if (shape is None or simulator.accuracy is None
+                or simulator.discretization(shape.gripper, shape) is mesh):
+            return None if shape is None else Near(shape)
+    return nearest_within(simulator, Aimed(aims), near, turn, shift)

@@ -9,7 +9,7 @@ from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.inverse.solvers.points import two_points as two_points_module
 from dlo_planner.inverse.solvers.points.aligned import free_axis
 from dlo_planner.inverse.solvers.points.one_point import aligned_shape
-from dlo_planner.inverse.solvers.points.two_points import two_points
+from dlo_planner.inverse.solvers.points.two_points import Sought, two_points
 from dlo_planner.model.pose import turned_by
 
 RODS = [Rod(1.0, 0.05, (0.2, 0.5), 0.3, natural_curvature=(0.3, 0.2), natural_twist=0.4),
@@ -34,7 +34,7 @@ def test_two_points_are_passed_by_an_equilibrium(rod, options, free):
     s = (0.35, 0.8)
     way = shape.frame_at(0.8)[1] - shape.frame_at(0.35)[1]
     way = way * 0.97 + np.array([0.01, -0.02, 0.015])
-    found, first, second = two_points(simulator, shape, way, s, free)
+    found, first, second = two_points(simulator, shape, way, Sought(*s, free))
     assert (first if free == 'second' else second) == s[free == 'first']
     passed = found.frame_at(second)[1] - found.frame_at(first)[1]
     np.testing.assert_allclose(passed, way, atol=2e-10)
@@ -52,7 +52,7 @@ def test_two_points_are_passed_by_an_equilibrium(rod, options, free):
 def test_two_points_are_those_of_the_slow_way(options, roll):
     simulator, shape = hanging(RODS[0], options)
     way = shape.frame_at(0.8)[1] - shape.frame_at(0.35)[1] + np.array([0.001, 0.002, -0.001])
-    given = simulator, shape, way, (0.35, 0.8), 'second', roll
+    given = simulator, shape, way, Sought(0.35, 0.8, 'second', roll)
     (one, _, s), (other, _, t) = two_points(*given), step_by_step(*given)
     # a roll is the sum of those of all steps, which are not quite the same ones
     close = 1e-9 if roll == 0.0 else 2e-4
@@ -66,7 +66,8 @@ def test_two_points_are_those_of_the_slow_way(options, roll):
 
 def test_what_cannot_be_passed_is_told():
     simulator, shape = hanging(RODS[0], OPTIONS[0])
-    assert two_points(simulator, shape, np.array([0.9, 0.0, 0.0]), (0.35, 0.8), 'second') is None
+    assert two_points(simulator, shape, np.array([0.9, 0.0, 0.0]),
+                      Sought(0.35, 0.8, 'second')) is None
 
 
 @pytest.mark.parametrize('options', OPTIONS)

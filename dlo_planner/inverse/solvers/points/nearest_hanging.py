@@ -1,0 +1,191 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`nearest.nearest_within` of a DLO that hangs freely, in one kernel."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.proof import CONVERGED
+from dlo_planner.direct.sensitivity import gripper_answers, node_twists, twists_inside
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, found_hanging
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.system import State, System, turned_system
+from dlo_planner.inverse.solvers.points.aims import Aims, fill_misses, fill_slopes, inside
+from dlo_planner.inverse.solvers.points.aligned import turn_by
+from dlo_planner.inverse.solvers.points.coupled import orthonormal
+from dlo_planner.inverse.solvers.points.nearest import (
+    ENOUGH,
+    HALVINGS,
+    HARDLY,
+    ITERATIONS,
+    SMALL,
+    STILL,
+    step_within_ball,
+)
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.hanging import hung, told
+from dlo_planner.minimize.leash import no_leash
+from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.minimize.workspace import Workspace, new_workspace
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import pose_of
+
+
+def nearest_hanging(mesh: Discretization, aims: Aims, shape: Shape, turn: float,
+                    shift: float) -> Shape | None:
+    """Return the Shape of least penalty whose gripper is within reach, or None.
+
+    Parameters
+    ----------
+    mesh : Discretization
+        That of the shape; it hangs freely.
+    aims : Aims
+    shape : Shape
+        Shape where the step begins.
+    turn, shift : float
+        As of `nearest_within`.
+    """
+    gripper = shape.gripper
+    status, base, origin, found = _nearest_hanging(
+        mesh.static, gripper.rotation, gripper.position, mesh.start_from(shape), mesh.s, aims,
+        np.array([turn] * 3 + [shift] * 3), TOLERANCE, MAX_ITERATIONS)
+    if status == _MOVED:
+        return found_hanging(mesh, pose_of(origin, base), found)
+    return shape if status == _STAYS else None
+
+
+_NONE, _STAYS, _MOVED = 0, 1, 2
+Misses: TypeAlias = tuple[Floats, Floats, Floats]  # nodes (N + 1,), m; where, places of fill_misses
+
+
+@kernel
+def _nearest_hanging(system: System, base: Floats, origin: Floats, strains: Floats, nodes: Floats,
+                     aims: Aims, scale: Floats, tolerance: float,
+                     max_iterations: int) -> tuple[int, Floats, Floats, tuple[Any, ...]]:
+    """Do what `nearest_within` does.
+
+    Parameters
+    ----------
+    system, base, origin, strains, tolerance, max_iterations
+        As of `minimize.hanging.hang`.
+    nodes : ndarray, shape (N + 1,)
+        Arc lengths, m, read-only.
+    aims : Aims
+    scale : ndarray, shape (6,)
+        By how much the gripper may turn, rad, and move, m.
+
+    Returns
+    -------
+    tuple
+        One of _NONE, _STAYS, _MOVED; rotation (3, 3) and position (3,) of the gripper; and what
+        `minimize.hanging.hang` returns.
+    """
+    rows, misses = 3 * aims.weights.size + 4, (nodes, np.empty(aims.weights.size),
+                                               np.empty((aims.weights.size, 3, 3)))
+    here, there, begin = base.copy(), np.empty((3, 3)), base.copy()
+    place, target = origin.copy(), np.empty(3)
+    work, turned = new_workspace(system), turned_system(system, base.copy(), origin.copy())
+    kept = (strains.copy(), np.empty((nodes.size, 3, 3)), np.empty((nodes.size, 3)), np.empty(6))
+    wrench, numbers, told_of = np.empty(6), np.empty(5), np.zeros(5)
+    q, x = np.empty_like(work.start), np.zeros(6)
+    unknowns_of(turned, kept[0], q)
+    right, ahead, slopes = np.empty(rows), np.empty(rows), np.empty((rows, 6))
+    status, value = _NONE, np.inf
+    for attempt in range(ITERATIONS):
+        turned.base[:], turned.origin[:] = here, place
+        _linearize(turned, q, aims, misses, attempt == 0, right, slopes)
+        slopes *= scale
+        if attempt == 0:
+            value = np.dot(right, right)
+        step = step_within_ball(slopes, right, x)
+        ahead[:] = np.dot(slopes, step) + right
+        size = np.abs(step).max()
+        if (size < STILL / scale[0]
+                or value - np.dot(ahead, ahead) < HARDLY * value and size < SMALL):
+            status = max(status, _STAYS)
+            break  # it is there
+        new, state = _closer(turned, (begin, origin), scale, (x, step, value), q, aims, misses,
+                             (there, target, ahead, wrench, numbers), work, tolerance,
+                             max_iterations)
+        if not new <= value:
+            break
+        size = np.abs(step).max()
+        done = size < STILL / scale[0] or value - new < ENOUGH * value and size < 1e-3
+        status, value = _MOVED, new
+        x += step
+        right[:], here[:], place[:], q[:] = ahead, there, target, state.q
+        kept[0][:], kept[1][:], kept[2][:] = state.strains, state.rotations, state.positions
+        kept[3][:], told_of[:] = wrench, numbers
+        if done:
+            break
+    return status, here, place, (kept[0], kept[1], kept[2], kept[3], told_of[0], told_of[1],
+                                 told_of[2], told_of[3], int(told_of[4]), 0)
+
+
+@kernel
+def _closer(turned: System, begin: tuple[Floats, Floats], scale: Floats,
+            way: tuple[Floats, Floats, float], q: Floats, aims: Aims, misses: Misses,
+            out: tuple[Floats, Floats, Floats, Floats, Floats], work: Workspace, tolerance: float,
+            max_iterations: int) -> tuple[float, State]:
+    """Return the penalty at the end of a step, halved until it is no larger, and the State there.
+
+    Parameters
+    ----------
+    begin : tuple
+        Rotation (3, 3) and position (3,) of the gripper, from which all steps count.
+    way : tuple
+        Steps so far (6,), the next one (6,), which may be halved, and the penalty before.
+    q : ndarray, shape (m, 3)
+        Unknowns before.
+    out : tuple
+        Filled: rotation (3, 3) and position (3,) of the gripper, misses (m,), wrench (6,), and
+        elastic and all energy, residual, stability, iterations (5,).
+    """
+    (x, step, value), (there, target, missed, wrench, numbers) = way, out
+    new, state = np.inf, work.state
+    for _ in range(HALVINGS):
+        twist = scale * (x + step)
+        turn_by(begin[0], twist[:3], there)
+        there[:], target[:] = orthonormal(there), begin[1] + twist[3:]
+        work.start[:] = q
+        state, residual, stability, iterations, _ = hung(
+            turned, there, target, tolerance, max_iterations, no_leash(), work)
+        numbers[0], numbers[1] = told(turned, state, wrench)
+        numbers[2], numbers[3], numbers[4] = residual, stability, iterations
+        _miss(turned, state, aims, misses, missed)
+        hangs = residual < CONVERGED and stability > -NEUTRAL
+        new = np.dot(missed, missed) if hangs else np.inf
+        if new <= value:
+            break
+        step *= 0.5
+    return new, state
+
+
+@kernel
+def _linearize(system: System, q: Floats, aims: Aims, misses: Misses, first: bool, right: Floats,
+               slopes: Floats) -> None:
+    """Fill the slopes (m, 6) of Aims at an equilibrium q by the gripper's twist.
+
+    What is missed (m,) there, too, where it is the `first`.
+    """
+    state, answers, _ = gripper_answers(system, q)
+    nodes, where, places = misses
+    if first:
+        state.positions += system.origin
+        _miss(system, state, aims, misses, right)
+        state.positions -= system.origin
+    at_nodes, twists = node_twists(system, state, answers, 3), np.empty((where.size, 6, 6))
+    for k in range(where.size):
+        e, fraction = inside(nodes, system.lengths, min(where[k], nodes[nodes.size - 1]))
+        twists[k] = twists_inside(system, state, answers, 3, at_nodes[e], e, fraction)
+    fill_slopes(aims, nodes[nodes.size - 1], where, places, twists, slopes)
+
+
+@kernel
+def _miss(system: System, state: State, aims: Aims, misses: Misses, out: Floats) -> None:
+    """Fill what a State with positions in the world misses (m,)."""
+    fill_misses(aims, misses[0], system.lengths, state.strains, state.rotations, state.positions,
+                system.base, out, misses[1], misses[2])
