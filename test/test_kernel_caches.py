@@ -74,6 +74,10 @@ LOADED = ['first', 'alone', 'wide']  # once all is compiled
 FILES = len(ALL) + 2  # two for Python
 PREBUILD = 'from dlo_planner.prebuild import main; import sys; sys.exit(main([]))'
 # Becomes a user who may not write, once all is imported that lies where only others may read.
+ALL_COPIED = """
+from dlo_planner.kernels import linking
+linking._SMALL = 10**9
+"""
 AS_NOBODY = """
 import numba, os, sys
 numba.njit(lambda x: x + 1)(1)
@@ -223,6 +227,35 @@ def test_what_python_calls_can_be_missing(used):
     for path in files:
         path.unlink()
     assert run(used)[:3] == run(used)[:3] == [[3.5, 0.0], LOADED, []]
+
+
+@pytest.fixture(scope='module')
+def _copied_anew(_used):
+    """Yield such a folder of processes in which `wide` was copied into others, too."""
+    with package_of_kernels() as folder:
+        assert run(folder, ALL_COPIED + USE)[0] == [3.5, 0.0]
+        yield folder
+
+
+@pytest.mark.parametrize(('called', 'others'), [
+    (True, '*.kernel'), (True, '*.wide-*'), (False, '*.python'), (False, '*.first-*')])
+def test_what_is_copied_in_one_process_may_be_called_in_another(used, _copied_anew, called,
+                                                                others):
+    folder, other = kept(used), kept(_copied_anew)
+    if not called:
+        folder, other = other, folder
+    files = {path.name: path for path in (*folder.iterdir(), *other.glob(others))}
+    chosen = {name: path.read_bytes() for name, path in files.items()}
+    for name, content in chosen.items():
+        (kept(used) / name).write_bytes(content)
+    assert run(used)[0] == [3.5, 0.0]
+    values, _, compiled, _ = run(used)
+    assert values == [3.5, 0.0] and not compiled
+
+
+def test_what_changes_numba_counts(used):
+    edit(used, 'kernels/lowering', '\n\n\n', '\n# another way\n\n\n')
+    assert run(used)[:3] == [[3.5, 0.0], [], ALL]
 
 
 def test_the_contents_of_a_constant_count(used):

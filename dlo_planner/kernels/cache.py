@@ -65,7 +65,7 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
             data.library.emit()
             linking.keep_apart(self._kernel, data)
         if not data.library.has_dynamic_globals and all(one.can_cache for one in data.lifted):
-            called = linking.called_by(data)
+            called = linking.called_by(data.library)
             reduced = data._replace(type_annotation='')._reduce()  # a text for people
             self._keep(_arguments(sig), 'kernel', (large, called, reduced))
 
@@ -73,8 +73,10 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
         """Return what Python calls for a kernel that was compiled: loaded, or made and kept."""
         context, described = result.target_context.subtarget(enable_nrt=True), result.fndesc
         kinds = tuple(result.signature.args)
-        for library, constants in self._kept(kinds, 'python'):
+        for library, constants, called in self._kept(kinds, 'python'):
             with suppress(Exception):
+                for one in called:
+                    linking.load(one)
                 loaded = _loaded(context.codegen(), library, described.llvm_cpython_wrapper_name)
                 result.environment.consts[:] = constants
                 return context.get_executable(loaded, described, result.environment)
@@ -86,7 +88,7 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
         callable_ = context.get_executable(made, described, result.environment)
         made._get_module_for_linking = linking.no_code
         self._keep(kinds, 'python', (made.serialize_using_object_code(),
-                                     list(result.environment.consts)))
+                                     list(result.environment.consts), linking.called_by(made)))
         return callable_
 
     def _kept(self, kinds: tuple[Any, ...], suffix: str) -> Iterator[Any]:

@@ -22,6 +22,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from pkgutil import get_data
 from time import time
 from typing import Any, NamedTuple
 
@@ -32,7 +33,6 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
-from dlo_planner.kernels import lean
 from dlo_planner.kernels.fingerprint import fingerprint
 from dlo_planner.kernels.folders import folders, prune
 from dlo_planner.kernels.processor import accepted
@@ -41,6 +41,7 @@ _DAY = 86400.0  # s, after which a file is marked as used again
 # Settings of numba that change what it compiles.
 _SETTINGS = ('BOUNDSCHECK', 'DEBUGINFO_DEFAULT', 'EXTEND_VARIABLE_LIFETIMES', 'LOOP_VECTORIZE',
              'SLP_VECTORIZE', 'USING_SVML')
+_COMPILER = ('cache.py', 'lean.py', 'linking.py', 'lowering.py', 'pipeline.py', 'shortcuts.py')
 
 
 class Key(NamedTuple):
@@ -119,11 +120,12 @@ def _digest(*parts: object) -> str:
 
 @cache
 def environment() -> tuple[Any, ...]:
-    """Return what compiles: versions, also of `lean`, and numba's settings."""
+    """Return what compiles: versions, the sources here that change numba, and its settings."""
     numpy = np.__version__.split('.')[:2]
     settings = [(name, repr(getattr(numba.config, name, None))) for name in _SETTINGS]
     optimized = str(getattr(numba.config.OPT, '_raw_value', numba.config.OPT))
-    return (lean.VERSION, sys.implementation.cache_tag, getattr(sys, 'abiflags', ''),
+    sources = [get_data(__package__, name) for name in _COMPILER]
+    return (_digest(*sources), sys.implementation.cache_tag, getattr(sys, 'abiflags', ''),
             numba.__version__, llvmlite.__version__, *numpy, optimized, *settings)
 
 

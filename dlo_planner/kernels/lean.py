@@ -25,7 +25,6 @@ from numba.core.registry import cpu_target
 
 from dlo_planner.kernels.shortcuts import SHORTCUTS
 
-VERSION = 6  # of what this, `pipeline` and `lowering` change in what is compiled
 _ENVIRONMENT = '_ZN08NumbaEnv'  # how numba's names of what holds a function's constants begin
 _depth: list[None] = []
 

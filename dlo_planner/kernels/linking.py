@@ -70,9 +70,9 @@ def no_code() -> Any:
     return llvm.parse_assembly('')
 
 
-def called_by(result: Any) -> tuple[Called, ...]:
+def called_by(library: Any) -> tuple[Called, ...]:
     """Return the kernels whose symbols machine code holds."""
-    return tuple(_LARGE[one.name] for one in result.library._final_module.functions
+    return tuple(_LARGE[one.name] for one in library._final_module.functions
                  if one.is_declaration and one.name in _LARGE)
 
 
@@ -82,10 +82,11 @@ def load(called: Called) -> None:
     Raises
     ------
     LookupError
-        It has another symbol now: the machine code that calls it is of no use.
+        It has another symbol now, or is copied into those that call it, as it may be where it is
+        compiled for another processor: the machine code that calls it is of no use.
     """
     result = kernel_of(called).loaded(called.kinds, called.sources)
-    if result.fndesc.llvm_func_name != called.symbol:
+    if result.fndesc.llvm_func_name != called.symbol or called.symbol not in _LARGE:
         raise LookupError(called.symbol)
 
 
