@@ -65,23 +65,13 @@ Misses: TypeAlias = tuple[Floats, Floats, Floats]  # nodes (N + 1,), m; where, p
 def _nearest_hanging(system: System, base: Floats, origin: Floats, strains: Floats, nodes: Floats,
                      aims: Aims, scale: Floats, tolerance: float,
                      max_iterations: int) -> tuple[int, Floats, Floats, tuple[Any, ...]]:
-    """Do what `nearest_within` does.
-
-    Parameters
-    ----------
-    system, base, origin, strains, tolerance, max_iterations
-        As of `minimize.hanging.hang`.
-    nodes : ndarray, shape (N + 1,)
-        Arc lengths, m, read-only.
-    aims : Aims
-    scale : ndarray, shape (6,)
-        By how much the gripper may turn, rad, and move, m.
+    """Do what `nearest_within` does; `nodes` (N + 1,), m, and `scale` (6,), rad and m: its reach.
 
     Returns
     -------
     tuple
         One of _NONE, _STAYS, _MOVED; rotation (3, 3) and position (3,) of the gripper; and what
-        `minimize.hanging.hang` returns.
+        `minimize.hanging.hang` returns, of which the other arguments are.
     """
     rows, misses = 3 * aims.weights.size + 4, (nodes, np.empty(aims.weights.size),
                                                np.empty((aims.weights.size, 3, 3)))
