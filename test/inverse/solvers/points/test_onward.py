@@ -100,12 +100,28 @@ def test_what_is_hardly_stable_is_left_to_others(monkeypatch):
     assert aligned.onward(way[0], depths[1:]) == []
 
 
-def test_an_accuracy_or_the_nested_method_takes_shapes_one_by_one():
+def test_the_nested_method_takes_shapes_one_by_one():
     aligned, first = begun()
     nested = Aligned(aligned.simulator, CUTOUT.normal, 'nested')
     assert nested.onward(first, DEPTHS) == []
-    exact = Aligned(DirectSimulator(ROD, accuracy=1e-5), CUTOUT.normal)
-    assert exact.onward(first, DEPTHS) == []
+
+
+@pytest.mark.parametrize('accuracy', [None, 9e-6])
+def test_with_an_accuracy_they_end_where_another_mesh_is_needed(accuracy):
+    heavy = Rod(0.8, 0.5, (0.2, 0.5), 0.3, natural_curvature=(0.3, 0.2), natural_twist=0.4)
+    simulator = DirectSimulator(heavy, accuracy=accuracy)  # None: its own
+    aligned, depths = Aligned(simulator, CUTOUT.normal), np.linspace(0.01, 0.6, 30)
+    guess, reference, depth = next(start_candidates(simulator, CUTOUT, None))
+    first = aligned.from_guess(guess, depth, reference)
+    many, few = aligned.onward(first, depths), one_by_one(aligned, first, depths)
+    mesh = first.shape.state.mesh
+    other = [k for k, passing in enumerate(few) if passing.shape.state.mesh is not mesh]
+    assert len(many) == (other[0] if other else len(depths))
+    assert bool(other) == (accuracy is not None)  # both are looked at
+    for one, another in zip(many, few, strict=False):
+        assert one.shape.state.mesh is mesh
+        # a trend that is a quotient of other differences is another one by rounding
+        np.testing.assert_allclose(one.shape.positions, another.shape.positions, atol=1e-12)
 
 
 def test_a_plan_is_the_same_whichever_way_its_shapes_are_found(monkeypatch):
