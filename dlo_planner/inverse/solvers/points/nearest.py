@@ -4,9 +4,11 @@
 
 Gauss and Newton's method on the penalties' residuals, the gripper kept in a ball about where it was
 (a fixed trust region: Nocedal and Wright, Numerical Optimization, ch. 4). If the minimum is farther
-away, the step goes towards it as far as the ball allows.
+away, the step goes towards it as far as the ball allows. Where much is missed, these steps come
+nearer by the same part each: the next ones follow from two of them (Anderson 1965, J. ACM 12).
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,7 +54,7 @@ def nearest_within(simulator: DirectSimulator, penalty: Residuals, begin: Near, 
     scale = np.array([turn] * 3 + [shift] * 3)
     shape, sensitivity = before, _ = begin
     x, right = np.zeros(6), penalty.residuals(before)
-    value = float(right @ right)
+    value, last = float(right @ right), None
     for _ in range(ITERATIONS):
         sensitivity = sensitivity or Sensitivity(shape)
         rows = penalty.slopes(shape, sensitivity) * scale
@@ -61,21 +63,54 @@ def nearest_within(simulator: DirectSimulator, penalty: Residuals, begin: Near, 
         size = np.abs(step).max()
         if size < STILL / turn or value - left @ left < HARDLY * value and size < SMALL:
             break  # it is there
-        for _ in range(HALVINGS):
-            trial = simulator.solve(displaced(before.gripper, scale * (x + step)), shape)
+        for taken in steps_to_try(step, x, last):
+            trial = simulator.solve(displaced(before.gripper, scale * (x + taken)), shape)
             ahead = penalty.residuals(trial)
             new = float(ahead @ ahead) if trial.converged else np.inf
             if new <= value:
                 break
-            step = 0.5 * step
         else:
             return Near(shape, sensitivity) if shape is not before else None
+        last, step = (step, taken), taken
         done = (np.abs(step).max() < STILL / turn
                 or value - new < ENOUGH * value and np.abs(step).max() < 1e-3)
         shape, x, value, right, sensitivity = trial, x + step, new, ahead, None
         if done:
             break
     return Near(shape, sensitivity)
+
+
+def steps_to_try(step: Floats, x: Floats,
+                 last: tuple[Floats, Floats] | None) -> Iterator[Floats]:
+    """Yield steps (6,) from x (6,): the extrapolated one, the step itself, halves of it.
+
+    Parameters
+    ----------
+    last : (ndarray, ndarray) or None
+        The step before, and what was taken in its place.
+    """
+    if last is not None:
+        further = extrapolated(step, *last)
+        if np.linalg.norm(x + further) <= 1.0:
+            yield further
+    yield from (0.5**k * step for k in range(HALVINGS))
+
+
+@kernel
+def extrapolated(step: Floats, before: Floats, taken: Floats) -> Floats:
+    """Return the step (6,) to where steps would vanish if they changed as from the one before.
+
+    Parameters
+    ----------
+    step, before : ndarray, shape (6,)
+        The step here, and the one before.
+    taken : ndarray, shape (6,)
+        The way from there to here.
+    """
+    change = step - before
+    size = np.dot(change, change)
+    share = np.dot(change, step) / size if size > 0.0 else 0.0
+    return step - share * (taken + change)
 
 
 @kernel

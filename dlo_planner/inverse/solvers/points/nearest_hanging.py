@@ -23,6 +23,7 @@ from dlo_planner.inverse.solvers.points.nearest import (
     ITERATIONS,
     SMALL,
     STILL,
+    extrapolated,
     step_within_ball,
 )
 from dlo_planner.kernels import kernel
@@ -83,7 +84,7 @@ def _nearest_hanging(system: System, base: Floats, origin: Floats, strains: Floa
     q, x = np.empty_like(work.start), np.zeros(6)
     unknowns_of(turned, kept[0], q)
     right, ahead, slopes = np.empty(rows), np.empty(rows), np.empty((rows, 6))
-    status, value = _NONE, np.inf
+    status, value, last = _NONE, np.inf, np.full((2, 6), np.nan)
     for attempt in range(ITERATIONS):
         turned.base[:], turned.origin[:] = here, place
         _linearize(turned, q, aims, misses, attempt == 0, right, slopes)
@@ -97,8 +98,8 @@ def _nearest_hanging(system: System, base: Floats, origin: Floats, strains: Floa
                 or value - np.dot(ahead, ahead) < HARDLY * value and size < SMALL):
             status = max(status, _STAYS)
             break  # it is there
-        new, state = _closer(turned, (begin, origin), scale, (x, step, value), q, aims, misses,
-                             (there, target, ahead, wrench, numbers), work, tolerance,
+        new, state = _closer(turned, (begin, origin), scale, (x, step, last, value), q, aims,
+                             misses, (there, target, ahead, wrench, numbers), work, tolerance,
                              max_iterations)
         if not new <= value:
             break
@@ -117,27 +118,33 @@ def _nearest_hanging(system: System, base: Floats, origin: Floats, strains: Floa
 
 @kernel
 def _closer(turned: System, begin: tuple[Floats, Floats], scale: Floats,
-            way: tuple[Floats, Floats, float], q: Floats, aims: Aims, misses: Misses,
+            way: tuple[Floats, Floats, Floats, float], q: Floats, aims: Aims, misses: Misses,
             out: tuple[Floats, Floats, Floats, Floats, Floats], work: Workspace, tolerance: float,
             max_iterations: int) -> tuple[float, State]:
-    """Return the penalty at the end of a step, halved until it is no larger, and the State there.
+    """Return the penalty after the first of `steps_to_try` that does not raise it, and the State.
 
     Parameters
     ----------
     begin : tuple
         Rotation (3, 3) and position (3,) of the gripper, from which all steps count.
     way : tuple
-        Steps so far (6,), the next one (6,), which may be halved, and the penalty before.
+        Steps so far (6,); the next one (6,), and the one before with what was taken (2, 6), nan
+        if there is none: both changed; and the penalty before.
     q : ndarray, shape (m, 3)
         Unknowns before.
     out : tuple
         Filled: rotation (3, 3) and position (3,) of the gripper, misses (m,), wrench (6,), and
         elastic and all energy, residual, stability, iterations (5,).
     """
-    (x, step, value), (there, target, missed, wrench, numbers) = way, out
-    new, state = np.inf, work.state
-    for _ in range(HALVINGS):
-        twist = scale * (x + step)
+    (x, step, last, value), (there, target, missed, wrench, numbers) = way, out
+    new, state, taken = np.inf, work.state, extrapolated(step, last[0], last[1])
+    last[0] = step
+    for k in range(-1, HALVINGS):
+        if k >= 0:
+            taken[:] = 0.5**k * step
+        elif not np.linalg.norm(x + taken) <= 1.0:
+            continue
+        twist = scale * (x + taken)
         turn_by(begin[0], twist[:3], there)
         there[:], target[:] = orthonormal(there), begin[1] + twist[3:]
         work.start[:] = q
@@ -150,7 +157,7 @@ def _closer(turned: System, begin: tuple[Floats, Floats], scale: Floats,
         new = np.dot(missed, missed) if hangs else np.inf
         if new <= value:
             break
-        step *= 0.5
+    last[1], step[:] = taken, taken
     return new, state
 
 

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner.inverse.solvers.points import nearest as nearest_steps
 from dlo_planner.inverse.solvers.points import nearest_hanging as nearest_module
 from dlo_planner.inverse.solvers.points.aims import Aimed, Aims
-from dlo_planner.inverse.solvers.points.nearest import Near, nearest_within
+from dlo_planner.inverse.solvers.points.nearest import (
+    HALVINGS,
+    Near,
+    extrapolated,
+    nearest_within,
+    steps_to_try,
+)
 from dlo_planner.inverse.solvers.points.nearest_hanging import nearest_hanging
 
 ROD = Rod(1.0, 0.05, (0.2, 0.5), 0.3, natural_curvature=(0.3, 0.2), natural_twist=0.4)
@@ -60,3 +67,23 @@ def test_where_no_trial_is_an_equilibrium_there_is_none(monkeypatch):
     simulator, shape, aims = begun(OPTIONS[0], (0.1, 0.2, -0.1))
     monkeypatch.setattr(nearest_module, 'MAX_ITERATIONS', 0)
     assert nearest_hanging(shape.state.mesh, aims, shape, 0.3, 0.3) is None
+
+
+def test_steps_that_come_nearer_by_the_same_part_are_extrapolated(rng):
+    goal, begin = rng.normal(size=(2, 6))
+    first = 0.4 * (goal - begin)
+    there = begin + first
+    np.testing.assert_allclose(extrapolated(0.4 * (goal - there), first, first), goal - there,
+                               atol=1e-12)
+    assert np.array_equal(extrapolated(first, first, first), first)  # nothing is known
+    tried = list(steps_to_try(first, begin, None))
+    assert len(tried) == HALVINGS and np.array_equal(tried[1], 0.5 * first)
+    assert len(list(steps_to_try(0.01 * first, 0.1 * first, (first, first)))) == HALVINGS + 1
+
+
+def test_where_much_is_missed_it_comes_nearer(monkeypatch):
+    simulator, shape, aims = begun(OPTIONS[0], (0.1, 0.2, -0.1))
+    found = nearest_within(simulator, Aimed(aims), Near(shape), 0.5, 0.5).shape
+    monkeypatch.setattr(nearest_steps, 'extrapolated', lambda step, *_: np.full(6, np.nan))
+    slow = nearest_within(simulator, Aimed(aims), Near(shape), 0.5, 0.5).shape
+    assert squares(aims, found) < 0.9995 * squares(aims, slow)
