@@ -237,7 +237,7 @@ def carried(shape: Shape, displacement: Floats) -> Shape:
             del contents[name]
     contents.update(gripper=gripper, positions=positions, energy=shape.energy + float(
         displacement @ shape.gripper_wrench[:3]))
-    other.__dict__.update(contents)
+    object.__setattr__(other, '__dict__', contents)
     return other
 
 
@@ -255,8 +255,7 @@ def made_shape(**contents: Any) -> Shape:
         Fields; those without a default are all there.
     """
     shape = object.__new__(Shape)
-    shape.__dict__.update(_DEFAULTS)
-    shape.__dict__.update(contents)
+    object.__setattr__(shape, '__dict__', _DEFAULTS | contents)
     for name in _ARRAYS:
         contents[name].flags.writeable = False
     return shape

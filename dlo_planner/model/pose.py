@@ -184,8 +184,7 @@ def shifted(pose: Pose, displacement: Floats) -> Pose:
     """Return a Pose with its origin displaced by (3,) m."""
     position, other = pose.position + displacement, object.__new__(Pose)
     position.flags.writeable = False
-    other.__dict__.update(pose.__dict__)
-    other.__dict__['position'] = position
+    object.__setattr__(other, '__dict__', pose.__dict__ | {'position': position})
     return other
 
 

@@ -45,6 +45,7 @@ from dlo_planner.ritz.matrix3 import (
     put_matrix,
     put_vector,
     times,
+    times_transposed,
     vector,
 )
 from dlo_planner.ritz.matrix3 import cross as crossed
@@ -199,8 +200,10 @@ def _miss(system: System, state: State, element: int, fraction: float, across: F
     put_vector(applied(frame, (turn[0], turn[3], turn[6])), tangent)
     put_matrix(columns_scaled(times(frame, turning), h * scale[0], h * scale[1], h * scale[2]),
                part)
+    m = times_transposed(matrix(system.base), matrix(reference))
+    # about the axis: 2 sin(angle) times the rotation's own
     return np.array([dot(across[0], tangent), dot(across[1], tangent),
-                     dot(axis, _axial(system.base @ reference.T))])
+                     inner(vector(axis), (m[7] - m[5], m[2] - m[6], m[3] - m[1]))])
 
 
 @kernel
@@ -236,8 +239,12 @@ def _fill_rows(base: Floats, miss: Floats, tangent: Floats, across: Floats, refe
         for column in range(3):
             rows[row, column] = lever[column] + inner(lever, vector(turned[column]))
         right[row] = -miss[row] - inner(lever, vector(turned[3]))
+    # the axial vector of w^ M is (tr(M) I - M) w
+    m = times_transposed(matrix(base), matrix(reference))
+    trace = m[0] + m[4] + m[8]
     for column in range(3):
-        rows[2, column] = _turn_rate(base, reference, axis, column)
+        rows[2, column] = trace * axis[column] - (
+            axis[0] * m[column] + axis[1] * m[3 + column] + axis[2] * m[6 + column])
     right[2] = -miss[2]
 
 
@@ -266,23 +273,6 @@ def _fill_turn(system: System, hessian: Hessian, part: Floats, element: int, ste
         x, y, z = value_at(basis, step, e)
         for i in range(3):
             theta[i] += turning[i, 0] * x + turning[i, 1] * y + turning[i, 2] * z
-
-
-@kernel
-def _axial(rotation: Floats) -> Floats:
-    """Return 2 sin(angle) times the axis of a rotation."""
-    return np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
-                     rotation[1, 0] - rotation[0, 1]])
-
-
-@kernel
-def _turn_rate(base: Floats, reference: Floats, axis: Floats, about: int) -> Any:
-    """Return the change of axis . _axial(base reference^T) per rotation about a world axis."""
-    spin = np.zeros((3, 3))
-    first, second = (about + 1) % 3, (about + 2) % 3
-    spin[second, first] = 1.0
-    spin[first, second] = -1.0
-    return dot(axis, _axial(spin @ (base @ reference.T)))
 
 
 @kernel
