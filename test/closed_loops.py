@@ -9,12 +9,15 @@ estimated: natural curvature by twelve Legendre polynomials, where the observer 
 
 import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import (
+sys.path[:0] = [str(Path(__file__).parent.parent)]
+
+from dlo_planner import (  # noqa: E402
     CutOut,
     DirectSimulator,
     InverseSimulator,
@@ -25,9 +28,9 @@ from dlo_planner import (
     Uncertainty,
     correct,
 )
-from dlo_planner.identify.predicted_miss import crossing
-from dlo_planner.model.along import Expanded
-from dlo_planner.verify.uncertainty import variation_deviations
+from dlo_planner.identify.predicted_miss import crossing  # noqa: E402
+from dlo_planner.model.along import Expanded  # noqa: E402
+from dlo_planner.verify.uncertainty import variation_deviations  # noqa: E402
 
 SPREAD = Uncertainty(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,
                 natural_curvature=0.05, curvature_variation=0.03, gripper_position=0.5e-3,

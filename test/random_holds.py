@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent / 'direct'))
+sys.path[:0] = [str(Path(__file__).parent / 'direct'), str(Path(__file__).parent.parent)]
 from kirchhoff import true_held_rod  # noqa: E402
 from test_held import cable, poses  # noqa: E402
 

@@ -146,3 +146,14 @@ def test_ros_is_told_names_that_exist():
                                                     (ROOT / 'config').glob('*.yaml')}
     set_by_hand = {line.split()[1] for line in commands('ros2 param set')}
     assert set_by_hand and set_by_hand <= set(ENTRIES)
+
+
+def test_scripts_find_the_package_where_it_is_not_installed():
+    named = set(re.findall(r'python (test/\w+\.py)', TEXT))
+    scripts = [path for path in (ROOT / 'test').glob('*.py')
+               if "\nif __name__ == '__main__':" in path.read_text()
+               and not path.name.startswith('test_')]
+    assert len(scripts) > 10 and named <= {f'test/{path.name}' for path in scripts}
+    for path in scripts:
+        before, found, _ = path.read_text().partition('\nfrom dlo_planner')
+        assert found and re.search(r'sys\.path.*__file__\)\.parent\.parent', before), path.name
