@@ -16,7 +16,7 @@ _DOCS = Path(__file__).resolve().parents[2] / 'docs'
 def _milliseconds(*rows: str) -> list[str]:
     """Return medians of rows of the table of benchmarks, ms."""
     core = json.loads((_DOCS / 'benchmarks' / 'core.json').read_text())['core']
-    return [f'{1e3 * core[row]["median_s"]:.1f}' for row in rows]
+    return [f'{1e3 * core[row]["median_s"]:.2f}' for row in rows]
 
 
 def _apart() -> list[str]:

@@ -85,7 +85,7 @@ class Sensitivity:
         element = min(int(shape.s.searchsorted(s, side='right')) - 1, shape.s.size - 2)
         fraction = (s - shape.s[element]) / (shape.s[element + 1] - shape.s[element])
         result: Floats = twists_inside(self._system, self._state, self._answers, self._columns,
-                                        self._nodes[element], element, float(fraction))
+                                       self._nodes[element], element, float(fraction))
         return result
 
     @cached_property
@@ -269,7 +269,7 @@ def node_twists(system: System, state: State, answers: Floats, columns: int) -> 
 
 @kernel
 def twists_inside(system: System, state: State, answers: Floats, columns: int, begin: Floats,
-                   element: int, fraction: float) -> Floats:
+                  element: int, fraction: float) -> Floats:
     """Return (6, 6) the same inside `element`, whose beginning has the twists `begin` (6, 6)."""
     out = begin.copy()
     part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
