@@ -25,10 +25,12 @@ from numpy.typing import NDArray
 
 from benchmarks import report
 from dlo_planner import CutOut, Pose, Rod
-from dlo_planner.cell.drivers import OpenLoop, planned
+from dlo_planner.cell.drivers import OpenLoop, ways
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.run import TOUCH, Outcome, run
 from dlo_planner.cell.tasks import RODS, Task, draw_task
+from dlo_planner.plan.assembly import concatenate
+from dlo_planner.plan.motion.trajectory import Trajectory
 
 FOLDER = Path(__file__).parent.parent / 'docs' / 'benchmarks'
 ALIGNED, PAST = 0.05, 0.05  # m: free end before and past the hole
@@ -127,7 +129,8 @@ class _Watch:
 def tried(case: Case) -> Result:
     """Return the Result of a Case: planned as stated, run in the plant without looking."""
     began, watch, hole = perf_counter(), _Watch(), case.task.cutout
-    outcome = run(case.task, OpenLoop(planned), watch=watch)
+    outcome = run(case.task, OpenLoop(lambda task: Trajectory(concatenate(*ways(
+        task, ALIGNED)))), watch=watch)
     tips = np.array(watch.tips).reshape(-1, 3)
     distance = np.nan
     if case.aligned is not None and len(tips):

@@ -84,6 +84,7 @@ def touching() -> None:
     shapes = direct.track([_LEVEL, Pose((0, 0, -0.05), (0, 0, 0, 1))])
     direct.simulate([_LEVEL] * 2, 0.01, shapes[0])
     Sensitivity(shapes[-1])
+    assert shapes[-1].self_distance == np.inf
     elastic = DirectSimulator(_ROD, n_elements=64, obstacles=[Plane((0, 0, -0.01), (0, 0, 1))])
     shape = elastic.track([Pose((0, 0, z), (0, 0, 0, 1)) for z in (0, -0.005, -0.006)])[-1]
     assert corrected_by(elastic.mesh, shape, past_of(elastic.mesh, shape, None)) < 1

@@ -103,7 +103,9 @@ def parameters_page() -> str:
 def parameter_row(name: str, entry: Entry) -> str:
     """Return the row of one parameter."""
     limits = '' if entry.lowest is None else f'{entry.lowest:g} to {entry.highest:g}'
-    text = entry.description.replace(' |', ',') + ' *Read only.*' * entry.read_only
+    fixed = not (entry.read_only or entry.while_executing)
+    text = (entry.description.replace(' |', ',') + ' *Read only.*' * entry.read_only
+            + ' *Not while a plan is executed.*' * fixed)
     return f'| `{name}` | `{entry.default!r}` | {limits} | {text} |'
 
 

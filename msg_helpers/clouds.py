@@ -11,11 +11,15 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import array, instance
+from dlo_planner.model.checks import array, instance, shown
 from msg_helpers.poses import header
 
 _TYPES = {PointField.FLOAT32: 'f4', PointField.FLOAT64: 'f8'}
 _AXES = 'xyz'
+_MOST_FIELDS = 64
+_MOST_POINTS = 1_000_000
+_LONGEST_STEP = 4096  # bytes of a point
+_SHOWN = 40  # characters of a field's name in a message
 
 
 def points_from_cloud(msg: PointCloud2, name: str) -> Floats:
@@ -31,14 +35,24 @@ def points_from_cloud(msg: PointCloud2, name: str) -> Floats:
     Raises
     ------
     InvalidTask
-        Fields x, y, z are missing or no floats, or the data are shorter than stated.
+        Fields x, y, z are missing or no floats, the data are shorter than stated, or there are more
+        than 1,000,000 points, 64 fields, or 4096 bytes in a point.
     """
     instance('msg', msg, PointCloud2)
+    for what, count, most in (
+            ('fields', len(msg.fields), _MOST_FIELDS),
+            ('point_step', msg.point_step, _LONGEST_STEP),
+            ('height x width', msg.height * msg.width, _MOST_POINTS)):
+        if count > most:
+            raise InvalidTask(f'{name}.{what} = {count}: expected {most} at most')
     known = {field.name: field for field in msg.fields}
     for axis in _AXES:
         if axis not in known or known[axis].datatype not in _TYPES:
             raise InvalidTask(f'{name}.fields: expected {axis} as FLOAT32 or FLOAT64, got '
-                              f'{sorted(known)}')
+                              f'{shown(sorted(one[:_SHOWN] for one in known))}')
+        if known[axis].offset > _LONGEST_STEP:
+            raise InvalidTask(f'{name}.fields: the offset of {axis} is {known[axis].offset}: '
+                              f'expected {_LONGEST_STEP} at most')
     order = '>' if msg.is_bigendian else '<'
     formats = [order + _TYPES[known[axis].datatype] for axis in _AXES]
     offsets = [int(known[axis].offset) for axis in _AXES]
@@ -54,7 +68,8 @@ def points_from_cloud(msg: PointCloud2, name: str) -> Floats:
                           f'{msg.height * msg.row_step}')
     kind = np.dtype({'names': list(_AXES), 'formats': formats, 'offsets': offsets,
                      'itemsize': int(msg.point_step)})
-    points = np.ndarray((msg.height, msg.width), kind, bytes(msg.data),
+    points = np.ndarray((msg.height, msg.width), kind,
+                        bytes(memoryview(msg.data)[:msg.height * msg.row_step]),
                         strides=(msg.row_step, msg.point_step)).reshape(-1)
     out = np.stack([points[axis].astype(float) for axis in _AXES], axis=1)
     result: Floats = out[np.isfinite(out).all(axis=1)]

@@ -8,7 +8,7 @@ import numpy as np
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import instance
+from dlo_planner.model.checks import instance, shown
 from dlo_planner.model.obstacles import Box, Capsule, Sphere
 from msg_helpers.poses import pose_from_msg
 
@@ -51,7 +51,7 @@ def obstacles_after(known: Mapping[tuple[str, int], Box | Capsule | Sphere], msg
             after.pop((marker.ns, marker.id), None)
         elif marker.action == Marker.ADD:
             if marker.header.frame_id != frame_id:
-                raise InvalidTask(f'{where}.header.frame_id = {marker.header.frame_id!r}: '
+                raise InvalidTask(f'{where}.header.frame_id = {shown(marker.header.frame_id)}: '
                                   f'expected {frame_id!r}')
             try:
                 after[marker.ns, marker.id] = _obstacle(marker)

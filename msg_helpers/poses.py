@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from std_msgs.msg import Header
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import instance, vector
+from dlo_planner.model.checks import instance, shown, vector
 from dlo_planner.model.pose import Pose
 
 
@@ -109,7 +109,7 @@ def pose_from_stamped(msg: PoseStamped, frame_id: str, name: str) -> Pose:
     instance('msg', msg, PoseStamped)
     _judge(frame_id, name)
     if msg.header.frame_id != frame_id:
-        raise InvalidTask(f'{name}.header.frame_id = {msg.header.frame_id!r}: '
+        raise InvalidTask(f'{name}.header.frame_id = {shown(msg.header.frame_id)}: '
                           f'expected {frame_id!r}')
     try:
         return pose_from_msg(msg.pose)

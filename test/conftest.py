@@ -15,19 +15,23 @@ sys.path.insert(0, str(Path(__file__).parent))
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 from rerunning import pytest_runtest_setup  # noqa: E402, F401, pytest looks for it here
+from wires import copper_wire  # noqa: E402
 
 from dlo_planner import Pose, Rod  # noqa: E402
 
-_TIMED = ('test/ros/', 'test/cell/test_node.py', 'test/view/test_plan_page.py')
+# They time threads, processes and pages, without the fixture `domain`.
+_TIMED = ('test/ros/test_main.py', 'test/ros/test_proving.py', 'test/ros/test_proving_end.py',
+          'test/cell/test_node.py', 'test/view/test_plan_page.py')
 
 
 def pytest_collection_modifyitems(items):
     """Mark the tests of real time: beside others, which compute without a break, they are late.
 
-    Two files of them at a time are not: each worker has a ROS domain of its own.
+    Those are all that have a ROS domain to talk in. Two files of them at a time are not late: each
+    worker has a domain of its own.
     """
     for item in items:
-        if item.nodeid.startswith(_TIMED):
+        if 'domain' in item.fixturenames or item.nodeid.startswith(_TIMED):
             item.add_marker(pytest.mark.real_time)
 
 
@@ -40,10 +44,6 @@ def rng():
 def level():
     """Return the paper's gripper: level, along x, 1 m above the floor."""
     return Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
-
-
-def copper_wire(**more):
-    return Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, **more)
 
 
 @pytest.fixture

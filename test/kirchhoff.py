@@ -7,25 +7,25 @@ the weight beyond s, clamped at s = 0, free at s = L.
 """
 
 import numpy as np
-from scipy.integrate import solve_bvp
+from scipy.integrate import solve_bvp, solve_ivp
 from scipy.spatial.transform import Rotation
 
 
 def true_rod(rod, gripper, guess, gravity=(0.0, 0.0, -9.81), tol=1e-10):
     """Return positions at guess.s; `guess` (a Shape) only tells which branch is meant."""
-    gravity = np.array(gravity)
-    stiffness = rod.stiffness
+    return equilibrium(rod, gripper, guess, gravity, tol)(guess.s)[:3].T
 
-    def weight_beyond(s):
-        mass = rod.mass_per_length * (rod.length - s) + rod.tip_mass
-        return gravity[:, None] * mass
+
+def equilibrium(rod, gripper, guess, gravity=(0.0, 0.0, -9.81), tol=1e-10):
+    """Return a function of s: (position, quaternion, moment), (10,); `guess` as of `true_rod`."""
+    stiffness = rod.stiffness
 
     def slope(s, y):
         quaternion = y[3:7] / np.linalg.norm(y[3:7], axis=0)
         turn = Rotation.from_quat(quaternion.T)
         tangent = turn.apply([1.0, 0.0, 0.0]).T
         strain = turn.inv().apply(y[7:].T).T / stiffness[:, None] + rod.natural_strains(s).T
-        moment = -np.cross(tangent.T, weight_beyond(s).T).T
+        moment = -np.cross(tangent.T, _weight_beyond(rod, gravity, s).T).T
         return np.vstack([tangent, _rate(quaternion, strain), moment])
 
     def ends(start, end):
@@ -41,14 +41,46 @@ def true_rod(rod, gripper, guess, gravity=(0.0, 0.0, -9.81), tol=1e-10):
     first = np.vstack([guess.positions.T, quaternions.T, moments.T])
     found = solve_bvp(slope, ends, guess.s, first, tol=tol, max_nodes=200_000)
     assert found.success, found.message
-    return found.sol(guess.s)[:3].T
+    return found.sol
 
 
-def true_held_rod(rod, shape, gravity=(0.0, 0.0, -9.81), tol=1e-8, pinned=False):
+def is_minimum(rod, solution, gravity=(0.0, 0.0, -9.81)):
+    """Whether an `equilibrium` of a rod, clamped at s = 0 and free at its tip, is a minimum.
+
+    That is Jacobi's condition: where the part beyond s is turned by a small angle at s, it answers
+    with a moment, S times the angle. S vanishes at the free end and obeys a Riccati equation; the
+    equilibrium is a minimum if S stays finite up to the clamp.
+    """
+    def slope(s, packed):
+        y, answer = solution(s), packed.reshape(3, 3)
+        turn = Rotation.from_quat(y[3:7] / np.linalg.norm(y[3:7])).as_matrix()
+        tangent, weight = turn[:, 0], _weight_beyond(rod, gravity, np.array([s]))[:, 0]
+        twisted = np.cross(y[7:], np.eye(3), axisb=0, axisc=0)  # moment x
+        rate = turn @ np.diag(1 / rod.stiffness) @ turn.T @ (answer + twisted)
+        return (weight @ tangent * np.eye(3) - np.outer(tangent, weight) - answer @ rate).ravel()
+
+    def blows_up(_, packed):
+        return np.abs(packed).max() - largest
+
+    blows_up.terminal = True
+    # of the order of what the rod bears in a part of itself that is short against all its waves
+    largest = 1e6 * rod.stiffness.max() / rod.length
+    way = solve_ivp(slope, (rod.length, 0.0), np.zeros(9), 'LSODA', rtol=1e-8,
+                    atol=1e-10 * largest / 1e6, events=blows_up)
+    return way.success and not way.t_events[0].size
+
+
+def _weight_beyond(rod, gravity, s):
+    """Return the weight (3, n) of what is beyond s (n,), N."""
+    return np.array(gravity)[:, None] * (rod.mass_per_length * (rod.length - s) + rod.tip_mass)
+
+
+def true_held_rod(rod, shape, gravity=(0.0, 0.0, -9.81), tol=1e-8, pinned=False,
+                  far_pinned=False):
     """Return positions at shape.s of the rod whose far end is held where that of `shape` is.
 
-    Both ends clamped, or both pinned. The force at the gripper is an unknown parameter; `shape`
-    only tells which branch is meant.
+    Both ends clamped, both pinned, or the far one alone. The force at the gripper is an unknown
+    parameter; `shape` only tells which branch is meant.
     """
     gravity, stiffness = np.array(gravity), rod.stiffness
 
@@ -65,7 +97,8 @@ def true_held_rod(rod, shape, gravity=(0.0, 0.0, -9.81), tol=1e-8, pinned=False)
         first = start[7:] if pinned else start[4:7] - first_quaternion[1:]
         unit = [start[3:7] @ start[3:7] - 1.0]
         return np.concatenate([start[:3] - shape.positions[0], unit, first,
-                               end[:3] - shape.positions[-1], end[7:] if pinned else turned])
+                               end[:3] - shape.positions[-1],
+                               end[7:] if pinned or far_pinned else turned])
 
     quaternions = _one_sheet(Rotation.from_matrix(np.array(shape.frames)).as_quat())
     first_quaternion = quaternions[0]

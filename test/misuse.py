@@ -27,7 +27,8 @@ MAY_BE_NAN = {'position_error', 'misalignment', 'clearance', 'deviation', 'max_t
               'swing', 'arrival',
               'departure', 'dynamic_clearance', 'dynamic_contact_force', 'duration', 'step',
               'workspace_margin', 'mode_margin', 'tolerance', 'success', 'noise', '_estimate',
-              'misfit', 'outliers'}
+              'misfit', 'outliers', 'surprise', 'bend_margin', 'contact_force',
+              'dynamic_bend_margin', 'contact_lost', 'largest_friction', 'smooth_bore_force'}
 # what an argument is called in a message where it has another name there
 ALSO_CALLED = {'value': 'far_end', 'fraction': 's'}
 
@@ -46,6 +47,13 @@ class _Raises:
 
     def __repr__(self):
         raise RuntimeError('no repr')
+
+
+class _Scalar:
+    """An array without axes, as of other libraries."""
+
+    def __array__(self, *_, **__):
+        return np.array(1.0)
 
 
 class _LooksLikeShape:
@@ -87,6 +95,11 @@ MALFORMED = {
     'datetime': lambda: datetime(2026, 1, 1), 'Decimal': lambda: Decimal('1.5'),
     'Fraction': lambda: Fraction(1, 3), 'np.nan': lambda: np.float32('nan'), '1j': lambda: 1j,
     'masked': lambda: np.ma.masked_array([1.0, 2.0, 3.0], [True, False, False]),
+    'a duration': lambda: np.timedelta64(1, 's'), 'a date': lambda: np.datetime64('2026-01-01'),
+    '3 durations': lambda: [np.timedelta64(1, 's')] * 3, 'bytearray': lambda: bytearray(b'abc'),
+    'memoryview': lambda: memoryview(b'abc'), 'a byte': lambda: bytearray(b'a'),
+    '4 bytes': lambda: b'abcd', 'rows of bytes': lambda: [bytearray(b'abc')] * 2,
+    'a scalar': _Scalar, '3 scalars': lambda: [_Scalar()] * 3,
     'an exception': lambda: ValueError('x'), 'raises': _Raises}
 
 

@@ -13,6 +13,9 @@ import pytest
 def pytest_runtest_setup(item):
     """Take down all that the run before has left."""
     if getattr(item, 'execution_count', 1) > 1:
-        import pytest_rerunfailures  # noqa: PLC0415, it is here, as it runs this again
-        pytest_rerunfailures._restore_suspended_finalizers(item)
+        from pytest_rerunfailures import (  # noqa: PLC0415, it is here, as it runs this again
+            suspended_finalizers,
+        )
+        item.session._setupstate.stack.update(suspended_finalizers)
+        suspended_finalizers.clear()
         item.session._setupstate.teardown_exact(None)

@@ -104,7 +104,7 @@ def values():
     estimate = observer.update(observer.begin(), seen)
     contact = Pose((0.5, 0, 0.9), (0, 0, 0, 1))
     examples += [Thread(hole, DEPTHS), ThreadTwo(hole, FAR, DEPTHS), Insert(hole, DEPTHS),
-                 ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0]),
+                 ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0], 0.05),
                  HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
                  Minimize(PositionAt(1.0, (0.9, 0, 0.9)))]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
@@ -152,12 +152,14 @@ def arguments():
         'Workspace.first_beyond.path': known['Trajectory'].path,
         'Shape.load.path': 'saved.npz', 'Plan.load.path': 'plan.npz',
         'Motion.load.path': 'motion.npz',
+        'InverseSimulator.approach.standoff': 0.05,  # to find one takes seconds
         'InverseSimulator.approach.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
         'displacement': (0.1, 0.0, 0.0), 'simulator': simulator, 'initial': None,
         'Observation.s': None, 'CutOut.radius': None, 'Sheet.cutouts': (),
         'Sheet.around.width': 1.0, 'Sheet.around.height': 1.0,
         # contacts and motions
         'obstacle': 0, 'force': 1.0, 'friction': (0.0, 0.0, 0.0), 'penetration': 0.0,
+        'replay.friction': None, 'DirectSimulator.with_friction.friction': 0.2,
         'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
         'Cylinder.friction': 0.0,
         'Box.friction': 0.0, 'Sheet.friction': 0.0, 'Sheet.around.friction': 0.0,
@@ -229,11 +231,12 @@ def arguments():
         'observation': known['Observation'], 'elapsed': 0.0, 'stated': (0.4, 0.0, 1.0),
         'seen': (0.4, 0.0, 1.0), 'waypoints': None, 'room': 0.01, 'first': 0,
         'off': np.zeros((1, 3)), 'bound': np.zeros(1), 'PredictedMiss.waypoints': [0],
-        'PredictedMiss.covariance': np.zeros((1, 3, 3)), 'offsets': np.zeros((1, 6)),
+        'PredictedMiss.joint': np.zeros((3, 3)), 'offsets': np.zeros((1, 6)),
         'InverseSimulator.thread_two.first': hole, 'Correction.miss': known['PredictedMiss'],
         'Correction.grippers': [LEVEL], 'stamps': [0.0, 1.0], 'time': 0.0,
         'gripper_at.stamp': 0.5, 'ClosedLoop.advanced.bound': 0.001, 'Observer.noise': 1e-3,
-        'Observer.cutout': 1e-3, 'bias': 1e-3, 'outliers': 0.1, 'sway': 1e-3, 'drift': 0.0,
+        'Observer.reopened.position': 2e-3, 'Observer.reopened.rotation': 0.02,
+        'Observer.cutout': 1e-3, 'bias': 1e-3, 'outliers': 0.1, 'sway': 1e-3,
         'windows': [1.0, 0.5, 0.1], 'changes': (), 'correction': known['Correction'],
         # pictures and films
         'ax': None, 'Plan.animate.seconds': 0.1,

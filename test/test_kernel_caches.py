@@ -79,7 +79,7 @@ from dlo_planner.kernels import linking
 linking._SMALL = 10**9
 """
 AS_NOBODY = """
-import numba, os, sys
+import numba, os, pkgutil, sys  # nobody may not read what this Python comes with
 numba.njit(lambda x: x + 1)(1)
 if os.getuid() == 0:
     os.setgroups([])

@@ -71,7 +71,7 @@ from dlo_planner.minimize.sliding import add_sliding
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import curve_distance, workspace
-from dlo_planner.plan.motion.oscillators import vibrated
+from dlo_planner.plan.motion.oscillators import turned, vibrated
 from dlo_planner.ritz.grading import even_shares
 from dlo_planner.ritz.kinematics import frame_along
 from dlo_planner.ritz.nearest_place import nearest_place
@@ -82,7 +82,7 @@ KERNELS = [leashed_descent, unknowns_of, aligned_newton, integrate_from_tip, fra
            with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
            add_sliding, gripper_answers, curve_distance.element_rooms,
            curve_distance._distances, workspace._distances, _strains_by, response._moved,
-           looking._points_at, vibrated, nearest_place, aligned_hanging, two_points_hanging,
+           looking._points_at, turned, vibrated, nearest_place, aligned_hanging, two_points_hanging,
            hang_rods, touch_down, bear_on, correction, hold_on, foresee,
            resampled_means, even_shares, node_twists, twists_inside, fill_misses, fill_slopes,
            _nearest_hanging]

@@ -137,7 +137,7 @@ def through_two(given, rod, basis):
 def brought_to_the_hole(given, rod, basis):
     hole, inverse = given.hole((1, 0.3, 0)), InverseSimulator(DirectSimulator(rod, basis=basis))
     return of_plan(inverse.approach(hole, inverse.thread(hole, depths=DEPTHS),
-                                       given.pose((-1.3, 0.4, 1.2), (0, 0, 2.5))))
+                                    given.pose((-1.3, 0.4, 1.2), (0, 0, 2.5)), standoff=0.05))
 
 
 def inserted(given, rod, basis):

@@ -210,8 +210,8 @@ def any_task(units):
              [Through(size * np.array((0.55, 0.15, 0.9)), 0.2 * size, 3.0 / size)],
              [lambda shape: float(np.sum((shape.positions[-1] / size - (0.7, 0.1, 0.9))**2))]]
 
-    def near(shape):
-        turn = Rotation.from_matrix(shape.gripper.rotation).as_rotvec()
+    def near(shape):  # SciPy 1.11 takes no read-only rotation: a copy
+        turn = Rotation.from_matrix(np.array(shape.gripper.rotation)).as_rotvec()
         return 0.05 * np.append(turn, (shape.gripper.position - start.position) / size)
 
     found = [minimize_penalty(direct, [*task, near], start) for task in tasks[:2]]

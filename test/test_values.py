@@ -201,3 +201,54 @@ def test_a_line_says_what_matters():
     assert 'stability' in repr(shape)
     assert 'error' in repr(shape)
     assert repr(plan).startswith('Plan(2 waypoints, complete, ')
+
+
+def _fresh(content, made):
+    """Return a content with new arrays that can be written, and note them in `made`."""
+    if isinstance(content, np.ndarray):
+        made.append(np.array(content))
+        return made[-1]
+    if isinstance(content, tuple | list):
+        make = getattr(type(content), '_make', type(content))
+        return make(_fresh(part, made) for part in content)
+    return content
+
+
+def _inside(content, known):
+    """Note in `known` all values that a content consists of, by their ids."""
+    if isinstance(content, Value) and id(content) not in known:
+        known[id(content)] = content
+        names = [item.name for item in fields(content)] if is_dataclass(content) else content.PARTS
+        content = [getattr(content, name) for name in names]
+    if isinstance(content, tuple | list | dict):
+        for part in content.values() if isinstance(content, dict) else content:
+            _inside(part, known)
+
+
+def test_later_writes_to_what_was_given_change_nothing(more):
+    known, tried = {}, set()
+    _inside([*values().values(), *more.values()], known)
+    for value in known.values():
+        for item in fields(value) if is_dataclass(value) else ():
+            place, made = (type(value), item.name), []
+            content = _fresh(getattr(value, item.name), made) if item.init else None
+            if place in tried or not made:
+                continue
+            tried.add(place)
+            again = replace(value, **{item.name: content})
+            before = pickle.dumps(getattr(again, item.name))
+            for array in made:
+                assert array.flags.writeable, place  # nor is it made read-only for who gave it
+                array[...] = 0 if array.all() else 1
+            assert pickle.dumps(getattr(again, item.name)) == before, place
+    assert len(tried) > 60
+
+
+def test_a_read_only_view_of_what_can_be_written_is_copied():
+    plan = values()['Plan']
+    times = np.array(plan.times)
+    view = times[:]
+    view.flags.writeable = False
+    again = replace(plan, times=view)
+    times[:] = 7.0
+    assert again == plan

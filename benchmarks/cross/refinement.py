@@ -7,7 +7,7 @@ found by least squares over all chains, because contacts add noise: whether one 
 on the middle of a piece changes with n. This noise is of the size of the error, 1 / n^2, so squares
 are weighted by n^4. That is Richardson's extrapolation for noisy data (Eca and Hoekstra, Journal of
 Computational Physics 262, 2014). What the limit changes where one of the chains is left out says
-how well it is known.
+how well it is known: the jackknife (Efron and Stein, Annals of Statistics 9, 1981).
 """
 
 from collections.abc import Sequence
@@ -28,17 +28,18 @@ def limit(cells: Sequence[int], found: Floats) -> Floats:
 
 
 def doubt(cells: Sequence[int], found: Floats) -> float:
-    """Return by how much the limit (..., 3) of places moves at most without one of the chains, m.
+    """Return two standard errors of the limit (..., 3) of places, the largest of all places, m.
 
     Raises:
         ValueError: fewer than three chains
     """
     if len(cells) < 3:
         raise ValueError(f'cells = {tuple(cells)}: expected three chains at least')
-    all_of_them, kept = limit(cells, found), range(len(cells))
-    moved = [limit([cells[k] for k in kept if k != without], np.delete(found, without, axis=0))
-             - all_of_them for without in kept]
-    return largest(np.array(moved))
+    kept = range(len(cells))
+    without = np.array([limit([cells[k] for k in kept if k != left],
+                              np.delete(found, left, axis=0)) for left in kept])
+    moved = without - without.mean(axis=0)
+    return 2 * largest(np.sqrt((1 - 1 / len(cells)) * np.square(moved).sum(axis=0)))
 
 
 def largest(differences: Floats) -> float:

@@ -20,9 +20,12 @@ def _milliseconds(*rows: str) -> list[str]:
 
 
 def _apart() -> list[str]:
-    """Return how far apart both engines are at most at rest and in contact, mm, rounded up."""
+    """Return how far apart both engines are at rest and in contact, mm, rounded up.
+
+    At most: what MuJoCo doubts of itself is added.
+    """
     rows = json.loads((_DOCS / 'validation' / 'cross_check.json').read_text())['cross_check']
-    most = [max(one['apart_m'] for one in rows.values() if one['kind'] == kind)
+    most = [max(one['shown_m'] for one in rows.values() if one['kind'] == kind)
             for kind in ('static', 'contact')]
     return [f'{ceil(1e4 * one) / 10}' for one in most]
 
@@ -40,7 +43,8 @@ SAID: dict[str, Callable[[], list[str]]] = {
     r'About ([\d.]+) ms a pose through one cut-out, ([\d.]+) ms through two':
         lambda: _milliseconds('thread, a waypoint, local', 'thread_two, a waypoint'),
     r'(\d+) rows of figures by (\d+) scripts and (\d+) tests': _validations,
-    r'within ([\d.]+) mm of MuJoCo at rest, ([\d.]+) mm in contact': _apart,
+    r'within ([\d.]+) mm of MuJoCo at rest, ([\d.]+) mm in contact, '
+    r'with': _apart,
 }
 
 

@@ -173,7 +173,7 @@ class _Course:
                         strict=True))
 
     def _grippers(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        grippers, root = self.trajectory.at(times)[0], self.arm.base
+        grippers, root = self.trajectory.poses(times), self.arm.base
         places, turns = (np.array([getattr(gripper, name) for gripper in grippers])
                          for name in ('position', 'rotation'))
         return (places - root.position) @ root.rotation, root.rotation.T @ turns

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.cell.camera import Camera
+from dlo_planner.cell.disturbances import UNDISTURBED, Disturbances
 from dlo_planner.cell.drivers import Driver
 from dlo_planner.cell.run import STEP, Outcome, run
 from dlo_planner.cell.tasks import Task
@@ -25,7 +26,8 @@ HEAD = ('task', 'hole radius [mm]', 'room [mm]', 'threaded', 'depth [m]', 'of [m
 
 
 def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING_UNKNOWN,
-          camera: Camera | None = None, damping: float = 0.005, step: float = STEP,
+          disturbances: Disturbances = UNDISTURBED, camera: Camera | None = None,
+          damping: float = 0.005, step: float = STEP,
           executor: Executor | None = None, progress: OnProgress = None) -> list[Outcome]:
     """Return the Outcomes of Tasks, in their order; the k-th is run with the seed k.
 
@@ -36,6 +38,8 @@ def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING
     driver : Driver
         See `run`.
     unknowns : Unknowns, optional
+        See `run`.
+    disturbances : Disturbances, optional
         See `run`.
     camera : Camera, optional
         See `run`.
@@ -53,8 +57,8 @@ def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING
     """
     tasks = items('tasks', tasks, Task)
     report = callback('progress', progress) or _silent
-    options: dict[str, Any] = {'unknowns': unknowns, 'camera': camera, 'damping': damping,
-                               'step': step}
+    options: dict[str, Any] = {'unknowns': unknowns, 'disturbances': disturbances,
+                               'camera': camera, 'damping': damping, 'step': step}
     if executor is None:
         outcomes = []
         for seed, task in enumerate(tasks):

@@ -2,18 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """A camera that sees some points on the DLO, late and with errors."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from dlo_planner.cell.plant import Plant
+from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, integer, number, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.value import Value, put
 
 _FAR = 0.1  # of the length: half side of the cube about the DLO in which outliers lie
+_NEAR = 2 / 3       # of the length: the free third begins there
+_MOST_HIDDEN = 0.6  # of the length, of the rest
+_SPELL = 0.5, 2.0   # s, in which the free third is hidden
+_LONG_BEFORE = -60.0  # s: a run begins in the midst of spells
+# of the length, from the hole along its axis, beside the axis, and downward: the second cable's
+# ends and sag
+_ALONG, _BESIDE, _SLACK = (-0.05, -0.9), (0.03, 0.12), (0.02, 0.1)
 _ROUNDING = 1e-9  # s
 
 
@@ -54,9 +63,14 @@ class Camera(Value):
         Number of points in each image, drawn evenly from the visible part of the DLO.
     outliers : float
         Share of the points that are displaced to anywhere near the DLO.
+    second_cable : float
+        Share of the points that lie on another cable, which stays where it hangs: between two
+        places beside the way of the DLO, a few hundredths of its length from it.
     hidden : float
         Share of the length that is never seen, in one piece within the first two thirds: an
         estimate needs the free third.
+    blind : float
+        Share of the time in which the free third is hidden as well, in spells of 0.5 to 2 s.
     stamp_error : float
         By how much stamps are too late, s.
     sees_hole : bool
@@ -74,19 +88,29 @@ class Camera(Value):
     bias: float = 0.0
     points: int = 20
     outliers: float = 0.0
+    second_cable: float = 0.0
     hidden: float = 0.0
+    blind: float = 0.0
     stamp_error: float = 0.0
     sees_hole: bool = False
 
     def __post_init__(self) -> None:
         limits: dict[str, Any] = {'rate': {'above': 0}, 'outliers': {'minimum': 0, 'maximum': 1},
-                                  'hidden': {'minimum': 0, 'maximum': 2 / 3}, 'stamp_error': {}}
+                                  'second_cable': {'minimum': 0, 'maximum': 1},
+                                  'hidden': {'minimum': 0, 'maximum': 2 / 3}, 'stamp_error': {},
+                                  'blind': {'minimum': 0, 'maximum': 1}}
         for item in fields(self):
             if item.type is float:
                 put(self, **{item.name: number(f'Camera.{item.name}', getattr(self, item.name),
                                                **limits.get(item.name, {'minimum': 0}))})
         put(self, points=integer('Camera.points', self.points, minimum=1, maximum=10_000),
             sees_hole=flag('Camera.sees_hole', self.sees_hole))
+        if self.outliers + self.second_cable > 1:
+            raise InvalidTask(f'Camera.second_cable = {self.second_cable:g}: expected at most 1 '
+                              f'together with outliers = {self.outliers:g}')
+        if self.blind and self.hidden > _MOST_HIDDEN:
+            raise InvalidTask(f'Camera.hidden = {self.hidden:g}: expected at most '
+                              f'{_MOST_HIDDEN:g} where blind is not 0: nothing is seen else')
         super().__post_init__()
 
 
@@ -109,6 +133,10 @@ class Viewer:
         self._bias = camera.bias * rng.standard_normal(3)
         self._from = rng.uniform(0, 2 / 3 - camera.hidden)
         self._next: float | None = None  # the first image is taken at once
+        self._own, = rng.spawn(1)  # what is drawn from rng stays as it was without what is new
+        self._spells = _spells(camera.blind, self._own)
+        self._spell = next(self._spells)
+        self._second: tuple[Floats, Floats] | None = None
         self._coming: list[tuple[float, Image]] = []
 
     def images(self, plant: Plant, cutout: CutOut) -> tuple[Image, ...]:
@@ -127,14 +155,50 @@ class Viewer:
 
     def _image(self, plant: Plant, cutout: CutOut) -> Image:
         camera, rng = self._camera, self._rng
-        visible = rng.uniform(0, 1 - camera.hidden, camera.points)
+        seen = _NEAR if self._is_blind(plant.time) else 1.0
+        visible = rng.uniform(0, seen - camera.hidden, camera.points)
         visible[visible > self._from] += camera.hidden
         points = plant.points(plant.length * visible)
-        wild = rng.random(camera.points) < camera.outliers
+        kind = rng.random(camera.points)
+        wild = kind < camera.outliers
         points[wild] += rng.uniform(-_FAR, _FAR, (wild.sum(), 3)) * plant.length
+        other = kind >= 1 - camera.second_cable
+        if other.any():
+            points[other] = self._on_second_cable(int(other.sum()), plant.length, cutout)
         points += self._bias + camera.noise * rng.standard_normal(points.shape)
         hole = None
         if camera.sees_hole:
             hole = vector('hole', cutout.center + plant.truth.hole_shift + self._bias
                           + camera.noise * rng.standard_normal(3), 3)
         return Image(plant.time + camera.stamp_error, points, hole)
+
+    def _is_blind(self, time: float) -> bool:
+        """Return whether the free third is hidden at a time in s, which never goes back."""
+        while time >= self._spell[1]:
+            self._spell = next(self._spells)
+        return self._spell[0] <= time
+
+    def _on_second_cable(self, count: int, length: float, cutout: CutOut) -> Floats:
+        """Return places (count, 3) on a slack cable, a parabola."""
+        own = self._own
+        if self._second is None:
+            angles, away = own.uniform(0, 2 * np.pi, 2), own.uniform(*_BESIDE, 2) * length
+            local = np.column_stack([np.array(_ALONG) * length, away * np.cos(angles),
+                                     away * np.sin(angles)])
+            self._second = (cutout.center + local @ cutout.pose.rotation.T,
+                            own.uniform(*_SLACK) * length * np.array([0.0, 0.0, -1.0]))
+        (begin, end), sag = self._second
+        x = own.uniform(0, 1, count)[:, None]
+        places: Floats = begin + x * (end - begin) + 4 * x * (1 - x) * sag
+        return places
+
+
+def _spells(share: float, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
+    """Yield begin and end, in s, of the spells that are a share of the time."""
+    if not share:
+        yield np.inf, np.inf
+    end = _LONG_BEFORE
+    while True:
+        begin = end + rng.exponential(np.mean(_SPELL) * (1 - share) / share)
+        end = begin + rng.uniform(*_SPELL)
+        yield begin, end

@@ -2,12 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drivers, which move the gripper.
 
-A driver is a function (task) -> command; a command is a function (images, time) -> Pose or None.
-The command is called once in each period of control with the Images that have arrived since the
-last call and the time in s. It returns the pose of the gripper at the end of the period, or None
-when it is done. Both may raise `Infeasible`, `NotConverged` or `DeadlineExceeded`. An attribute
-`promised` of a command is the largest miss that it expects, in m. For a bench on several processes
-a driver has to be picklable.
+A driver is a function (task) -> command; a command is a function (images, time, gripper) -> Pose
+or None. The command is called once in each period of control with the Images that have arrived
+since the last call, the time in s, and the Pose of the gripper as its robot measures it then. It
+returns the pose of the gripper at the end of the period, or None when it is done. Both may raise
+`Infeasible`, `NotConverged` or `DeadlineExceeded`. For a bench on several processes a driver has to
+be picklable.
+
+A command may have three attributes, which are read after each call: `promised`, the largest miss
+that it expects, m; `busy`, the time that the call would take a real machine, s, for which the
+robot is told its last pose on, and only then what the call returned; `phase`, a word for what it is
+at.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,17 +24,18 @@ from dlo_planner.cell.camera import Image
 from dlo_planner.cell.tasks import Task
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.tasks import Approach
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.requirements import Requirements
 
-Command = Callable[[Sequence[Image], float], Pose | None]
+Command = Callable[[Sequence[Image], float, Pose], Pose | None]
 Driver = Callable[[Task], Command]
-PERIOD = 0.004  # s, of the control
+PERIOD = 0.01   # s, of the control
 _WAYPOINTS = 40   # of a threading
-_STANDOFF = 0.05  # m, of the free end before the hole, where the start phase ends
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,7 @@ class _Replayed:
             motion = sampled(motion)
         self._poses = iter(motion)
 
-    def __call__(self, images: Sequence[Image], time: float) -> Pose | None:
+    def __call__(self, images: Sequence[Image], time: float, gripper: Pose) -> Pose | None:
         return next(self._poses, None)
 
 
@@ -75,17 +81,21 @@ def planned(task: Task, limits: Limits | None = None) -> Trajectory:
     Infeasible
         There is no plan, or no calm motion.
     """
-    return Trajectory(concatenate(*ways(task)), limits)
+    return Trajectory(concatenate(*ways(task, limits=limits)), limits)
 
 
-def ways(task: Task, standoff: float = _STANDOFF) -> tuple[Plan, Plan]:
+def ways(task: Task, standoff: float | None = None,
+         limits: Limits | None = None) -> tuple[Plan, Plan]:
     """Return the start phase and the threading.
 
     Parameters
     ----------
     task : Task
     standoff : float, optional
-        Distance of the free end from the hole between both, m, see `InverseSimulator.approach`.
+        Distance of the free end from the hole between both, m. If None, the one with which the
+        calm motion through both is the quickest, see `InverseSimulator.approach`.
+    limits : Limits, optional
+        Limits of that motion. If None, the default ones.
 
     Raises
     ------
@@ -95,10 +105,12 @@ def ways(task: Task, standoff: float = _STANDOFF) -> tuple[Plan, Plan]:
     inverse = InverseSimulator(DirectSimulator(task.rod, obstacles=[task.sheet]))
     depths = np.linspace(0, task.depth, _WAYPOINTS)
     through = inverse.thread(task.cutout, start=task.start, depths=depths)
-    return inverse.approach(task.cutout, through, task.start, standoff=standoff), through
+    way = inverse.plan(Approach(task.cutout, through.shapes[0], standoff, through),
+                       start=task.start, requirements=Requirements(limits=limits or Limits()))
+    return way, through
 
 
 def sampled(trajectory: Trajectory) -> list[Pose]:
     """Return the poses of a Trajectory at the ends of the periods of control."""
     count = int(np.ceil(trajectory.duration / PERIOD))
-    return trajectory.at(PERIOD * np.arange(1, count + 1))[0]
+    return trajectory.poses(PERIOD * np.arange(1, count + 1))

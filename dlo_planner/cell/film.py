@@ -35,7 +35,7 @@ class Film:
             return
         self._times.append(plant.time)
         self._curves.append(plant.points(np.linspace(0, plant.length, _POINTS)))
-        self._grippers.append(plant.commanded.matrix)
+        self._grippers.append(plant.measured.matrix)
         self._forces.append(plant.largest_forces.max(initial=0.0))
 
     def save(self, path: str | PathLike[str], task: Task) -> None:

@@ -17,6 +17,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from threading import Event, Lock, Thread
 from time import monotonic
 from typing import Any
@@ -38,6 +39,8 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.cell.camera import BAD, GOOD, Viewer
+from dlo_planner.cell.cases import CASES, case
+from dlo_planner.cell.disturbances import UNDISTURBED
 from dlo_planner.cell.passage import Passage
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.robot import Robot
@@ -73,8 +76,10 @@ _PARAMETERS = {
     'dlo': ('wire 1.5', 'wire 1.5 | wire 2 | hose | leaf spring.'),
     'radius': (0.005, 'Of the hole, m; 0: drawn.'),
     'unknown': ('much', 'What the planner does not know: nothing | much | more.'),
+    'case': ('', f'What happens, of {" | ".join(CASES)}, s after the gripper first moves; with '
+                 'its camera.'),
     'seed': (0, 'Of what is unknown and of the camera\'s errors.'),
-    'damping': (0.005, 'Ratio, of the slowest vibration.'),
+    'damping': (0.005, 'Stated ratio, of the slowest vibration.'),
     'clock': (False, 'Whether it publishes its time on /clock, for nodes with use_sim_time.')}
 
 
@@ -95,6 +100,9 @@ class CellNode(Node):
         if values['unknown'] not in UNKNOWNS:
             raise DloPlannerError(f'parameter unknown = {values["unknown"]!r}: expected one of '
                                   f'{", ".join(UNKNOWNS)}')
+        if values['case'] not in ('', *CASES):
+            raise DloPlannerError(f'parameter case = {values["case"]!r}: expected \'\' or one of '
+                                  f'{", ".join(CASES)}')
         self.task = draw_task(values['task'], values['dlo'], values['radius'] or None)
         self._values, self._lock, self._over = values, Lock(), Event()
         self._begin()
@@ -121,10 +129,16 @@ class CellNode(Node):
     def _begin(self) -> None:
         """Hang the DLO at rest in the gripper at its start pose."""
         unknowns, camera = UNKNOWNS[self._values['unknown']]
-        rng = np.random.default_rng([self._values['seed'], 78])
+        disturbances, seed = UNDISTURBED, self._values['seed']
+        if self._values['case']:
+            disturbances, camera = case(self._values['case'], seed)
+        rng = np.random.default_rng([seed, 78])
         truth = unknowns.draw(rng)
-        self._plant = Plant(self.task.rod, self.task.start, [self.task.sheet], truth=truth,
-                            step=STEP, damping=self._values['damping'])
+        # nobody knows when a planner begins: what happens on the way waits for that
+        course = replace(disturbances.draw(np.random.default_rng([seed, 79])), since=np.inf)
+        sheet = replace(self.task.sheet, friction=disturbances.friction)
+        self._plant = Plant(self.task.rod, self.task.start, [sheet], truth=truth, course=course,
+                            step=STEP, damping=self._values['damping'] * truth.damping)
         self._viewer, self._broken = Viewer(camera, rng), ''
         self._worst: Passage | None = None  # of the largest miss
         self._robot = Robot(self.task.start)
@@ -181,7 +195,10 @@ class CellNode(Node):
         plant, broken = self._plant, self._broken
         try:
             if not broken:
-                plant.move(self._robot.moved(self._next, _PERIOD), _PERIOD)
+                there = self._robot.moved(self._next, _PERIOD)
+                if there != self.task.start and np.isinf(plant.course.since):
+                    plant.course = replace(plant.course, since=plant.time)
+                plant.move(there, _PERIOD)
         except NotConverged as error:
             self._broken = str(error)
         if plant.largest_forces.max(initial=0.0) > _STOP:
@@ -191,7 +208,7 @@ class CellNode(Node):
             self._worst = passage
         if self._clock_out is not None:
             self._clock_out.publish(Clock(clock=self._stamped(plant.time)))
-        self._pose_out.publish(pose_stamped_msg(plant.commanded, _FRAME,
+        self._pose_out.publish(pose_stamped_msg(plant.measured, _FRAME,
                                                 self._stamped(plant.time)))
         for image in self._viewer.images(plant, self.task.cutout):
             self._cloud_out.publish(cloud_msg(image.points, _FRAME, self._stamped(image.stamp)))

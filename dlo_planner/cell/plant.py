@@ -20,6 +20,7 @@ from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.cell.chain import add_chain, add_gripper, chain_of, set_springs
+from dlo_planner.cell.disturbances import Bump, Course
 from dlo_planner.cell.engine import mujoco
 from dlo_planner.cell.passage import Passage, between, passage_of
 from dlo_planner.cell.scenery import add_obstacle
@@ -43,6 +44,7 @@ _MOVED = 1e-4     # rad, largest angle in a displacement by a mode
 _STIFF_CONTACT = (2e-4, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)
 _ROUNDING = 1e-9  # of a number of steps
 _WILD = 1e6       # rad/s: a faster joint is unstable
+_SOFTEST = 0.5  # of the slowest frequency at first: a DLO in motion may look softer, or unstable
 _FINE = 4         # points per cell at which the plane of a hole is looked for
 
 
@@ -54,7 +56,7 @@ class Plant:
     rod : Rod
         Rod as the planner knows it.
     gripper : Pose
-        Commanded Pose of the gripper at the beginning.
+        Measured Pose of the gripper at the beginning.
     obstacles : iterable of obstacle, optional
         Obstacles of `dlo_planner.model.obstacles`; a Sheet has one cut-out at most.
     truth : Truth, optional
@@ -69,12 +71,17 @@ class Plant:
         `least_damping`.
     gravity : array_like, shape (3,), optional
         Gravity in m/s^2.
+    course : Course, optional
+        What disturbs it, but for lag and friction, which are the robot's and the obstacles'. If
+        None, nothing does.
 
     Attributes
     ----------
     time
-    commanded
-        Pose of the gripper as commanded.
+    measured
+        Pose of the gripper as the robot measures it; where it truly is, Truth and Course say.
+    course
+        Course or None, of what disturbs it.
     forces
         (n,) N, sums of the sizes of the contact forces of each obstacle on the DLO, means over the
         last `move`: as a sensor of that sampling time shows an impact.
@@ -97,15 +104,19 @@ class Plant:
 
     def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable[Obstacle] = (), *,
                  truth: Truth | None = None, cells: int = 40, step: float = 1e-3,
-                 damping: float = 0.005, gravity: ArrayLike = _GRAVITY) -> None:
+                 damping: float = 0.005, gravity: ArrayLike = _GRAVITY,
+                 course: Course | None = None) -> None:
         instance('rod', rod, Rod)
         instance('gripper', gripper, Pose)
         self.truth = Truth() if truth is None else instance('truth', truth, Truth)
         self._chain = chain_of(rod, self.truth, integer('cells', cells, minimum=4, maximum=200))
         self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3))
         self._step = number('step', step, above=0, maximum=0.01)
-        self.time, self.commanded = 0.0, gripper
-        self._held = self._holding(gripper)
+        self.time, self.measured = 0.0, gripper
+        self.course = instance('course', course, Course, optional=True)
+        self._turn = Rotation.from_rotvec(self.truth.gripper_turn.copy()).as_matrix()
+        self._pushes: dict[int, Floats] = {}
+        self._held = self._holding(gripper, 0.0)
         self._settle()
         self._damp(number('damping', damping, minimum=0))
         self.forces = np.zeros(len(self._obstacles))
@@ -123,7 +134,7 @@ class Plant:
         """
         instance('gripper', gripper, Pose)
         seconds = number('seconds', seconds, above=0)
-        begin, end = self._held, self._holding(gripper)
+        begin, end = self._held, self._holding(gripper, self.time + seconds)
         turn = np.zeros(3)
         mujoco.mju_subQuat(turn, end[1], begin[1])
         steps = ceil(seconds / self._step * (1 - _ROUNDING))
@@ -134,6 +145,7 @@ class Plant:
         quaternion = begin[1].copy()
         for k in range(1, steps + 1):
             mujoco.mju_quatIntegrate(quaternion, twist[3:], seconds / steps)
+            self._push(self.time + (k - 0.5) / steps * seconds)
             self._advance(begin[0] + k / steps * (end[0] - begin[0]), quaternion, twist)
         if not np.abs(self._data.qvel).max() < _WILD:
             raise NotConverged(f'the motion of the DLO became unstable at {self.time:.3g} s')
@@ -141,7 +153,7 @@ class Plant:
         np.maximum(self.largest_forces, self.forces, out=self.largest_forces)
         self._held = end
         self.time += seconds
-        self.commanded = gripper
+        self.measured = gripper
 
     def points(self, s: ArrayLike) -> Floats:
         """Return the places (n, 3) in m of the DLO at true arc lengths s (n,) in m."""
@@ -202,12 +214,15 @@ class Plant:
             if owner is not None and hasattr(self._obstacles[owner], 'cutouts'):
                 self._model.geom_pos[geom] += self.truth.hole_shift
 
-    def _holding(self, gripper: Pose) -> tuple[Floats, Floats]:
-        """Return where (3,) a gripper truly is, and its quaternion w, x, y, z."""
-        turn = Rotation.from_rotvec(self.truth.gripper_turn.copy()).as_matrix()
+    def _holding(self, gripper: Pose, time: float) -> tuple[Floats, Floats]:
+        """Return where (3,) the DLO truly begins, and its quaternion w, x, y, z."""
+        place = gripper.position + gripper.rotation @ self.truth.gripper_shift
+        rotation = gripper.rotation @ self._turn
+        if self.course is not None:
+            place, rotation = self.course.held(place, rotation, time)
         quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, (gripper.rotation @ turn).ravel())
-        return gripper.position + gripper.rotation @ self.truth.gripper_shift, quaternion
+        mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+        return place, quaternion
 
     def _place(self, place: Floats, quaternion: Floats) -> None:
         self._data.qpos[:3], self._data.qpos[3:7] = place, quaternion
@@ -229,13 +244,13 @@ class Plant:
             if speed < _STILL:
                 break
         else:
-            raise NotConverged(f'gripper = {self.commanded!r}: the DLO does not come to rest in it')
+            raise NotConverged(f'gripper = {self.measured!r}: the DLO does not come to rest in it')
         self._place(*self._held)
         data.qvel[:] = 0
         model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         mujoco.mj_forward(model, data)
         if data.ncon:
-            raise InvalidTask(f'gripper = {self.commanded!r}: expected a DLO that hangs freely, it '
+            raise InvalidTask(f'gripper = {self.measured!r}: expected a DLO that hangs freely, it '
                               'touches an obstacle there')
 
     def _damp(self, ratio: float) -> None:
@@ -263,6 +278,43 @@ class Plant:
         data.qvel[:6] = twist
         if data.ncon:
             self._feel()
+
+    def _push(self, time: float) -> None:
+        """Let what bumps into the DLO at a time in s push it."""
+        if self.course is None or not self.course.disturbances.bumps:
+            return
+        self._data.xfrc_applied[:] = 0
+        for k, bump in enumerate(self.course.disturbances.bumps):
+            size = self.course.push(bump, time)
+            if size:
+                if k not in self._pushes:
+                    self._pushes[k] = self._force_of(bump)
+                self._data.xfrc_applied[self._piece(bump), :3] += size * self._pushes[k]
+
+    def _piece(self, bump: Bump) -> int:
+        """Return the number of the body that is pushed."""
+        count = len(self._chain.masses)
+        return 1 + min(max(round(bump.place * count), 1), count)
+
+    def _force_of(self, bump: Bump) -> Floats:
+        """Return the largest force (3,) of a Bump over the unit of mass, m/s^2."""
+        data, piece = mujoco.MjData(self._model), self._piece(bump)
+        data.qpos[:] = self._data.qpos
+        stiffness, mass = linear(self._model, data)
+        squares, vectors = eigh(stiffness, mass)
+        data.qpos[:] = self._data.qpos
+        mujoco.mj_fwdPosition(self._model, data)
+        lever = np.zeros((3, self._model.nv))
+        mujoco.mj_jacBodyCom(self._model, data, lever, None, piece)
+        tangent = data.xmat[piece].reshape(3, 3)[:, 0]
+        across = bump.direction - (bump.direction @ tangent) * tangent
+        moves = lever[:, 6:] @ vectors
+        slowest = _SOFTEST * 2 * np.pi * self.frequencies[0]
+        own = np.sqrt(np.maximum(squares, slowest**2))
+        reached = (moves * (moves.T @ across)) @ bump.response(own, self.lag)
+        largest = np.linalg.norm(reached, axis=0).max()
+        result: Floats = bump.displacement / largest * across if largest else np.zeros(3)
+        return result
 
     def _feel(self) -> None:
         """Add up the contact forces."""

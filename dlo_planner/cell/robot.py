@@ -7,12 +7,11 @@ without is followed from when it comes.
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 
-_LAG = 0.03     # s, of each of two stages by which it follows
+_LAG = 0.03     # s, of each of two stages by which the node's robot follows
 _KEPT = 2.0     # s before the newest commands that are kept: the plant may be late
 _FRESH = 0.5    # s after their first, in which commands with stamps are replaced by newer ones
 _AT_REST = 0.1  # s after the last of them, from which on single commands count
@@ -21,14 +20,22 @@ _AT_REST = 0.1  # s after the last of them, from which on single commands count
 class Robot:
     """The gripper's way, by what is commanded.
 
+    Attributes
+    ----------
+    pose
+        Pose in which its encoders see it.
+
     Parameters
     ----------
     pose : Pose
         Pose at which it stands.
+    lag : float, optional
+        Time constant of each of the two stages by which it follows, s; 0: it follows at once.
     """
 
-    def __init__(self, pose: Pose) -> None:
-        self._pose = self._behind = pose
+    def __init__(self, pose: Pose, lag: float = _LAG) -> None:
+        self.pose = self._behind = pose
+        self._lag = lag
         self._wanted: Pose | None = None
         self._ahead = Timetable()
 
@@ -52,11 +59,13 @@ class Robot:
         """Return the Pose at a time (s), so many seconds after the last."""
         ahead = self._ahead.at(time)
         self._wanted = self._wanted if ahead is None else ahead
-        if self._wanted is not None:
-            share = 1 - np.exp(-seconds / _LAG)
+        if self._wanted is not None and not self._lag:
+            self.pose = self._behind = self._wanted
+        elif self._wanted is not None:
+            share = 1 - np.exp(-seconds / self._lag)
             self._behind = nearer(self._behind, self._wanted, share)
-            self._pose = nearer(self._pose, self._behind, share)
-        return self._pose
+            self.pose = nearer(self.pose, self._behind, share)
+        return self.pose
 
 
 class Timetable:
@@ -64,13 +73,13 @@ class Timetable:
 
     def __init__(self) -> None:
         self._times: Floats = np.zeros(0)
-        self._poses: list[Pose] = []
+        self.poses: list[Pose] = []
         self._asked = self.since = -np.inf  # s; since: the first of the newest commands
 
     @property
     def over(self) -> bool:
         """Whether the last time at which it was asked is after its end."""
-        return not self._poses or self._asked >= self._times[-1] + _AT_REST
+        return not self.poses or self._asked >= self._times[-1] + _AT_REST
 
     def take(self, times: Floats, poses: list[Pose]) -> None:
         """Take in poses (list) at times (n,), ascending."""
@@ -79,7 +88,7 @@ class Timetable:
         since, kept = np.searchsorted(self._times, (times[0] - _KEPT, times[0]))
         self.since = float(times[0])
         self._times = np.append(self._times[since:kept], times)
-        self._poses = [*self._poses[since:kept], *poses]
+        self.poses = [*self.poses[since:kept], *poses]
 
     def at(self, time: float) -> Pose | None:
         """Return the Pose at a time, evenly between two; None before the first, after the last."""
@@ -88,14 +97,20 @@ class Timetable:
         if not after or self.over:
             return None
         if after == len(self._times):
-            return self._poses[-1]
+            return self.poses[-1]
         begin, end = self._times[after - 1:after + 1]
-        return nearer(self._poses[after - 1], self._poses[after],
+        return nearer(self.poses[after - 1], self.poses[after],
                       float((time - begin) / (end - begin)))
 
 
 def nearer(one: Pose, other: Pose, share: float) -> Pose:
-    """Return the Pose that is by a share of the way from one to another."""
-    turn = Rotation.from_matrix(other.rotation @ one.rotation.T).as_rotvec()
-    return Pose.from_rotation(one.position + share * (other.position - one.position),
-                              Rotation.from_rotvec(share * turn).as_matrix() @ one.rotation)
+    """Return the Pose that is by a share of the way from one to another, evenly turned."""
+    begin, end = one.quaternion, other.quaternion
+    end = end if begin @ end >= 0 else -end
+    along = begin @ end
+    across = end - along * begin
+    size = float(np.sqrt(across @ across))
+    angle = float(np.arctan2(size, along))
+    quaternion = begin if not size else (
+        np.cos(share * angle) * begin + np.sin(share * angle) / size * across)
+    return Pose(one.position + share * (other.position - one.position), quaternion)

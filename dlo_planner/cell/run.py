@@ -2,30 +2,37 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run of a driver in the plant, and its outcome."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import repeat
+from math import ceil
 
 import numpy as np
 
-from dlo_planner.cell.camera import Camera, Viewer
+from dlo_planner.cell.camera import Camera, Image, Viewer
+from dlo_planner.cell.disturbances import UNDISTURBED, Disturbances
 from dlo_planner.cell.drivers import PERIOD, Command, Driver
 from dlo_planner.cell.plant import Plant
+from dlo_planner.cell.robot import Robot
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, Unknowns
 from dlo_planner.errors import DeadlineExceeded, Infeasible, NotConverged
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, integer
+from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
 
 TOUCH = 0.05      # N: a larger contact force counts as a touch
+RAM = 1.0         # N: a larger one as a ram
 STEP = 2e-3       # s, of the plant
-CELLS = 80        # of the plant
+CELLS = 80        # of a plant that is not looked at
+SEEN_CELLS = 40   # of one that is: 0.2 mm of 1 m from 80, 0.05 mm with a length fitted to it
 _FINER = 1.4      # times as many cells as the plant that runs once more
-_LOOKED_AT = 5    # periods of control between two measurements of the miss
+_LOOKED_AT = 2    # periods of control between two measurements of the miss
 _SHORT = 0.005    # of the length, by which the depth may fall short
 _LONGEST = 300.0  # s, of a run
 _STOP = 5.0       # N: a larger contact force ends a run
+_ROUNDING = 1e-9  # of a number of periods
 _REFUSALS = Infeasible, NotConverged, DeadlineExceeded
 
 
@@ -49,14 +56,17 @@ class Outcome(Value):
         every 20 ms, m; nan if it never did. Without a camera, extrapolated to a DLO that is no
         chain, see `run`.
     force : float
-        Largest contact force on the DLO, N.
+        Largest contact force on the DLO, N; inf if the simulation became unstable.
     time : float
         Duration of the motion, s.
     promised : float
-        The largest miss that the driver expected, m; nan if it does not say.
+        The largest miss that the driver expected when the DLO came into the plane of the hole, or
+        at the end if it never did, m; nan if it did not say.
     chain_error : float
         By how much the extrapolation moved the DLO in the hole, m: the error of the plant's chain
         there; nan with a camera.
+    phase : str
+        What the driver was at in the end; empty if it does not say.
     """
 
     seed: int
@@ -68,15 +78,34 @@ class Outcome(Value):
     time: float = 0.0
     promised: float = np.nan
     chain_error: float = np.nan
+    phase: str = ''
 
     @property
     def touched(self) -> bool:
         """Whether the DLO touched anything with more than TOUCH."""
         return self.force > TOUCH
 
+    @property
+    def rammed(self) -> bool:
+        """Whether the DLO touched anything with more than RAM."""
+        return self.force > RAM
+
+    @property
+    def clean(self) -> bool:
+        """Whether the DLO was threaded without a touch."""
+        return self.threaded and not self.touched
+
+    @property
+    def covered(self) -> bool | None:
+        """Whether the largest miss was at most what was promised; None if either is unknown."""
+        if np.isnan(self.miss) or np.isnan(self.promised):
+            return None
+        return self.miss <= self.promised
+
 
 def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHING_UNKNOWN,
-        camera: Camera | None = None, damping: float = 0.005, step: float = STEP,
+        disturbances: Disturbances = UNDISTURBED, camera: Camera | None = None,
+        damping: float = 0.005, step: float = STEP,
         watch: Callable[[Plant], object] | None = None) -> Outcome:
     """Return the Outcome of a Task.
 
@@ -85,7 +114,8 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     crosses the hole is extrapolated from both (Richardson) at each time. With a camera the driver
     reacts to the chain that it sees: there it is the DLO.
 
-    The driver knows the damping, as the rod's: it is not among the Unknowns.
+    The driver gets what a robot has: the DLO, sheet and damping as stated (the latter as
+    `Rod.damping`), the images, and the poses that the robot measures.
 
     Parameters
     ----------
@@ -96,10 +126,12 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
         Seed of the Truth and of the camera's errors.
     unknowns : Unknowns, optional
         Unknowns from which one Truth is drawn.
+    disturbances : Disturbances, optional
+        What happens on the way, drawn with the seed as well.
     camera : Camera, optional
         Camera. If None, there is none.
     damping, step : float, optional
-        Ratio and s, see `Plant`: a shorter step allows less damping.
+        Stated ratio, and s, see `Plant`: a shorter step allows less damping.
     watch : callable, optional
         Called as watch(plant) after each period.
 
@@ -112,41 +144,54 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 78])
     truth = instance('unknowns', unknowns, Unknowns).draw(rng)
     viewer = None if camera is None else Viewer(instance('camera', camera, Camera), rng)
+    instance('disturbances', disturbances, Disturbances)
+    course = disturbances.draw(np.random.default_rng([seed, 79]))
+    sheet = replace(task.sheet, friction=disturbances.friction)
+
+    def hung(cells: int) -> Plant:
+        return Plant(task.rod, task.start, [sheet], truth=truth, cells=cells, step=step,
+                     damping=number('damping', damping, minimum=0) * truth.damping, course=course)
+
     try:
-        plant, coarser = (Plant(task.rod, task.start, [task.sheet], truth=truth, cells=cells,
-                                step=step, damping=damping)
-                          for cells in (CELLS, round(CELLS / _FINER)))
-        command = driver(replace(task, rod=replace(task.rod, damping=(0.0, plant.lag))))
+        plant = hung(CELLS if viewer is None else SEEN_CELLS)
+        stated = (0.0, plant.lag / truth.damping)
+        command = driver(replace(task, rod=replace(task.rod, damping=stated)))
     except _REFUSALS as error:
         return Outcome(seed, _reason(error))
-    driven = _drive(plant, command, task, viewer, watch)
-    moved, refused = np.nan, driven.refused
-    if viewer is None and not refused:
-        again = _drive(coarser, _Again(driven.poses), task, None, None)
+    driven = _drive(plant, command, task, viewer, watch, disturbances.lag)
+    moved = np.nan
+    if viewer is None and not driven.refused:
+        again = _drive(hung(round(CELLS / _FINER)), _Again(driven.poses), task, None, None, 0.0)
         driven, moved = _extrapolated(driven, again)
     passage, miss = plant.passage(task.cutout), driven.miss
     threaded = (passage.depth > task.depth - _SHORT * task.rod.length
-                and miss < task.radius and not refused)
-    return Outcome(seed, refused, bool(threaded), passage.depth, miss,
-                   float(plant.largest_forces[0]), plant.time,
-                   float(getattr(command, 'promised', np.nan)), moved)
+                and miss < task.radius and not driven.refused)
+    return Outcome(seed, driven.refused, bool(threaded), passage.depth, miss, driven.force,
+                   plant.time, float(driven.promised), moved, str(getattr(command, 'phase', '')))
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Driven:
     """What happened: the poses of all periods, and where the hole was crossed.
 
     Attributes
     ----------
     poses : list of Pose
+        Measured ones.
     crossings : dict
         Period -> (2,) coordinates in the plane of the hole, m.
+    force : float
+        Largest contact force, N.
+    promised : float
+        What was promised last before the first crossing, m.
     refused : str
         Why the driver gave up.
     """
 
-    poses: list[Pose]
-    crossings: dict[int, Floats]
+    poses: list[Pose] = field(default_factory=list)
+    crossings: dict[int, Floats] = field(default_factory=dict)
+    force: float = 0.0
+    promised: float = np.nan
     refused: str = ''
 
     @property
@@ -161,7 +206,7 @@ class _Again:
     def __init__(self, poses: list[Pose]) -> None:
         self._poses = iter(poses)
 
-    def __call__(self, images: object, time: float) -> Pose | None:
+    def __call__(self, images: object, time: float, gripper: object) -> Pose | None:
         return next(self._poses, None)
 
 
@@ -172,34 +217,62 @@ def _extrapolated(fine: _Driven, coarse: _Driven) -> tuple[_Driven, float]:
     crossings = {k: at + moved.get(k, 0.0) for k, at in fine.crossings.items()}
     if fine.crossings and not both:
         return fine, np.nan
-    return (_Driven(fine.poses, crossings, fine.refused),
+    return (replace(fine, crossings=crossings),
             float(max(map(np.linalg.norm, moved.values()), default=np.nan)))
 
 
 def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
-           watch: Callable[[Plant], object] | None) -> _Driven:
+           watch: Callable[[Plant], object] | None, lag: float) -> _Driven:
     """Move the gripper until the command is done, or gives up."""
-    poses: list[Pose] = []
-    crossings: dict[int, Floats] = {}
+    driven, arrived, robot = _Driven(), list[Image](), Robot(task.start, lag)
+    told = _told(command, arrived, plant, robot)
     for count in range(int(_LONGEST / PERIOD)):
-        images = () if viewer is None else viewer.images(plant, task.cutout)
+        if viewer is not None:
+            arrived.extend(viewer.images(plant, task.cutout))
         try:
-            pose = command(images, plant.time)
-            if pose is None:
-                break
-            poses.append(pose)
-            plant.move(pose, PERIOD)
+            pose = next(told, None)
         except _REFUSALS as error:
-            return _Driven(poses, crossings, _reason(error))
+            driven.refused = _reason(error)
+            break
+        if pose is None:
+            break
+        robot.follow(pose)
+        driven.poses.append(robot.moved(plant.time, PERIOD))
+        try:
+            plant.move(robot.pose, PERIOD)
+        except NotConverged:
+            driven.force = np.inf
+            break
+        driven.force = float(plant.largest_forces[0])
         if watch is not None:
             watch(plant)
-        if plant.largest_forces.max() > _STOP:
+        if driven.force > _STOP:
             break
         if count % _LOOKED_AT == 0:
             passage = plant.passage(task.cutout)
             if passage.depth > 0:
-                crossings[count] = np.array([passage.y, passage.z])
-    return _Driven(poses, crossings)
+                driven.crossings[count] = np.array([passage.y, passage.z])
+        if not driven.crossings:
+            driven.promised = getattr(command, 'promised', np.nan)
+    return driven
+
+
+def _told(command: Command, arrived: list[Image], plant: Plant, robot: Robot) -> Iterator[Pose]:
+    """Yield for each period what the robot is told; while the command is busy, the last once more.
+
+    Images that have `arrived` are taken away when the command gets them.
+    """
+    last = robot.pose
+    while True:
+        images = tuple(arrived)
+        arrived.clear()
+        pose = command(images, plant.time, robot.pose)
+        busy = number('busy', getattr(command, 'busy', 0.0), minimum=0, maximum=_LONGEST)
+        yield from repeat(last, ceil(busy / PERIOD * (1 - _ROUNDING)))
+        if pose is None:
+            return
+        yield pose
+        last = pose
 
 
 def _reason(error: Exception) -> str:

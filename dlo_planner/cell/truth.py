@@ -42,6 +42,8 @@ class Truth(Value):
         Rotation vector from the commanded to the true gripper, rad, same axes.
     hole_shift : ndarray, shape (3,)
         Hole shift in m, true minus stated place of all sheets and cut-outs, world axes.
+    damping : float
+        Factor of the damping.
 
     Raises
     ------
@@ -58,9 +60,10 @@ class Truth(Value):
     gripper_shift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     gripper_turn: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     hole_shift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    damping: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ('bending_stiffness', 'torsional_stiffness', 'mass'):
+        for name in ('bending_stiffness', 'torsional_stiffness', 'mass', 'damping'):
             put(self, **{name: number(f'Truth.{name}', getattr(self, name), above=0)})
         for name in ('gripper_shift', 'gripper_turn', 'hole_shift'):
             put(self, **{name: vector(f'Truth.{name}', getattr(self, name), 3)})
@@ -116,6 +119,8 @@ class Unknowns(Value):
         Gripper rotation in rad, about each axis.
     hole_position : float
         Hole position in m, along each axis.
+    damping : float
+        Damping of the logarithm of the factor.
     """
 
     stiffness: float = 0.0
@@ -126,6 +131,7 @@ class Unknowns(Value):
     gripper_position: float = 0.0
     gripper_rotation: float = 0.0
     hole_position: float = 0.0
+    damping: float = 0.0
 
     def __post_init__(self) -> None:
         put(self, natural_curvature=array('Unknowns.natural_curvature', self.natural_curvature,
@@ -138,19 +144,22 @@ class Unknowns(Value):
         """Return one Truth."""
         instance('rng', rng, np.random.Generator)
         stiffness = np.exp(self.stiffness * rng.standard_normal())
+        own, = rng.spawn(1)  # what is drawn from rng after it stays as it was without damping
         return Truth(stiffness, stiffness, np.exp(self.mass * rng.standard_normal()),
                      np.clip(self.mass_gradient * rng.standard_normal(), -1, 1),
                      rng.standard_normal((2, self.natural_curvature.size)) * self.natural_curvature,
                      self.length * rng.standard_normal(),
                      self.gripper_position * rng.standard_normal(3),
                      self.gripper_rotation * rng.standard_normal(3),
-                     self.hole_position * rng.standard_normal(3))
+                     self.hole_position * rng.standard_normal(3),
+                     np.exp(self.damping * own.standard_normal()))
 
 
 _TILT = np.radians(0.2)
 NOTHING_UNKNOWN = Unknowns()
+_DAMPING = 0.35  # of the logarithm: half to twice of what is stated
 # `--unknown much` and `--unknown more`
 UNCERTAIN = Unknowns(0.05, 0.02, natural_curvature=np.array([0.05]), gripper_position=0.5e-3,
-                     gripper_rotation=_TILT)
+                     gripper_rotation=_TILT, damping=_DAMPING)
 VERY_UNCERTAIN = Unknowns(0.05, 0.02, 0.03, np.array([0.05, 0.03, 0.03]), 1e-3, 0.5e-3, _TILT,
-                          0.5e-3)
+                          0.5e-3, _DAMPING)

@@ -4,6 +4,7 @@
 
 import re
 import sys
+from errno import EPIPE
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -21,7 +22,8 @@ from dlo_planner.errors import (
     NotConverged,
 )
 
-BAD_INPUT, NO_SOLUTION = 2, 3  # exit codes
+FAULT, BAD_INPUT, NO_SOLUTION, INTERRUPTED = 1, 2, 3, 130  # exit codes
+_LONGEST = 300  # characters of an error that nobody expected
 _COMMANDS = {  # name -> module; each is imported when it is called, so that --help is quick
     'shape': 'shape', 'thread': 'thread', 'replay': 'replay', 'identify': 'identify',
     'map': 'capability', 'figures': 'figures', 'doctor': 'doctor'}
@@ -59,6 +61,8 @@ class Commands(click.Group):
         one_thread_of_blas()
         try:
             return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
         except (Infeasible, NotConverged, DeadlineExceeded) as error:
             click.echo(f'no solution: {error}', err=True)
             if isinstance(error, Infeasible):
@@ -68,6 +72,19 @@ class Commands(click.Group):
         except DloPlannerError as error:
             click.echo(f'Error: {error}', err=True)
             ctx.exit(BAD_INPUT)
+        except KeyboardInterrupt:
+            ctx.exit(INTERRUPTED)
+        except Exception as error:  # whatever comes: a line for users, all of it for who mends it
+            if ctx.params['traceback'] or getattr(error, 'errno', None) == EPIPE:  # click knows it
+                raise
+            if isinstance(error, OSError):
+                click.echo(f'Error: {error}', err=True)
+                ctx.exit(BAD_INPUT)
+            said = ' '.join(f'{type(error).__name__}: {error}'.split())
+            click.echo(f'Error: unexpected {said[:_LONGEST]}', err=True)
+            click.echo('  a fault of dlo-planner: `dlo-planner --traceback ...` tells where',
+                       err=True)
+            ctx.exit(FAULT)
 
 
 def _version() -> str:
@@ -82,7 +99,9 @@ def _version() -> str:
 @click.group(cls=Commands, context_settings={'help_option_names': ['-h', '--help'],
                                              'max_content_width': 100})
 @click.version_option(_version(), prog_name='dlo-planner')
-def main() -> None:
+@click.option('--traceback', is_flag=True, envvar='DLO_PLANNER_TRACEBACK',
+              help='Show all of an unexpected error; also DLO_PLANNER_TRACEBACK=1.')
+def main(traceback: bool) -> None:
     """Direct and inverse simulation of deformable linear objects (DLOs) in a gripper.
 
     A DLO (wire, hose, leaf spring) is described by a YAML file, the same as for the ROS node, or by
@@ -102,8 +121,10 @@ def main() -> None:
     \b
     Exit codes:
       0  done
+      1  a fault of dlo-planner itself
       2  bad input: an option, a file or a value; the message names it
       3  no solution: infeasible, not converged, not safe, or the deadline is over
+      130  interrupted
     """
 
 

@@ -10,14 +10,15 @@ from typing import Any
 
 import click
 import numpy as np
-import yaml
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.extras import extra
+from dlo_planner.files import writable
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
+from dlo_planner.settings.guarded_yaml import yaml_of
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.summaries import rows_of
 
@@ -46,7 +47,7 @@ def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
         Matplotlib is not installed.
     """
     endings = tuple(endings)
-    for path in outputs:
+    for path in map(writable, outputs):
         if not path.name.lower().endswith(endings):
             raise InvalidTask(f'-o {path}: expected a file that ends with one of '
                               f'{" ".join(endings)}')
@@ -97,7 +98,7 @@ def write_poses(path: Path, poses: Iterable[Pose]) -> None:
                 'orientation': dict(zip('xyzw', pose.quaternion.tolist(), strict=True))}
                for pose in poses]
     text = (json.dumps(content, indent=1) if path.suffix.lower() == '.json'
-            else yaml.safe_dump(content, sort_keys=False))
+            else yaml_of(content))
     path.write_text(text, encoding='utf-8')
 
 

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import DloPlannerError, InvalidTask
+from dlo_planner.files import text_of
 from dlo_planner.identify.observation import Observation
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import row, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
-from dlo_planner.settings.yaml_files import load_yaml
+from dlo_planner.settings.guarded_yaml import read_yaml
 
 _LEVEL = (0.0, 0.0, 0.0, 1.0)
 
@@ -61,7 +62,7 @@ def pose_of(name: str, content: object) -> Pose:
 
 def read_poses(path: Path) -> list[Pose]:
     """Return the Poses of a YAML or JSON file: a list of poses, as `-o x.poses.yaml` writes it."""
-    content = load_yaml(path.read_text(encoding='utf-8'), str(path))
+    content = read_yaml(path)
     if isinstance(content, dict):
         content = content.get('poses')
     if not isinstance(content, list) or not content:
@@ -77,7 +78,7 @@ def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
     InvalidTask
         Naming what is wrong.
     """
-    content = load_yaml(path.read_text(encoding='utf-8'), str(path))
+    content = read_yaml(path)
     if not isinstance(content, list):
         raise InvalidTask(f'{path}: expected a list of obstacles')
     return tuple(_obstacle(f'{path}[{k}]', one) for k, one in enumerate(content))
@@ -112,7 +113,7 @@ def read_observations(paths: Sequence[Path], grippers: Sequence[Pose]) -> list[O
 
 
 def _observations(path: Path) -> list[Observation]:
-    content = load_yaml(path.read_text(encoding='utf-8'), str(path))
+    content = read_yaml(path)
     if isinstance(content, dict):
         content = content.get('observations', [content])
     if not isinstance(content, list) or not content:
@@ -128,14 +129,17 @@ def _observations(path: Path) -> list[Observation]:
 
 def _table(path: Path) -> Floats:
     """Return (n, 3) of a CSV file, its heading left out."""
-    rows = []
-    with path.open(newline='', encoding='utf-8') as file:
-        for number, cells in enumerate(csv.reader(file), start=1):
-            try:
-                rows.append([float(cell) for cell in cells[:3]])
-            except ValueError:
-                if number > 1:
-                    raise InvalidTask(f'{path}, line {number}: expected x, y, z') from None
+    rows: list[list[float]] = []
+    try:
+        table = list(csv.reader(text_of(path).splitlines()))
+    except csv.Error as error:
+        raise InvalidTask(f'{path}: expected lines of x, y, z, {error}') from None
+    for number, cells in enumerate(table, start=1):
+        try:
+            rows.append([float(cell) for cell in cells[:3]])
+        except ValueError:
+            if number > 1:
+                raise InvalidTask(f'{path}, line {number}: expected x, y, z') from None
     if not rows or any(len(one) != 3 for one in rows):
         raise InvalidTask(f'{path}: expected lines of x, y, z in m')
     return np.array(rows)

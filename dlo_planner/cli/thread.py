@@ -27,7 +27,7 @@ _ENDINGS = (*PICTURES, *FILMS, *VALUES, '.csv', *POSES)
               'through. May be repeated: passed one after the other.')
 @click.option('--radius', type=float, help='Of the holes, m, for clearances.')
 @click.option('--start', type=POSE, help='Pose of the gripper now. With the parameter '
-              'threading.standoff above 0 the plan begins there.')
+              'threading.standoff above 0, or -1, the plan begins there.')
 @click.option('--prove', is_flag=True, help='Replay the plan, at rest and in motion, and report.')
 @click.option('--deadline', type=float, help='Seconds of computing. Default: the parameter '
               'threading.planning_deadline.')
@@ -46,7 +46,7 @@ def command(dlo: Described, holes: tuple[Pose, ...], radius: float | None, start
       dlo-planner thread copper_wire -p rod.diameter=0.0015 --hole 1,0.2,0.8,1,1,0 --radius 0.01
       dlo-planner thread rubber_hose --hole 0,0,1 -o plan.npz -o plan.png -o plan.gif
       dlo-planner thread rubber_hose --hole 0,0,1 -o gripper.poses.json      for MoveIt
-      dlo-planner thread rubber_hose --hole 0,0,1 --start -0.8,0,1 -p threading.standoff=0.05 \\
+      dlo-planner thread rubber_hose --hole 0,0,1 --start -0.8,0,1 -p threading.standoff=-1 \\
           --prove
 
     Exit code 3: there is no such plan (the reason is said, with the waypoint, the constraint and

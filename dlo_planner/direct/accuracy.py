@@ -75,6 +75,9 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
     around, kicks = first.surroundings, 0
     if far_end is not None and around.obstacles and initial is None:
         discretization = _fine_enough(discretization, fine)
+    if far_end is not None:
+        from dlo_planner.direct.taut import bent_mesh  # noqa: PLC0415  (SciPy: a free DLO needs none)
+        discretization = bent_mesh(discretization, gripper, far_end, fine)
     anyhow = not around.rod.yields and (
         not around.obstacles and far_end is None
         or initial is None and not any(one.friction for one in around.obstacles))
@@ -87,6 +90,8 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
         else:
             shape, kicked = step(discretization, gripper, initial, how)
         kicks += kicked
+        if shape.converged and shape.hinge is not None:  # on finer meshes it is another shape
+            return replace(shape, converged=False), kicks
         if not shape.converged or surely_within(shape, accuracy) or not _mode_is_missed(
                 shape, accuracy) and (
                     not kicked and came_true(shape, told, _ENOUGH * accuracy)

@@ -1,20 +1,30 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Following one shape through a motion of the gripper, and noticing where it lets go."""
+"""Following one shape through a motion of its grips, and noticing where it lets go.
+
+A step is taken as it is where nothing speaks against it: no more motion than the grips can cause,
+no energy lost that neither work nor friction accounts for, no unstable shape on the way (`sound`).
+Where a contact comes, goes, or begins to slide, two half steps have to lead to the same shape as
+well. Any other step is made in halves. What is still in doubt in the shortest parts is a fall: it
+is made, and said.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import dist
-from typing import TypeAlias
+from math import ceil, dist, log2
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.touch import friction_work
+from dlo_planner.energy.passage import passes_through
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.leash import largest_turn_between
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import freeze
 from dlo_planner.ritz.matrix3 import matrix, times_transposed
@@ -22,21 +32,35 @@ from dlo_planner.ritz.rotation import partway, rotation_vector
 
 Equilibrium: TypeAlias = Callable[..., 'tuple[Shape, int]']  # see `follow`
 
-LONGEST_TURN = 0.25  # rad: longer steps of the gripper are cut in any case
-_HALVINGS = 7    # a step is cut into 2^7 parts at most before a leap counts as a jump
-_LEAP = 0.1      # rad: change of shape that a vanishing step of the gripper cannot cause
-_LOST_OF_WORK, _LOST_OF_ELASTIC = 0.2, 0.05  # of energy, by more than which a held DLO has fallen
-_SAME = 1e-3      # rad: two shapes that differ by less are one
-_FOLLOWING = 3.0  # rad of shape per rad of the gripper: more is looked at in smaller steps
+LONGEST_TURN = 0.25     # rad: longer steps of the gripper are cut in any case
+_LONGEST_SHIFT = 0.05   # of the length: the same, of a DLO that touches
+_SHORTEST = 5e-5        # rad and of the length: of parts in which a leap counts as a jump
+_LEAST, _MOST = 3, 14   # how often a step in doubt may be halved
+_FAILURES = 7           # the same, where no equilibrium is found
+_AFTER = 3              # the same, for what comes after a jump
+_LEAP = 0.1             # rad: change of shape that a vanishing step of the gripper cannot cause
+_LEAP_ON = 0.05         # the same, of a DLO that touches
+_FOLLOWING = 3.0        # rad of shape per rad of the gripper: more is looked at in smaller steps
+_SPREAD = 0.2           # of how much the work depends on when forces change in a step: its error
+_ROUGH = 0.01           # of the elastic energy: what a mesh makes of it
+_SAME = 0.01            # rad: two shapes that differ by less are one
+_SLIDES = 1 - 1e-6      # of friction's limit
+
+
+class _Grips(NamedTuple):
+    """Where a step ends: Pose of the gripper, FarEnd or None."""
+
+    gripper: Pose
+    far_end: FarEnd | None = None
 
 
 def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd | None = None,
-           halvings: int = _HALVINGS) -> Shape:
+           at_once: bool = False) -> Shape:
     """Return the Shape at `gripper` that continues `previous`; its `jumped` says if none does.
 
-    None does where the shape changes more than the step can cause, and where the way down from
-    `previous` leads off an unstable shape, however small the step: what it continues as has
-    lost its stability there, and the DLO takes one of several sides (a pitchfork).
+    None does where, in parts of the step however short, it changes more than these can cause,
+    loses energy that neither work nor friction accounts for, or comes from an unstable shape: that
+    has lost its stability there, and the DLO takes one of several sides (a pitchfork).
 
     Parameters
     ----------
@@ -49,84 +73,192 @@ def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: Fa
         Pose where it ends.
     far_end : FarEnd or None, optional
         FarEnd where it ends, or None.
-    halvings : int, optional
-        How often the step may still be cut in two.
+    at_once : bool, optional
+        Whether a DLO that hangs freely may turn by any angle at once, if nothing speaks against it.
     """
-    turn = angle_between(previous.gripper.rotation, gripper.rotation)
-    if far_end is not None:
-        # both ends go in small parts anyway; a fall shows as energy that no work accounts for
-        shape, kicks = equilibrium(gripper, previous, far_end)
-        return _jumped(shape, shape.jumped or kicks > 0 or fell(previous, shape))
-    if turn <= LONGEST_TURN or halvings == 0:
-        most = np.inf if halvings == 0 or previous.contacts else _LEAP + _FOLLOWING * turn
-        shape, kicks = equilibrium(gripper, previous, None, most)
-        if shape.converged and not kicks and not fell(previous, shape):
-            return shape
-        if halvings == 0:
-            return replace(shape, jumped=True)
-    halfway = between(previous.gripper, gripper, 0.5)
-    middle = follow(equilibrium, previous, halfway, None, halvings - 1)
-    if not middle.converged:
-        if turn > LONGEST_TURN:
-            return replace(middle, jumped=True)
-        if not shape.converged and most < np.inf:  # given up on its way: now to where it leads
-            shape, _ = equilibrium(gripper, previous, None, np.inf)
-        return replace(shape, jumped=True)
-    shape = follow(equilibrium, middle, gripper, None, halvings - 1)
-    return _jumped(shape, shape.jumped or middle.jumped)
+    if previous.pinned:  # a ball joint: the DLO does not turn with it
+        gripper = Pose.from_rotation(gripper.position, previous.gripper.rotation)
+    return _followed(equilibrium, previous, _Grips(gripper, far_end), at_once, None)
 
 
-def _jumped(shape: Shape, jumped: bool) -> Shape:
-    """Return a Shape that says so; itself, with its error estimate, if it does already."""
-    return shape if jumped == shape.jumped else replace(shape, jumped=bool(jumped))
-
-
-def leapt(equilibrium: Equilibrium, previous: Shape, shape: Shape, kicks: int) -> bool:
-    """Return whether `shape`, found from `previous` in one step, does not continue it.
+def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: bool,
+              halvings: int | None, tried: tuple[Shape, int] | None = None) -> Shape:
+    """Return what `follow` does.
 
     Parameters
     ----------
-    equilibrium, previous
-        As for `follow`.
-    shape : Shape
-        What `equilibrium` returned for the whole step, and `kicks` with it.
+    halvings : int or None
+        How often the step may still be cut in two. If None, as often as makes sense.
+    tried : tuple or None
+        What `equilibrium` returns for the whole step, if that is known.
     """
-    if fell(previous, shape) or kicks and shape.far_end is not None:
+    last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
+    turn = angle_between(previous.gripper.rotation, goal.gripper.rotation)
+    if last or not _is_long(previous, previous, goal, turn, at_once):
+        if not (last or at_once or previous.contacts or goal.far_end is not None):
+            most = _LEAP + _FOLLOWING * turn
+        shape, kicks = tried or equilibrium(goal.gripper, previous, goal.far_end, most)
+        if not shape.converged and (shape.jumped or goal.far_end is not None):
+            return shape  # it went in parts already: the way is blocked, or out of reach
+        good = shape.converged and not kicks and _continues(previous, shape, turn)
+        if good and (last or not _changes(previous, shape)):
+            if last or not shape.contacts or not _is_long(previous, shape, goal, turn, at_once):
+                return shape
+        elif last:
+            return _jumped(shape)
+        elif good and not _is_long(previous, shape, goal, turn, at_once):
+            agree, half = _by_halves(equilibrium, previous, goal, shape)
+            if agree:
+                return shape
+        failed = not shape.converged and most == np.inf
+    if halvings is None:
+        halvings = _halvings(previous, goal)
+    left = (min(halvings, _FAILURES) if failed else halvings) - 1
+    middle = _followed(equilibrium, previous, _partway(previous, goal), False, left, half)
+    if not middle.converged:
+        if shape is None:
+            return _jumped(middle)
+        if not shape.converged and most < np.inf:  # given up on its way: now to where it leads
+            shape, _ = equilibrium(goal.gripper, previous, goal.far_end, np.inf)
+        return _jumped(shape)
+    rest = _followed(equilibrium, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
+    jumped = rest.jumped or middle.jumped
+    if (shape is not None and shape.converged and shape.mesh is not None and shape.mesh.hangs
+            and goal.far_end is None and shape_change(rest, shape) <= _SAME):
+        rest = shape  # what hangs freely does not remember its way, nor shall its mesh
+    return _jumped(rest) if jumped else rest
+
+
+def _by_halves(equilibrium: Equilibrium, previous: Shape, goal: _Grips,
+               shape: Shape) -> tuple[bool, tuple[Shape, int]]:
+    """Return whether two half steps lead to `shape` as well; and the first, with its kicks."""
+    there = _partway(previous, goal)
+    first = equilibrium(there.gripper, previous, there.far_end, np.inf)
+    if not sound(previous, *first):
+        return False, first
+    end, kicks = equilibrium(goal.gripper, first[0], goal.far_end, np.inf)
+    return (sound(first[0], end, kicks) and not _changes(shape, end)
+            and shape_change(shape, end) <= _SAME), first
+
+
+def _jumped(shape: Shape) -> Shape:
+    """Return a Shape that says so; itself, with its error estimate, if it does already."""
+    return shape if shape.jumped else replace(shape, jumped=True)
+
+
+def _partway(previous: Shape, goal: _Grips) -> _Grips:
+    """Return where the grips are halfway from a Shape to `goal`."""
+    far_end = goal.far_end
+    if far_end is not None:
+        begin = Pose.from_rotation(previous.positions[-1], previous.frames[-1])
+        far_end = FarEnd(between(begin, far_end.pose, 0.5), far_end.grip)
+    return _Grips(between(previous.gripper, goal.gripper, 0.5), far_end)
+
+
+def _is_long(previous: Shape, shape: Shape, goal: _Grips, turn: float, at_once: bool) -> bool:
+    """Whether a step to `goal`, by a `turn` (rad), is cut in any case; it leads to `shape`."""
+    if goal.far_end is not None:
+        return False  # the ends go in small parts anyway
+    touches = bool(previous.contacts or shape.contacts)
+    if touches and _shift(previous, goal.gripper) > _LONGEST_SHIFT:
         return True
-    if not kicks:
-        return False
-    # A long step may pass by unstable shapes that the motion itself does not meet.
-    followed = follow(equilibrium, previous, shape.gripper)
-    return followed.jumped or shape_change(followed, shape) > _SAME
+    return turn > LONGEST_TURN and (touches or not at_once) and not previous.pinned
+
+
+def _shift(previous: Shape, gripper: Pose) -> float:
+    """Return by how much the gripper moves, of the length."""
+    return dist(gripper.position, previous.gripper.position) / float(previous.s[-1])
+
+
+def _halvings(previous: Shape, goal: _Grips) -> int:
+    """Return how often a step may be halved."""
+    size = (angle_between(previous.gripper.rotation, goal.gripper.rotation)
+            + _shift(previous, goal.gripper))
+    if goal.far_end is not None:
+        size += dist(goal.far_end.pose.position, previous.positions[-1]) / float(previous.s[-1])
+        size += angle_between(goal.far_end.pose.rotation, previous.frames[-1])
+    return min(max(ceil(log2(max(size / _SHORTEST, 1.0))), _LEAST), _MOST)
+
+
+def sound(previous: Shape, shape: Shape, kicks: int) -> bool:
+    """Return whether nothing speaks against a step of the grips from `previous` to `shape`.
+
+    Parameters
+    ----------
+    previous, shape : Shape
+    kicks : int
+        How often an unstable shape was left on the way.
+    """
+    turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
+    return shape.converged and kicks == 0 and _continues(previous, shape, turn)
+
+
+def _continues(previous: Shape, shape: Shape, turn: float) -> bool:
+    return not _fell(previous, shape, turn) and not _passes(previous, shape)
+
+
+def surely_follows(previous: Shape, shape: Shape, kicks: int) -> bool:
+    """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
+    return (sound(previous, shape, kicks) and not _changes(previous, shape)
+            and not _is_long(previous, shape, _Grips(shape.gripper, shape.far_end), angle_between(
+                previous.gripper.rotation, shape.gripper.rotation), False))
 
 
 def fell(previous: Shape, shape: Shape) -> bool:
-    """Return whether `shape` does not continue `previous` in a single step of the grippers.
+    """Return whether `shape` does not continue `previous` in a single step of the grips.
 
-    It changed more than the gripper's turn (and, in contact, its shift) can cause, or, with its
-    far end held, lost energy that no work accounts for.
+    It changed more than the gripper's turn (and, in contact, its shift) can cause; or, in contact
+    or with its far end held, it lost energy that neither work nor friction accounts for.
     """
+    return _fell(previous, shape,
+                 angle_between(previous.gripper.rotation, shape.gripper.rotation))
+
+
+def _fell(previous: Shape, shape: Shape, turn: float) -> bool:
     if shape.far_end is not None or shape.pinned:
         return _lost(previous, shape)
-    turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
-    return shape_change(previous, shape) > _allowed(previous, shape, turn)
+    change = shape_change(previous, shape)
+    if not (previous.contacts or shape.contacts):
+        return change > _LEAP + _FOLLOWING * turn
+    # where it touches, the gripper's displacement deforms the DLO as well
+    allowed = _LEAP_ON + _FOLLOWING * (turn + _shift(previous, shape.gripper))
+    return change > allowed or previous.far_end is None and _lost(previous, shape)
 
 
 def _lost(previous: Shape, shape: Shape) -> bool:
-    """Whether less energy is left than the work of both grips accounts for."""
+    """Whether less energy is left than the work of both grips and friction account for.
+
+    What does not count is the error of the work, and what bends all of the DLO by a leap.
+    """
     one, other = previous.gripper, shape.gripper
-    work = (_work(one.rotation, other.rotation, one.position, other.position,
-                  previous.gripper_wrench, shape.gripper_wrench)
-            + _work(previous.frames[-1], shape.frames[-1], previous.positions[-1],
-                    shape.positions[-1], previous.far_wrench, shape.far_wrench))
+    work, spread = _work(one.rotation, other.rotation, one.position, other.position,
+                         previous.gripper_wrench, shape.gripper_wrench)
+    if shape.far_end is not None:
+        more, wider = _work(previous.frames[-1], shape.frames[-1], previous.positions[-1],
+                            shape.positions[-1], previous.far_wrench, shape.far_wrench)
+        work, spread = work + more, spread + wider
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
-    return lost > _LOST_OF_WORK * abs(work) + _LOST_OF_ELASTIC * previous.elastic_energy
+    least = _SPREAD * spread + _ROUGH * max(previous.elastic_energy, shape.elastic_energy)
+    if lost <= least:
+        return False
+    mesh, past = shape.mesh, shape.history
+    if mesh is not None:
+        stiffness = float(mesh.static.stiffness[:, 1:].min())
+        least += 0.5 * _LEAP_ON**2 * stiffness / float(shape.s[-1])
+    if past is not None and shape.contacts:
+        lost -= friction_work(past.left)
+    # of two meshes one may be far too stiff for a DLO that clamps bend sharply: energies of both
+    # tell a fall only where it is seen
+    return lost > least and (np.array_equal(previous.s, shape.s)
+                             or shape_change(previous, shape) > _LEAP_ON)
 
 
 @kernel
 def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats,
-          after: Floats) -> float:
-    """Return the work in J of a grip on a straight way, its force changing evenly.
+          after: Floats) -> tuple[float, float]:
+    """Return the work in J of a grip on a straight way, its force changing evenly; and its spread.
+
+    It is larger or smaller by up to the spread if all of the change is at one end of the way.
 
     Args:
         one, other: (3, 3), read-only, rotations of the grip at both ends of the way
@@ -134,21 +266,43 @@ def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats
         before, after: (6,), read-only, its force and moment on the DLO there, N, N m
     """
     turn = rotation_vector(times_transposed(matrix(other), matrix(one)))
-    work = 0.0
+    work = spread = 0.0
     for i in range(3):
-        work += (before[i] + after[i]) * (end[i] - begin[i])
-        work += (before[3 + i] + after[3 + i]) * turn[i]
-    return 0.5 * work
+        shift = end[i] - begin[i]
+        work += (before[i] + after[i]) * shift + (before[3 + i] + after[3 + i]) * turn[i]
+        spread += abs((after[i] - before[i]) * shift)
+        spread += abs((after[3 + i] - before[3 + i]) * turn[i])
+    return 0.5 * work, 0.5 * spread
 
 
-def _allowed(previous: Shape, shape: Shape, turn: float) -> float:
-    """Return the change of shape in rad that a step of the grippers may cause."""
-    allowed = _LEAP + _FOLLOWING * turn
-    if previous.contacts or shape.contacts:
-        # where it touches, the gripper's displacement deforms the DLO as well
-        shift = dist(shape.gripper.position, previous.gripper.position)
-        allowed += 2 * _FOLLOWING * shift / float(previous.s[-1])
-    return allowed
+def _changes(one: Shape, other: Shape) -> bool:
+    """Whether contacts come, go, or begin or cease to slide from one Shape to another."""
+    return bool(one.contacts or other.contacts) and (
+        _states(one, other.obstacles) != _states(other, other.obstacles))
+
+
+def _states(shape: Shape, obstacles: tuple[Obstacle, ...]) -> set[tuple[int, bool]]:
+    """Return which obstacles a Shape touches, and whether it slides or sticks there."""
+    states = set()
+    for contact in shape.contacts:
+        friction = obstacles[contact.obstacle].friction if obstacles else 0.0
+        limit = _SLIDES * friction * contact.force
+        slides = friction > 0.0 and contact.friction @ contact.friction >= limit * limit
+        states.add((contact.obstacle, bool(slides)))
+    return states
+
+
+def _passes(previous: Shape, shape: Shape) -> bool:
+    """Whether a DLO that touches neither before nor after goes through an obstacle in between."""
+    mesh = shape.mesh
+    if previous.contacts or shape.contacts or mesh is None or not mesh.obstructed:
+        return False
+    if not mesh.has_nodes(previous.s):
+        return False
+    arrays = (previous.element_strains, previous.frames, previous.positions, shape.frames,
+              shape.positions)
+    return bool(passes_through(mesh.given('contact'), mesh.full.lengths,
+                               *(np.array(array) for array in arrays)))
 
 
 def shape_change(one: Shape, other: Shape) -> float:

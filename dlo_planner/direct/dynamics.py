@@ -38,7 +38,8 @@ class Run(NamedTuple):
     Attributes
     ----------
     reached : list of Instant
-        Instants at 0, 1, 2 ...; the last one is the one that was not solved.
+        Instants at 0, 1, 2 ...; the last one is where it ended: not solved, or the last before a
+        step that gained energy.
     steps : list of int
         Halvings of all steps.
     local : float
@@ -78,7 +79,7 @@ def run(stepper: Stepper, first: Instant, instants: int, tolerance: float,
         progress: Progress) -> tuple[list[Instant], bool]:
     """Return the Instants at 0, 1, 2 ... of a motion that goes on from `first`.
 
-    And whether all steps were solved; the last Instant is the one that was not.
+    And whether all steps were good; the last Instant is where it ended, see `Run`.
     """
     plan = Recipe(instants, 'generalized_alpha', tolerance)
     made = _run(stepper, first, plan, progress)
@@ -97,9 +98,11 @@ def _run(stepper: Stepper, first: Instant, plan: Recipe, progress: Progress) -> 
         after = leg.refused
         if pace.stuck and after is not None:
             status = 'energy' if after.shape.converged else 'unsolved'
-            after = replace(after, shape=replace(after.shape, converged=False))
-            return pace.run([*reached, after], status, _reason(status, stepper, pace.now,
-                                                               after.place))
+            end = replace(after, shape=replace(after.shape, converged=False))
+            if status == 'energy':  # what has made energy is no instant of this DLO
+                end = pace.now
+            return pace.run(reached if end.place == reached[-1].place else [*reached, end], status,
+                            _reason(status, stepper, pace.now, after.place))
     return pace.run(reached)
 
 
@@ -173,8 +176,11 @@ class _Pace:
         scheme = plan.scheme(stepper.dt, level)
         now, books = self.now, self._books.copy()
         if self._steps and self._steps[-1] != level and not now.touched:
-            now = renewed(stepper, now, scheme.dt)
-            given_back(books, now.balance, self._began)
+            fresh = renewed(stepper, now, scheme.dt)
+            gained = fresh.balance - now.balance
+            if gained <= max(self._began - now.balance, 0.0) + self._noise:  # else it is made up
+                now = fresh
+                given_back(books, now.balance, self._began)
         limits = Limits(
             MAX_ITERATIONS if patient else _PATIENCE,
             np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance, _GAIN,
@@ -230,7 +236,7 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
     kinetic, potential, work, losses = (
         np.array([getattr(instant, name) for instant in reached])
         for name in ('kinetic', 'potential', 'work', 'losses'))
-    # of a motion that is not complete, the last shape is not converged
+    # a motion that is not complete is not converged
     shapes: Any = Boxed(len(reached), partial(_shapes, reached), made.status == 'complete')
     return Motion(
         stepper.dt * places, shapes,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.part import Held, Left, Part, Solved
+from dlo_planner.direct.part import Held, Left, Part, Solved, filed
 from dlo_planner.energy.hold import Hold, holds, no_hold, violation
 from dlo_planner.energy.system import System, tip_wrench
 from dlo_planner.model.arrays import Floats
@@ -58,6 +58,11 @@ class FarHold(Part):
     def empty(self, mesh: Discretization, s: Floats) -> Left:
         """Return no forces."""
         return {'hold': np.zeros(0)}
+
+    def judged(self, left: Left, nodes: int) -> Left:
+        """Return the forces, up to six."""
+        count = np.size(left.get('hold', ()))
+        return {'hold': filed(left, 'hold', (min(count, 6),))}
 
     def cleared(self, left: Left) -> Left:
         """Return no forces."""

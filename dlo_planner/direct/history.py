@@ -11,14 +11,17 @@ import numpy as np
 import scipy
 
 from dlo_planner.direct.acting import ACTING
-from dlo_planner.direct.part import Left, Solved
+from dlo_planner.direct.part import Left, Solved, filed
 from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.value import FrozenDict, Value, freeze, put, same
+from dlo_planner.model.checks import row, shown
+from dlo_planner.model.value import FrozenDict, Value, put, same
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.discretization import Discretization
 
+_SAME = 1e-9  # of the length
 _NOWHERE = np.zeros((0, 3))
 
 
@@ -49,7 +52,7 @@ class History(Value):
     def __post_init__(self) -> None:
         if not isinstance(self.left, FrozenDict):
             put(self, left=FrozenDict({name: np.asarray(one) for name, one in self.left.items()}))
-        freeze((self.s, self.left, self.positions, self.tangents))
+        super().__post_init__()
 
     @classmethod
     def empty(cls, mesh: Discretization) -> History:
@@ -72,6 +75,26 @@ class History(Value):
         """Return the past of a DLO after a step, with its nodes' positions and tangents then."""
         left = {name: array for part in ACTING for name, array in part.leaves(solved).items()}
         return cls(solved.mesh.s, left, positions, tangents, solved.mesh.surroundings)
+
+    def judged(self, length: float) -> History:
+        """Return the same past, from a file, if it can be of a DLO of that length, m.
+
+        Raises
+        ------
+        InvalidTask
+            Naming an array that cannot be.
+        """
+        s = row('past_s', self.s, least=2, minimum=0)
+        if s[0] != 0 or (np.diff(s) <= 0).any() or abs(s[-1] - length) > _SAME * length:
+            raise InvalidTask(f'past_s = {shown(s.tolist())}: expected arc lengths that grow from '
+                              f'0 to {length:g}')
+        left = {name: filed(self.left, name, np.shape(one)) for name, one in self.left.items()}
+        for part in ACTING:
+            left |= part.judged(self.left, s.size)
+        size = (s.size if len(self.positions) else 0, 3)
+        way = {name: filed({name: getattr(self, name)}, name, size)
+               for name in ('positions', 'tangents')}
+        return replace(self, s=s, left=left, **way)
 
     def followed(self, positions: Floats, tangents: Floats, **left: Any) -> History:
         """Return the past after a step that left nothing else than arrays of some names."""

@@ -51,7 +51,8 @@ class Motion(Filmed):
     Attributes
     ----------
     times : ndarray, shape (n,)
-        Times in s; of a motion that ended early, the last one is where it could not go on.
+        Times in s; of a motion that ended early, the last one is where it could not go on: where
+        the step that could not be solved ends, or the last instant before one that gained energy.
     shapes : tuple of Shape
         The n shapes; residual and stability are those of the step's minimization, gripper_wrench
         includes inertia and damping, error_estimate is infinite (not known).

@@ -108,6 +108,8 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
                 worst = found[k] = max(worst, _apart(instant.nodes.position[::2],
                                                      trace.positions[k]))
             now, made, at, left = leg.last, made + count, at + size * count, left - count
+    if now.place == trace.places[-1]:  # of one that ended early, between two instants
+        found[-1] = max(worst, _apart(now.nodes.position[::2], trace.positions[-1]))
     return _estimate(coarse, plan, found)
 
 

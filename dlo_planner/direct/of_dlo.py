@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -19,6 +20,8 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
+from dlo_planner.model.surface import Surface
+from dlo_planner.ritz.self_distance import may_head_back, self_distance
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.shape import Shape
@@ -64,10 +67,37 @@ class OfDLO(Curve):
     def bend_margin(self) -> float:
         """How much less than the rod's max_bend_curvature the sharpest bend is, 1/m (< 0: more).
 
-        Infinite without a limit.
+        nan without a limit: nothing was looked at.
         """
         limit = None if self.rod is None else self.rod.max_bend_curvature
-        return np.inf if limit is None else float(limit - 1 / self.bend_radius.min())
+        return np.nan if limit is None else float(limit - 1 / self.bend_radius.min())
+
+    @property
+    def self_distance(self) -> float:
+        """Least distance in m of its axis from itself, within 1e-6 of the length.
+
+        Of places that are no neighbours: between them it heads back towards the first. Infinite if
+        it heads back nowhere; nan where not known, of a DLO without a radius or from a file. What
+        is below the diameter lies in itself, see `lies_in_itself`: nothing holds it off.
+        """
+        return self._near_itself[0]
+
+    @property
+    def lies_in_itself(self) -> bool:
+        """Whether two of its pieces, no neighbours, are nearer than their radii.
+
+        By the least half size of a rectangular section; False where `self_distance` is nan.
+        """
+        return self._near_itself[1] < 0
+
+    @cached_property
+    def _near_itself(self) -> tuple[float, float]:
+        """Return `self_distance`, and the least distance less both radii, m; computed once."""
+        radii = _radii_of(cast('Shape', self))
+        if radii is None:
+            return np.nan, np.nan
+        distance, gap = self_distance(*self.for_kernels, radii, np.inf, np.inf)
+        return float(distance), float(gap)
 
     @property
     def bent(self) -> Floats:
@@ -146,3 +176,30 @@ class OfDLO(Curve):
         In those of `stiffness_matrix`, for shapes as there; the grips at rest.
         """
         return Linearized(cast('Shape', self)).vibration.jacobian
+
+
+
+def in_itself(shape: Shape, surface: Surface) -> float:
+    """Return by how much, in m, a Shape with this Surface lies in itself; 0 where it does not."""
+    if surface.radius == 0.0 or not may_head_back(shape.s, shape.element_strains):
+        return 0.0
+    _, gap = self_distance(*shape.for_kernels, _radii(surface, shape.s), 0.0, 0.0)
+    return -float(gap)
+
+
+def _radii(surface: Surface, s: Floats) -> Floats:
+    """Return (N,) how far a Surface is from the axis at least in the elements of `s`, m."""
+    if surface.rod is None:
+        return np.full(s.size - 1, surface.least)
+    radii: Floats = surface.radii(s).min(axis=1)
+    return radii
+
+
+def _radii_of(shape: Shape) -> Floats | None:
+    """Return the `_radii` of a Shape; None where it has none."""
+    if shape.parts is not None:  # of one grasped inside, the first runs against its arc length
+        back, on = (_radii_of(part) for part in shape.parts)
+        return None if back is None or on is None else np.concatenate([back[::-1], on])
+    if shape.rod is None or shape.rod.radius is None:
+        return None
+    return _radii(Surface.of(shape.rod), shape.s)

@@ -15,7 +15,9 @@ import numpy as np
 
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.system import State, System
+from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import shown
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.ritz.record import Record
@@ -112,6 +114,10 @@ class Part:
         """Return what it leaves where nothing has happened yet, on nodes `s` (N + 1,), m."""
         return {}
 
+    def judged(self, left: Left, nodes: int) -> Left:
+        """Return what a file says that it left on so many nodes; raise InvalidTask as `filed`."""
+        return {}
+
     def resampled(self, left: Left, s: Floats, wanted: Floats) -> Left:
         """Return what it left on nodes `s` (N + 1,) as it is on nodes `wanted` (n + 1,), m."""
         return {}
@@ -163,3 +169,23 @@ class Part:
     def strains(self, mesh: Discretization, left: Left) -> Floats:
         """Return by how much it moves the stress-free strains (N, 3), 1/m."""
         return np.zeros_like(mesh.natural)
+
+
+def filed(left: Left, name: str, shape: tuple[int, ...], *, kind: type = float,
+          lowest: float = -np.inf, highest: float = np.inf) -> Any:
+    """Return an array of what a file says was left, with numbers of a `kind`, float or int.
+
+    Raises
+    ------
+    InvalidTask
+        It is not there, has another shape, or numbers that are not finite, or beyond the limits:
+        kernels would take them as they are.
+    """
+    value = np.asarray(left.get(name, ()))
+    if (name not in left or value.shape != shape
+            or value.dtype.kind not in ('iu' if kind is int else 'iuf')
+            or not np.isfinite(value).all() or (value < lowest).any() or (value > highest).any()):
+        limits = '' if lowest == -np.inf else f' from {lowest:g} to {highest:g}'
+        raise InvalidTask(f'past_{name} = {shown(value.tolist())}: expected finite '
+                          f'{"integers" if kind is int else "numbers"} of shape {shape}{limits}')
+    return value.astype(kind)

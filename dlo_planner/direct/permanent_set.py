@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dlo_planner.direct.mesh import mapped
-from dlo_planner.direct.part import Held, Left, Part, Solved
+from dlo_planner.direct.part import Held, Left, Part, Solved, filed
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.plastic import Layers, add_plastic, set_strains, settled, yields
 from dlo_planner.energy.yielding import yielding_layers
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.rod import Rod
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.discretization import Discretization
+
+_FAR_BEYOND = 10.0  # yield limits: a section that is strained as far bears what it can
+_ALONE = 5.0        # times as far as the elements beside it
+_FEW = 5            # elements: too few to tell
 
 
 class PermanentSet(Part):
@@ -54,6 +59,12 @@ class PermanentSet(Part):
         springs = mesh.given(self.name).set.shape[1] if mesh.yields else 0
         return {'set': np.zeros((s.size - 1, springs)), 'lost': np.array(0.0)}
 
+    def judged(self, left: Left, nodes: int) -> Left:
+        """Return the set of so many nodes less one, and what it cost."""
+        springs = np.shape(left.get('set', ()))[1:]
+        return {'set': filed(left, 'set', (nodes - 1, *(springs or (0,)))),
+                'lost': filed(left, 'lost', (), lowest=0.0)}
+
     def resampled(self, left: Left, s: Floats, wanted: Floats) -> Left:
         """Return the set averaged over other elements."""
         return {'set': mapped(s, left['set'], wanted)}
@@ -88,3 +99,29 @@ class PermanentSet(Part):
         """Return the strains at which the springs balance."""
         moved: Floats = set_strains(mesh.bare.stiffness, self.record(mesh, left, Held()))
         return moved
+
+
+def hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
+    """Return the element that is a plastic hinge, and its strain in yield limits; None if none is.
+
+    Without hardening a moment beyond what the section can bear bends one element alone, the sharper
+    the shorter it is. An element that is bent or twisted far beyond its limit bears its limit
+    moment to 0.3 %; if the next ones but one bear 8 % less, so the moment in it is beyond that.
+
+    Parameters
+    ----------
+    rod : Rod
+    bent : ndarray, shape (N, 3)
+        Strains of the elements less the natural ones, 1/m.
+    """
+    if not rod.yields or rod.hardening > 0 or len(bent) < _FEW:
+        return None
+    curved: Any = rod.yield_curvature or (np.inf, np.inf)  # a pair, whatever was given
+    shares = np.abs(bent) / (rod.yield_torsion or np.inf, *curved)
+    for share in (shares[:, 0], np.hypot(shares[:, 1], shares[:, 2])):
+        at = int(share.argmax())
+        beside = max(share[max(at - 2, 0):max(at - 1, 0)].max(initial=0.0),
+                     share[at + 2:at + 3].max(initial=0.0))
+        if share[at] > _FAR_BEYOND and share[at] > _ALONE * beside:
+            return at, float(share[at])
+    return None

@@ -53,12 +53,14 @@ def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
     parts : int
         Number of parts into which the way of the far end is cut.
     """
+    from dlo_planner.direct.taut import first_shape  # noqa: PLC0415  (SciPy: a free DLO needs none)
     far_end = far_ends[1]
     firm = _resisting_twist(discretization)
     amid = bool(discretization.surroundings.obstacles)
     bare = firm.without_obstacles if amid else firm
     past = bare.past(history)
-    gripper, strains, past = lead(bare, strains, (gripper, gripper), far_ends, past, parts)
+    gripper, strains, past = (first_shape(bare, gripper, far_end, past) or lead(
+        bare, strains, (gripper, gripper), far_ends, past, parts))
     if amid:
         shape, _ = equilibrium(bare, gripper, strains, 'newton', past, far_end)
         past = firm.past(history).leaving(hold=shape.state.left.left['hold'])

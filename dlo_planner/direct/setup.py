@@ -146,6 +146,11 @@ class Setup(Value):
             return self
         return self._with(replace(self.surroundings, obstacles=()), self._history)
 
+    def with_friction(self, friction: float) -> Self:
+        """Return a simulator of the same DLO, set as it is, all its obstacles with a friction."""
+        obstacles = tuple(replace(one, friction=friction) for one in self.obstacles)
+        return self._with(replace(self.surroundings, obstacles=obstacles), self._history)
+
     def with_rod(self, rod: Rod) -> Self:
         """Return a simulator of another Rod (as long or not), all else equal, without a set.
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.contacts import Contact
 from dlo_planner.direct.mesh import mapped
 from dlo_planner.direct.of_dlo import OfDLO
+from dlo_planner.direct.permanent_set import hinge
 from dlo_planner.direct.state import UNKNOWN, State
 from dlo_planner.direct.storage import load, pack, save, unpack
 from dlo_planner.errors import InvalidTask
@@ -21,7 +22,7 @@ from dlo_planner.model.checks import array, flag, instance, integer, items, row,
 from dlo_planner.model.computed import figure
 from dlo_planner.model.far_end import FarEnd, distance, within_reach
 from dlo_planner.model.pose import Pose, shifted
-from dlo_planner.model.value import brief, freeze, put
+from dlo_planner.model.value import brief, owned, put
 
 _NEARLY, _STABLE, _KEPT = 1e-4, 1e-3, 1e-6  # what a shape is not to exceed to go on from it
 
@@ -112,9 +113,7 @@ class Shape(OfDLO):
     def __post_init__(self) -> None:
         if getattr(self.state, 'mesh', None) is None:  # else a simulator made it
             self._judge()
-        for content in (self.s, self.positions, self.frames, self.element_strains,
-                        self.gripper_wrench, self.far_wrench):
-            freeze(content)
+        put(self, **{name: owned(getattr(self, name)) for name in ('s', *_ARRAYS)})
 
     def _judge(self) -> None:
         """Check what comes from elsewhere."""
@@ -149,7 +148,8 @@ class Shape(OfDLO):
                      'jumped' if self.jumped else '', f'residual {self.residual:.1g}',
                      f'stability {self.stability:.2g}',
                      f'error {self.error_estimate:.1g} m' if known else '',
-                     f'{len(self.contacts)} contacts' if self.contacts else '')
+                     f'{len(self.contacts)} contacts' if self.contacts else '',
+                     'lies in itself' if self.lies_in_itself else '')
 
     @property
     def nearly(self) -> bool:
@@ -157,23 +157,54 @@ class Shape(OfDLO):
 
         It is stable, keeps all constraints, and its residual is below 1e-4.
         """
-        return bool(not self.converged and not self.jumped and self.residual < _NEARLY
+        return bool(not self.converged and not self.jumped and self.hinge is None
+                    and self.residual < _NEARLY
                     and self.stability > -_STABLE and self.violation <= _KEPT * self.s[-1]
                     and self._within_reach)
 
     @property
     def status(self) -> str:
-        """How the computation ended, in words: 'converged', 'nearly converged', or why not."""
+        """How the computation ended, in words: 'converged', 'nearly converged', or why not.
+
+        With 'jumped', 'lies in itself' and 'plastic hinge' where it did, does and has one.
+        """
         if self.far_end is not None and not self._within_reach:
             return (f'out of reach: the far end is held {distance(self.far_end, self.gripper):.9g} '
                     f'm from the gripper, the DLO is {self.s[-1]:.9g} m long')
         figures = (f'residual {self.residual:.2g}, stability {self.stability:.2g}, '
                    f'violation {self.violation:.2g} m')
         if self.converged:
-            return 'converged, jumped' if self.jumped else 'converged'
+            return ('converged' + (', jumped' if self.jumped else '')
+                    + (', lies in itself' if self.lies_in_itself else '')
+                    + (f', {self._hinge_in_words}' if self.hinge is not None else ''))
+        if self.hinge is not None:
+            return f'not converged: {self._hinge_in_words}'
         if self.nearly:
             return f'nearly converged: {figures}'
         return f'not converged{", jumped" if self.jumped else ""}: {figures}'
+
+    @property
+    def hinge(self) -> float | None:
+        """Arc length in m of a plastic hinge, one element that bends alone; None if there is none.
+
+        Without `Rod.hardening` a moment beyond what the section bears bends one element, the
+        sharper the shorter it is: strains there mean nothing. With an accuracy that is no
+        `converged` shape, on elements of a given number `error_estimate` tells what it does.
+        """
+        found = self._hinge
+        return None if found is None else float(0.5 * self.s[found[0]:found[0] + 2].sum())
+
+    @property
+    def _hinge(self) -> tuple[int, float] | None:
+        mesh = self.state.mesh
+        return None if mesh is None else hinge(mesh.rod, self.element_strains - mesh.natural)
+
+    @property
+    def _hinge_in_words(self) -> str:
+        assert self._hinge is not None  # asked for where there is one
+        return (f'plastic hinge at s = {self.hinge:.4g} m, one element is strained '
+                f'{self._hinge[1]:.3g} times its yield limit, a shorter one would be further: '
+                'more moment than the section bears without hardening (Rod.hardening)')
 
     @property
     def _within_reach(self) -> bool:

@@ -3,7 +3,6 @@
 """The direct simulator: from gripper poses to shapes."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
 from inspect import signature
 from typing import Any
 
@@ -12,14 +11,13 @@ from numpy.typing import ArrayLike
 from dlo_planner.deprecated import renamed
 from dlo_planner.direct.accuracy import default_accuracy, first_mesh, mesh_to_begin_with, within
 from dlo_planner.direct.beginning import Velocity
-from dlo_planner.direct.continuation import follow, leapt
+from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.grips import ends_of, poses
 from dlo_planner.direct.mesh import even_mesh
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.moving import Moving, Prescribed
-from dlo_planner.direct.one_step import held_by
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.stepping import Stepper
 from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings, judge_method
@@ -133,7 +131,8 @@ class DirectSimulator(Moving):
             Pose of the gripper; x axis = tangent of the DLO where it leaves.
         initial : Shape, optional
             Shape to start from: the gripper goes straight from its pose to the new one, around no
-            obstacle, and a permanent set is kept. If None, the search starts from the stress-free
+            obstacle, and a permanent set is kept. What touches goes in parts of at most 0.05 of the
+            length, shorter where it may fall. If None, the search starts from the stress-free
             shape, set down at the pose, wherever obstacles are.
         far_end : FarEnd or Pose or array_like, optional
             Pose that clamps the far end, position (3,) that pins it, or FarEnd. If None, the far
@@ -146,11 +145,9 @@ class DirectSimulator(Moving):
         """
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
-        shape, kicks = self._equilibrium(gripper, initial, far_end)
-        if initial is None or not self._made(initial):
-            return shape
-        jumped = shape.jumped or leapt(self._equilibrium, initial, shape, kicks)
-        return replace(shape, jumped=True) if jumped and not shape.jumped else shape
+        if initial is None or not (self._made(initial) or initial.state.kept):
+            return self._equilibrium(gripper, initial, far_end)[0]
+        return follow(self._equilibrium, initial, gripper, far_end, at_once=True)
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
               initial: Shape | None = None, *, far_ends: Iterable[Any] | None = None,
@@ -190,8 +187,7 @@ class DirectSimulator(Moving):
             if before is None:
                 shape, _ = self._equilibrium(gripper, initial, end)
             else:
-                shape = follow(self._equilibrium, before,
-                               held_by(self.surroundings, gripper, before), end)
+                shape = follow(self._equilibrium, before, gripper, end)
             shapes.append(shape)
             if shape.converged or shape.nearly:  # a failure is reported, not carried on
                 initial = shape

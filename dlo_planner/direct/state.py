@@ -86,6 +86,11 @@ class State(Value):
             raise InvalidTask('Shape.state: expected a shape that comes from a simulator')
         return self.before.with_contacts(self.left)
 
+    @property
+    def kept(self) -> bool:
+        """Whether it is that of a Shape from a file, with the past that it had."""
+        return self.mesh is None and self.history is not None and self.history.of is None
+
     def forgotten(self) -> 'State':
         """Return what is left of it where the Shape was changed by hand: its error estimate."""
         return State(estimate=self.estimate)

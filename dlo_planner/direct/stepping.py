@@ -113,8 +113,12 @@ class Stepper:
             leg = self.along(before, (), np.array([place]), scheme, Limits(patience))
             return leg.last if leg.refused is None else leg.refused
         after = self.step_from(before, place, scheme, self.guess(before, scheme.dt), patience)
-        if after.shape.converged or self.discretization.surroundings.obstacles:
+        if after.shape.converged:
             return after
+        if self.discretization.surroundings.obstacles:
+            # from where the DLO is known to be outside of obstacles
+            still = before.bends.position.copy()  # a Shape's are read-only, another type
+            return self.step_from(before, place, scheme, still, patience)
         # rates change by vibrations too quick for the step, too, which tell nothing of its end
         evenly = before.bends.position + scheme.dt * before.bends.velocity
         return self.step_from(before, place, scheme, evenly, patience)
@@ -122,9 +126,8 @@ class Stepper:
     def guess(self, before: Instant, dt: float) -> Floats:
         """Return the strains (N, 3) with which the search for those dt (s) later begins."""
         bends = before.bends
-        if self.discretization.surroundings.obstacles:
-            # where the DLO is known to be outside of obstacles
-            return bends.position.copy()  # a Shape's are read-only, another type for kernels
+        if before.touched:  # an impact's acceleration is not the next step's
+            return bends.position + dt * bends.velocity
         return bends.position + dt * (bends.velocity + 0.5 * dt * bends.acceleration)
 
     def step_from(self, before: Instant, place: float, scheme: Scheme, guess: Floats,

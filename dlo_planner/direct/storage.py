@@ -17,8 +17,9 @@ from dlo_planner.direct.history import History
 from dlo_planner.direct.json_arrays import read_json, write_json
 from dlo_planner.direct.state import State
 from dlo_planner.errors import InvalidTask
+from dlo_planner.files import readable, writable
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, shown
+from dlo_planner.model.checks import shown
 from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Constant
@@ -30,6 +31,7 @@ T = TypeVar('T')
 ShapeT = TypeVar('ShapeT', bound='Shape')
 
 _FORMAT = 2  # 1: files of 0.1.0, which do not say what they hold
+_MOST = 2**32  # bytes in a file, unpacked
 _PAST, _WAY = 'past_', ('s', 'positions', 'tangents')
 _RENAMED = {'Report': 'ValidationReport'}  # in older files
 _ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
@@ -69,7 +71,7 @@ def unpack(shape_class: type[ShapeT], stored: Mapping[str, Any], prefix: str = '
                      for row in get('contacts'))
     mark = prefix + _PAST
     past = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
-    history = _history(past, get('frames')) if past else None
+    history = _history(past, get('frames')).judged(float(get('s')[-1])) if past else None
     estimate = float(get('error_estimate'))
     values = {name: get(name) for name in _ARRAYS}
     values |= {name: get(name).item() for name in _NUMBERS}
@@ -102,13 +104,15 @@ def save(path: str | PathLike[str], arrays: Mapping[str, Any], kind: str) -> Non
     InvalidTask
         Nothing can be written there.
     """
-    instance('path', path, (str, PathLike))
+    target = writable(path)
+    if not _is_json(path) and target.suffix != '.npz':
+        target = writable(target.with_name(f'{target.name}.npz'))
     marked = {'format': _FORMAT, 'kind': kind, **arrays}
     try:
         if _is_json(path):
-            write_json(path, {name: np.asarray(one) for name, one in marked.items()})
+            write_json(target, {name: np.asarray(one) for name, one in marked.items()})
         else:
-            np.savez_compressed(path, **marked)
+            np.savez_compressed(target, **marked)
     except (OSError, ValueError) as error:
         raise InvalidTask(f'path = {shown(str(path))}: expected a file to write, '
                           f'{error}') from None
@@ -122,7 +126,7 @@ def load(path: str | PathLike[str], read: Callable[[dict[str, NDArray[Any]]], T]
     InvalidTask
         Not such a file; the message names it.
     """
-    instance('path', path, (str, PathLike))
+    readable(path)
     written = 'a JSON' if _is_json(path) else 'an npz'
     try:
         arrays = read_json(path) if _is_json(path) else _read_npz(path)
@@ -149,4 +153,7 @@ def _is_json(path: str | PathLike[str]) -> bool:
 
 def _read_npz(path: str | PathLike[str]) -> dict[str, NDArray[Any]]:
     with np.load(path) as stored:
+        size = sum(one.file_size for one in stored.zip.infolist())
+        if size > _MOST:
+            raise ValueError(f'of at most {_MOST} bytes, not {size}')
         return dict(stored)

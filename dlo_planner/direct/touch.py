@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dlo_planner.direct.contacts import contact_rows, contacts_of
-from dlo_planner.direct.part import Held, Left, Part, Solved
+from dlo_planner.direct.part import Held, Left, Part, Solved, filed
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contact, Contacts, moved_scene, obstructed
 from dlo_planner.energy.depth import depth_of_point
@@ -87,6 +87,18 @@ class Touch(Part):
         """Return no forces."""
         bodies = mesh.given(self.name).kind.size if mesh.obstructed else 0
         return {'node_force': np.zeros((bodies, s.size)), **_NO_POINTS}
+
+    def judged(self, left: Left, nodes: int) -> Left:
+        """Return the forces, with elements and obstacles that there are."""
+        bodies, points = len(left.get('node_force', ())), np.size(left.get('point_element', ()))
+        limits = {'element': (0, nodes - 2), 'obstacle': (-bodies, bodies - 1), 'fraction': (0, 1)}
+        known = {}
+        for name, none in NO_POINTS.items():
+            low, high = limits.get(name, (-np.inf, np.inf))
+            known[_POINT + name] = filed(left, _POINT + name, (points, *none.shape[1:]),
+                                         kind=int if none.dtype.kind == 'i' else float,
+                                         lowest=low, highest=high)
+        return {'node_force': filed(left, 'node_force', (bodies, nodes)), **known}
 
     def resampled(self, left: Left, s: Floats, wanted: Floats) -> Left:
         """Return forces where a node stays, and inside elements."""
@@ -168,6 +180,13 @@ def left_of(forces: Sequence[Any]) -> Left:
 def forces_left(left: Left) -> list[Any]:
     """Return the arrays that `standing` and `halved` take of what is left, in their order."""
     return [left['node_force'], *(left[_POINT + name] for name in NO_POINTS)]
+
+
+def friction_work(left: Left) -> float:
+    """Return the work in J of friction in the step that left it, with the forces at its end."""
+    rubs = left[_POINT + 'obstacle'] < 0
+    force, way = left[_POINT + 'shear'][rubs], left[_POINT + 'slid'][rubs]
+    return float(np.abs(np.sum(force * way, axis=1)).sum())
 
 
 @kernel

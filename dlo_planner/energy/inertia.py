@@ -56,6 +56,14 @@ def hinged(effect: Anchor, _: float) -> Anchor:
 
 
 @kernel
+def is_drawn(effect):
+    """Whether inertia draws the DLO: it is in motion."""
+    if effect is None:
+        return False
+    return effect.weight.size > 0
+
+
+@kernel
 def add_forces(effect, system, state):
     """Add dW/dx to `state.pull` and d2W to `state.weight`; return W in J, twice."""
     if effect is None:

@@ -5,7 +5,9 @@
 A state machine without side effects: its inputs are the time and what has happened, its output is
 the next phase. Look, plan anew for the estimated DLO, go to the standoff, look again there if the
 predicted miss is too large a part of the room, and enter only if the miss is inside the room with
-95 %.
+95 %. Where looks do not agree with each other, or the miss grows beyond the room before the entry,
+stop, go back before the sheet, and try again a few times. A look at rest begins anew as long as
+what is seen does not agree: the DLO swings, or has slipped.
 """
 
 from __future__ import annotations
@@ -25,8 +27,9 @@ class Phase(Enum):
     PLAN = 'plan'    # make a plan, or at the standoff a correction, for the estimated DLO
     GO = 'go'        # go to the standoff, with corrections
     ENTER = 'enter'  # go through the cut-out, with corrections
+    RETREAT = 'retreat'  # stop, and from behind the standoff go back to it
     DONE = 'done'
-    STOP = 'stop'    # stand still: the predicted miss is not inside the room with 95 %
+    STOP = 'stop'    # stand still: the miss is not inside the room with 95 %, or looks disagree
 
     @classmethod
     def _missing_(cls, value: object) -> None:
@@ -42,7 +45,9 @@ class ClosedLoop(Value):
     room : float
         Distance by which the DLO may miss the center, m.
     look : float
-        Duration of a LOOK, s; the DLO should swing a few times in it.
+        Duration of a LOOK without a doubt, s; the DLO should swing a few times in it.
+    patience : float
+        Duration of a LOOK with doubts after which the phase is STOP, s.
     period : float
         Time between two corrections on the way, s.
     share : float
@@ -51,6 +56,8 @@ class ClosedLoop(Value):
     most_looks : int
         Number of looks at the standoff, at most; if the bound still exceeds the room, the phase is
         STOP.
+    most_tries : int
+        How often looks may come to disagree until the phase is STOP.
     phase : Phase
     since : float or None
         Time at which the phase began, s. If None, it begins with the first `advanced`.
@@ -60,6 +67,10 @@ class ClosedLoop(Value):
         Number of looks at the standoff so far.
     at_standoff : bool
         Whether the gripper has arrived there.
+    tries : int
+        How often looks came to disagree, or the bound to exceed the room, so far.
+    doubted : float or None
+        Time at which a LOOK was last begun anew, s. If None, it was not.
 
     Raises
     ------
@@ -69,28 +80,41 @@ class ClosedLoop(Value):
 
     room: float
     look: float = 2.0
+    patience: float = 30.0
     period: float = 0.5
     share: float = 0.25
     most_looks: int = 3
+    most_tries: int = 3
     phase: Phase = Phase.LOOK
     since: float | None = None
     corrected: float | None = None
     looks: int = 0
     at_standoff: bool = False
+    tries: int = 0
+    doubted: float | None = None
 
     def __post_init__(self) -> None:
         put(self, room=number('ClosedLoop.room', self.room, above=0),
             look=number('ClosedLoop.look', self.look, minimum=0),
+            patience=number('ClosedLoop.patience', self.patience, minimum=0),
             period=number('ClosedLoop.period', self.period, above=0),
             share=number('ClosedLoop.share', self.share, above=0, maximum=1),
             most_looks=integer('ClosedLoop.most_looks', self.most_looks, minimum=0, maximum=1000),
             looks=integer('ClosedLoop.looks', self.looks, minimum=0, maximum=1000),
+            most_tries=integer('ClosedLoop.most_tries', self.most_tries, minimum=0, maximum=1000),
+            tries=integer('ClosedLoop.tries', self.tries, minimum=0, maximum=1001),
             at_standoff=flag('ClosedLoop.at_standoff', self.at_standoff))
         instance('ClosedLoop.phase', self.phase, Phase)
-        for name in ('since', 'corrected'):
+        for name in ('since', 'corrected', 'doubted'):
             if getattr(self, name) is not None:
                 put(self, **{name: number(f'ClosedLoop.{name}', getattr(self, name))})
         super().__post_init__()
+
+    @property
+    def calm(self) -> float:
+        """Time since which there was no doubt in a LOOK that has begun, s."""
+        assert self.since is not None
+        return self.since if self.doubted is None else max(self.since, self.doubted)
 
     def correction_due(self, time: float) -> bool:
         """Return whether a correction is due at `time` (s): only in the phases GO and ENTER."""
@@ -102,8 +126,8 @@ class ClosedLoop(Value):
         """Return this state after a correction at `time` (s)."""
         return replace(self, corrected=number('time', time))
 
-    def advanced(self, time: float, bound: float | None = None, *,
-                 finished: bool = False) -> ClosedLoop:
+    def advanced(self, time: float, bound: float | None = None, *, finished: bool = False,
+                 doubted: bool = False) -> ClosedLoop:
         """Return the state at `time`: the same phase, or the next one.
 
         Parameters
@@ -112,10 +136,14 @@ class ClosedLoop(Value):
             Present time, s.
         bound : float, optional
             95 % bound of the miss at the entry, m, of the corrected plan (`Estimate.miss`); may be
-            infinite. Needed when GO is finished, and when PLAN is at the standoff.
+            infinite. Needed when GO is finished, and when PLAN is at the standoff. In ENTER: before
+            the entry, where it may still turn back.
         finished : bool, optional
-            Whether the phase is done: the plan made, the standoff reached, the DLO at its depth (a
-            LOOK ends by its duration).
+            Whether the phase is done: the plan made, the standoff reached, the DLO at its depth,
+            the gripper back (a LOOK ends by its duration).
+        doubted : bool, optional
+            Whether the last looks do not agree with the estimate (`Estimate.agrees`), or nothing
+            was seen. What they came to disagree about has to be open again in what follows.
 
         Raises
         ------
@@ -127,19 +155,38 @@ class ClosedLoop(Value):
             bound = number('bound', bound, minimum=0)
         since = time if self.since is None else self.since
         state = replace(self, since=since)
-        if state.phase is Phase.LOOK:
-            over = time - since >= state.look
-            return state._to(Phase.PLAN, time) if over else state
-        if not finished or state.phase in (Phase.DONE, Phase.STOP):
+        if state.phase in (Phase.DONE, Phase.STOP):
             return state
+        doubted = flag('doubted', doubted)
+        if state.phase is Phase.LOOK:
+            if doubted and time - since >= state.patience:
+                return state._to(Phase.STOP, time)
+            if doubted:
+                return replace(state, doubted=time)
+            return state._to(Phase.PLAN, time) if time - state.calm >= state.look else state
+        if doubted and state.phase is not Phase.RETREAT:
+            return state._doubting(time)
         if state.phase is Phase.ENTER:
-            return state._to(Phase.DONE, time)
+            if bound is not None and bound > state.room:
+                return state._doubting(time)
+            return state._to(Phase.DONE, time) if finished else state
+        if not finished:
+            return state
+        if state.phase is Phase.RETREAT:
+            return state._to(Phase.STOP if state.tries > state.most_tries else Phase.LOOK, time)
         if state.phase is Phase.PLAN and not state.at_standoff:
             return state._to(Phase.GO, time)
         if bound is None:
             raise InvalidTask(f'bound = None: expected the predicted miss at the standoff, phase '
                               f'{state.phase.value!r}')
         return replace(state, at_standoff=True)._at_standoff(time, bound)
+
+    def _doubting(self, time: float) -> ClosedLoop:
+        """Return the state that tries again: in motion it stops and goes back first."""
+        state = replace(self, tries=self.tries + 1, looks=0)
+        if state.phase in (Phase.GO, Phase.ENTER):
+            return state._to(Phase.RETREAT, time)
+        return state._to(Phase.STOP if state.tries > state.most_tries else Phase.LOOK, time)
 
     def _at_standoff(self, time: float, bound: float) -> ClosedLoop:
         if bound > self.share * self.room and self.looks < self.most_looks and (

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +15,7 @@ from dlo_planner.deprecated import renamed
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.identify.memory import RobotError, way_between
 from dlo_planner.identify.predicted_miss import (
     PredictedMiss,
     judged_plan,
@@ -23,7 +25,7 @@ from dlo_planner.identify.predicted_miss import (
 from dlo_planner.identify.settling import settled
 from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import flag, instance, integer, vector
+from dlo_planner.model.checks import flag, instance, integer, items, vector
 from dlo_planner.model.computed import figure, results
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
@@ -50,10 +52,15 @@ class Estimate(Value):
         Whether the last observation could be used; if not, this is the one before it.
     misfit : float
         Root mean square distance of the points of the last look from the DLO, m, each weighed by
-        the probability that it belongs to the DLO; nan before the first look. Looks at one pose
-        without sway are taken together.
+        the probability that it belongs to the DLO; nan before the first look.
     outliers : float
         Part of the same points that seem not to belong to the DLO; nan before the first.
+    surprise : float
+        How far the last look is from what was expected before it: the largest of the chi-square by
+        which it moved the state, of that of the points' distances after it, and of the outliers,
+        each by the value that one look in 10,000 exceeds by chance; nan before the first.
+    robot : RobotError
+        How the robot's error changes; see `Observer`.
     """
 
     uncertain: Uncertain
@@ -63,6 +70,8 @@ class Estimate(Value):
     converged: bool = True
     misfit: float = np.nan
     outliers: float = np.nan
+    surprise: float = np.nan
+    robot: RobotError = RobotError(np.zeros(6))
     _shape: Shape | None = field(default=None, compare=False)
     _memory: Any = field(default=None, compare=False)  # of the looks, see `identify.memory`
 
@@ -73,9 +82,11 @@ class Estimate(Value):
             looks=integer('Estimate.looks', self.looks, minimum=0, maximum=10**12),
             converged=flag('Estimate.converged', self.converged),
             misfit=figure('Estimate.misfit', self.misfit),
-            outliers=figure('Estimate.outliers', self.outliers))
+            outliers=figure('Estimate.outliers', self.outliers),
+            surprise=figure('Estimate.surprise', self.surprise))
         if not (np.isfinite(self.mean).all() and np.isfinite(self.covariance).all()):
             raise InvalidTask('Estimate.mean, Estimate.covariance: expected finite numbers')
+        instance('Estimate.robot', self.robot, RobotError)
         instance('Estimate._shape', self._shape, Shape, optional=True)
         super().__post_init__()
 
@@ -83,7 +94,22 @@ class Estimate(Value):
         return brief(self, f'{self.looks} looks',
                      '' if self.converged else 'last one not converged',
                      f'misfit {self.misfit:.2g} m' if self.looks else '',
+                     f'surprise {self.surprise:.2g}' if self.surprise > 1 else '',
                      f'{self.uncertain.size} numbers')
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the last look could be used and is what could be expected before it."""
+        return self.converged and not self.surprise > 1
+
+    @property
+    def inflation(self) -> float:
+        """By what the covariance is to be multiplied, since looks disagree more than they should.
+
+        The mean of their chi-squares by their degrees of freedom (Birge's ratio), at least 1; the
+        `bound` of a predicted miss contains it.
+        """
+        return 1.0 if self._memory is None else float(self._memory.consistency.inflation)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -112,8 +138,42 @@ class Estimate(Value):
 
     @property
     def gripper_offset(self) -> Pose:
-        """Estimated true Pose of the gripper in the frame of the commanded one."""
-        return self.uncertain.offset(self.mean)
+        """Estimated true Pose of the gripper in the frame of the commanded one.
+
+        With the robot's error where the DLO was seen last, if that repeats itself.
+        """
+        return self.uncertain.offset(self.mean, self.robot_error)
+
+    @property
+    def robot_error(self) -> Floats:
+        """Robot's error (6,) that is expected where the DLO was seen last: rad, m."""
+        if self._memory is None or not self.robot.repeats:
+            return np.zeros(6)
+        return self.robot.twist(self._memory.mean[self.mean.size:])
+
+    @property
+    def joint_covariance(self) -> Floats:
+        """Covariance (n + 6, n + 6) of the n numbers and of `robot_error`."""
+        n = self.mean.size
+        out = np.zeros((n + 6, n + 6))
+        out[:n, :n] = self.covariance
+        if self._memory is not None and self.robot.repeats:
+            acting = self.robot.acting
+            unit = np.append(self.uncertain.deviations, self.robot.deviations[acting])
+            own = np.append(np.arange(n), n + acting)
+            out[np.ix_(own, own)] = self._memory.covariance * np.outer(unit, unit)
+        return out
+
+    def robot_change(self, gripper: Pose, seen: Pose | None = None) -> float:
+        """Return the variance by which the robot's error at a Pose differs from where it was seen.
+
+        Over the square of its deviations; `seen`: the Pose where the DLO will have been seen last,
+        None: where it was.
+        """
+        groups = () if self._memory is None else self._memory.groups
+        if not groups or not self.robot.repeats:
+            return 1.0
+        return self.robot.change(way_between(seen or groups[-1].gripper, gripper))
 
     @property
     def camera_bias(self) -> Floats:
@@ -152,7 +212,8 @@ class Estimate(Value):
         mesh = self.uncertain.simulator.discretization(actual, None)
         return settled(self.uncertain.varied(mesh), self.mean, actual, self._shape)
 
-    def miss(self, plan: Plan, waypoints: ArrayLike | None = None) -> PredictedMiss:
+    def miss(self, plan: Plan, waypoints: ArrayLike | None = None,
+             seen: Sequence[Pose] | None = None) -> PredictedMiss:
         """Return the PredictedMiss of the DLO at waypoints of a commanded plan.
 
         Parameters
@@ -161,10 +222,17 @@ class Estimate(Value):
             Plan whose poses are commanded, and whose centers are as stated.
         waypoints : array_like, shape (k,), optional
             Indices of waypoints that pass a center. If None, all that do.
+        seen : sequence of Pose, optional
+            For each of them the measured Pose of the gripper at the last look by which it will have
+            been corrected. If None, there will be no look any more.
 
         Raises
         ------
         InvalidTask
             An argument makes no sense.
         """
-        return miss_of(self, judged_plan(self, plan), judged_waypoints(plan, waypoints))
+        chosen = judged_waypoints(plan, waypoints)
+        if seen is not None and len(items('seen', seen, Pose)) != len(chosen):
+            raise InvalidTask(f'seen has {len(seen)} entries: expected one for each waypoint, '
+                              f'{len(chosen)}')
+        return miss_of(self, judged_plan(self, plan), chosen, seen=seen)

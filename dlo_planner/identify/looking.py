@@ -11,7 +11,7 @@ from the median of the squared distances, which outliers hardly move.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,27 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.ritz.kinematics import point_inside
 
 _ABOUT = 0.1  # of the length: half side of the cube about the DLO in which outliers lie
-_MEDIAN = {2: 1.3862943611198906, 3: 2.3659738843753377}  # of a chi-square, by degrees of freedom
+_MEDIAN_2, _MEDIAN_3 = 1.3862943611198906, 2.3659738843753377  # of a chi-square of 2, 3 degrees
 _BADLY = 4.0  # times the noise's square: above it the shape fits badly
+_TURNS = 40   # of expectation and maximization
+_BY_MEDIAN = 3  # of them with a scale by the median
+_FOUND = 1e-6   # standard deviations: the last step
+
+
+class Own(NamedTuple):
+    """What is another one in each look, in standard deviations.
+
+    Attributes
+    ----------
+    sway : float
+        Of the free end about its rest along each world axis, m.
+    late : tuple of float
+        Rotation vector, rad, and way, m, of the gripper in the time by which the stamp may be
+        wrong, world axes: the DLO moves along with it.
+    """
+
+    sway: float = 0.0
+    late: tuple[float, ...] = (0.0,) * 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +62,8 @@ class Distances:
         Frames of the DLO at the arc lengths s (m,), m.
     square : ndarray, shape (m,)
         Squared lengths of `away`, m^2.
+    arms : ndarray, shape (m, 3)
+        From the gripper to the DLO at these arc lengths, m, world axes.
     """
 
     away: Floats
@@ -50,8 +71,9 @@ class Distances:
     frames: Floats
     s: Floats
     square: Floats
+    arms: Floats
 
-    def cost(self, scale: float, outliers: float, sway: float, length: float) -> float:
+    def cost(self, scale: float, outliers: float, own: Own, length: float) -> float:
         """Return minus the logarithm of the likelihood, up to a constant.
 
         Parameters
@@ -60,35 +82,36 @@ class Distances:
             Noise of a point along each axis, m.
         outliers : float
             Part of the points that do not belong to the DLO.
-        sway : float
-            Standard deviation of the free end's sway, m.
+        own : Own
+            Of the look.
         length : float
             Length of the DLO, m.
         """
         d = self.away.shape[1]
-        square, more = self.square, 0.0
-        if sway:
-            square, more = self._without_sway(scale, outliers, sway, length)
+        _, square, likely, _, _ = _most_likely(self.away, self.by_own(own, length), 0.0, scale,
+                                               outliers, 2 * _ABOUT * length)
+        more = 0.5 * float(likely @ likely)
         if outliers == 0:
             return 0.5 * float(square.sum()) / scale**2 + more
         # for each point -log((1 - e) N(r) + e / V), up to a constant
-        own = -0.5 * square / scale**2
+        of_dlo = -0.5 * square / scale**2
         none = np.log(outliers / (1 - outliers)) + d * np.log(
             np.sqrt(2 * np.pi) * scale / (2 * _ABOUT * length))
-        return -float(np.logaddexp(own, none).sum()) + more
+        return -float(np.logaddexp(of_dlo, none).sum()) + more
 
-    def swaying(self, length: float) -> Floats:
-        """Return (m, d, 3): derivatives by the free end's sway of the DLO along `axes`."""
-        return self.axes * ((self.s / length) ** 2)[:, None, None]
+    def by_own(self, own: Own, length: float) -> Floats:
+        """Return (m, d, k): derivatives along `axes` by what is another one in each look.
 
-    def _without_sway(self, scale: float, outliers: float, sway: float,
-                      length: float) -> tuple[Floats, float]:
-        """Return squared distances (m,) after the most likely sway, and the cost of that sway."""
-        weights = _weights(self.square, self.away.shape[1], scale, outliers, length)
-        rows = self.swaying(length)
-        most_likely = _sway(rows, self.away, weights, scale, sway)[0]
-        return (np.sum((self.away - rows @ most_likely) ** 2, axis=1),
-                0.5 * float(most_likely @ most_likely) / sway**2)
+        By the sway (3) and by how late the stamp is (1), each in its standard deviation, where it
+        is not 0.
+        """
+        parts = [np.zeros((*self.away.shape, 0))]
+        if own.sway:
+            parts.append(self.axes * (own.sway * (self.s / length) ** 2)[:, None, None])
+        if any(own.late):
+            turn, shift = np.array(own.late[:3]), np.array(own.late[3:])
+            parts.append(self.axes @ (shift + np.cross(turn, self.arms))[:, :, None])
+        return np.concatenate(parts, axis=2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +123,45 @@ class Look:
     distances : Distances
     slopes : ndarray, shape (m, d, n)
         Derivatives of the predicted points along `axes` by the state.
-    swaying : ndarray, shape (m, d, 3)
-        The same by the sway of the free end.
     """
 
     distances: Distances
     slopes: Floats
-    swaying: Floats
+
+
+class Fit(NamedTuple):
+    """How points fit a shape.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (m,)
+        Probabilities of the points to belong to the DLO.
+    scale : float
+        Noise by which they were weighed, m.
+    rows : ndarray, shape (m, d, k)
+        See `Distances.by_own`.
+    most_likely, inner : ndarray, shapes (k,), (k, k)
+        The most likely values of what is the look's own, and their covariance.
+    misfit : float
+        Root mean square distance, weighed, m.
+    residual, degrees : float
+        Chi-square of the weighed distances after that, by the noise as stated, and its degrees of
+        freedom.
+    """
+
+    weights: Floats
+    scale: float
+    rows: Floats
+    most_likely: Floats
+    inner: Floats
+    misfit: float
+    residual: float
+    degrees: float
+
+    @property
+    def outliers(self) -> float:
+        """Mean probability of the points not to belong to the DLO."""
+        return float(1 - self.weights.mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,22 +174,17 @@ class Information:
     ----------
     matrix : ndarray, shape (n, n)
     vector : ndarray, shape (n,)
-    misfit : float
-        Root mean square distance, weighed by the probability to belong to the DLO, m.
-    outliers : float
-        Mean probability of the points not to belong to the DLO.
     scale : float
         Noise by which the points were weighed, m.
     """
 
     matrix: Floats
     vector: Floats
-    misfit: float
-    outliers: float
     scale: float
 
 
-def squares(shape: Shape, points: Floats, s: Floats | None) -> Distances:
+def squares(shape: Shape, points: Floats, s: Floats | None,
+            bent: Floats | None = None) -> Distances:
     """Return the Distances of points from a Shape.
 
     Parameters
@@ -144,18 +194,29 @@ def squares(shape: Shape, points: Floats, s: Floats | None) -> Distances:
         Points in m, world axes, less the camera's bias.
     s : ndarray, shape (m,) or None
         Their arc lengths, m. If None, not known.
+    bent : ndarray, shape (k, 3), optional
+        By how much the DLO is off the Shape at k even arc lengths, m.
     """
     nodes, kernels = np.array(shape.s), shape.for_kernels  # copies: see `Shape.for_kernels`
     at: Floats = nearest(nodes, *kernels, points)[0] if s is None else np.clip(
         s, 0.0, shape.s[-1])
     frames, places = _points_at(nodes, *kernels, at)
+    if bent is not None:
+        even = np.linspace(0, nodes[-1], len(bent))
+        off_rest = np.stack([np.interp(at, even, part) for part in bent.T], axis=1)
+        if s is None:  # the nearest place of the bent DLO
+            at = nearest(nodes, *kernels, points - off_rest)[0]
+            frames, places = _points_at(nodes, *kernels, at)
+            off_rest = np.stack([np.interp(at, even, part) for part in bent.T], axis=1)
+        places += off_rest
     off = points - places
     axes = frames[:, :, 1:].transpose(0, 2, 1) if s is None else np.tile(np.eye(3),
                                                                          (at.size, 1, 1))
     # the distance along the DLO is left out beyond an end as well: the end itself is hardly ever
     # among the points
     away = np.einsum('mij,mj->mi', axes, off)
-    return Distances(away, axes, frames, at, np.sum(away**2, axis=1))
+    return Distances(away, axes, frames, at, np.sum(away**2, axis=1),
+                     places - shape.gripper.position)
 
 
 def looked_at(uncertain: Uncertain, shape: Shape, slopes: Floats, off: Distances,
@@ -182,30 +243,34 @@ def looked_at(uncertain: Uncertain, shape: Shape, slopes: Floats, off: Distances
         for column in uncertain.columns('length')[0]:
             by_state[inside, :, column] -= off.frames[inside, :, 0] * (
                 off.s[inside] / length)[:, None]
-    return Look(off, off.axes @ by_state, off.swaying(length))
+    return Look(off, off.axes @ by_state)
 
 
-def information_of(look: Look, noise: float, outliers: float, sway: float,
+def fit_of(off: Distances, noise: float, outliers: float, own: Own, length: float) -> Fit:
+    """Return the Fit of Distances; arguments as of `Distances.cost`, `noise` as stated."""
+    d, rows = off.away.shape[1], off.by_own(own, length)
+    weights, square, likely, inner, scale = _most_likely(off.away, rows, noise, 0.0, outliers,
+                                                         2 * _ABOUT * length)
+    total = max(float(weights.sum()), np.finfo(float).tiny)
+    return Fit(weights, scale, rows, likely, inner,
+               float(np.sqrt(weights @ np.sum(off.away**2, axis=1) / total)),
+               float(weights @ square) / noise**2, max(d * total - rows.shape[2], 1.0))
+
+
+def information_of(look: Look, noise: float, outliers: float, own: Own,
                    length: float) -> Information:
-    """Return the Information of a Look; arguments as of `Distances.cost`, `noise` as stated."""
+    """Return the Information of a Look; arguments as of `fit_of`."""
     off = look.distances
-    d, square = off.away.shape[1], off.square
-    for _ in range(2 if sway else 1):
-        scale = _scale(square, d, noise)
-        weights = _weights(square, d, scale, outliers, length)
-        if sway:
-            most_likely, inner = _sway(look.swaying, off.away, weights, scale, sway)
-            square = np.sum((off.away - look.swaying @ most_likely) ** 2, axis=1)
-    root = (np.sqrt(weights) / scale)[:, None]
+    fit = fit_of(off, noise, outliers, own, length)
+    root = (np.sqrt(fit.weights) / fit.scale)[:, None]
     rows = (look.slopes * root[:, :, None]).reshape(-1, look.slopes.shape[2])
     matrix, vector = rows.T @ rows, rows.T @ (off.away * root).ravel()
-    if sway:  # eliminated, as it is another one in each look (Schur complement)
-        across = rows.T @ (look.swaying * root[:, :, None]).reshape(-1, 3)
-        matrix = matrix - across @ inner @ across.T
-        vector = vector - across @ most_likely
-    own = max(float(weights.sum()), np.finfo(float).tiny)
-    return Information(matrix, vector, float(np.sqrt(weights @ np.sum(off.away**2, axis=1) / own)),
-                float(1 - weights.mean()), scale)
+    count = fit.rows.shape[2]
+    if count:  # eliminated, as it is another one in each look (Schur complement)
+        across = rows.T @ (fit.rows * root[:, :, None]).reshape(-1, count)
+        matrix = matrix - across @ fit.inner @ across.T
+        vector = vector - across @ fit.most_likely
+    return Information(matrix, vector, fit.scale)
 
 
 def from_either_end(shape: Shape, points: Floats, s: Floats) -> Floats:
@@ -216,29 +281,79 @@ def from_either_end(shape: Shape, points: Floats, s: Floats) -> Floats:
     return both[int(off[1] < off[0])]
 
 
-def _scale(square: Floats, d: int, noise: float) -> float:
-    """Return the noise (m) for the weights: as stated, or larger while the shape fits badly."""
-    left = float(np.median(square)) / _MEDIAN[d]
-    return noise if left <= _BADLY * noise**2 else float(np.sqrt(left))
+@kernel
+def _most_likely(away: Floats, rows: Floats, noise: float, scale: float, outliers: float,
+                 side: float) -> tuple[Floats, Floats, Floats, Floats, float]:
+    """Return what is most likely of points, by expectation maximization.
 
+    Which belong to the DLO and what is the look's own, a normal distribution of unit variance, are
+    searched in turn, first with a scale by the median of the squares, so that a large displacement
+    of all points makes no outliers of them.
 
-def _weights(square: Floats, d: int, scale: float, outliers: float, length: float) -> Floats:
-    """Return (m,) probabilities that points at squared distances `square` belong to the DLO."""
-    if outliers == 0:
-        return np.ones(len(square))
-    own = (1 - outliers) * np.exp(-0.5 * square / scale**2) / (
-        2 * np.pi * scale**2) ** (0.5 * d)
-    result: Floats = own / (own + outliers * (2 * _ABOUT * length) ** -d)
-    return result
+    Parameters
+    ----------
+    away : ndarray, shape (m, d)
+        See `Distances`.
+    rows : ndarray, shape (m, d, k)
+        See `Distances.by_own`.
+    noise : float
+        Noise as stated, m: while the points fit badly, the scale is larger. 0: see `scale`.
+    scale : float
+        Noise with which points are weighed in the end, m, where no `noise` is given.
+    outliers : float
+        Part of the points that do not belong to the DLO.
+    side : float
+        Side of the cube in which these lie, m.
 
-
-def _sway(swaying: Floats, away: Floats, weights: Floats, scale: float,
-          sway: float) -> tuple[Floats, Floats]:
-    """Return the most likely sway (3,), m, and its covariance (3, 3)."""
-    root = (np.sqrt(weights) / scale)[:, None]
-    rows = (swaying * root[:, :, None]).reshape(-1, 3)
-    inner = np.linalg.inv(rows.T @ rows + np.eye(3) / sway**2)
-    return inner @ (rows.T @ (away * root).ravel()), cast(Floats, inner)
+    Returns
+    -------
+    tuple
+        Weights (m,), squared distances (m,) that are left, most likely values (k,) and their
+        covariance (k, k), scale.
+    """
+    m, d, k = rows.shape
+    likely, matrix = np.zeros(k), np.zeros((k, k))
+    weights, square, right = np.ones(m), np.empty(m), np.empty(k)
+    median, least = (_MEDIAN_2 if d == 2 else _MEDIAN_3), noise if noise else scale
+    used = least
+    for turn in range(_TURNS):
+        for i in range(m):
+            square[i] = 0.0
+            for j in range(d):
+                left = away[i, j]
+                for a in range(k):
+                    left -= rows[i, j, a] * likely[a]
+                square[i] += left * left
+        if noise or turn < _BY_MEDIAN:
+            left = np.median(square) / median
+            used = least if left <= _BADLY * least**2 else np.sqrt(left)
+        else:
+            used = scale
+        if outliers:
+            density = (1 - outliers) / (2 * np.pi * used**2) ** (0.5 * d)
+            for i in range(m):
+                own = density * np.exp(-0.5 * square[i] / used**2)
+                weights[i] = own / (own + outliers * side**-d)
+        if not k:
+            if noise or turn >= _BY_MEDIAN:
+                break
+            continue
+        matrix[:] = 0.0
+        right[:] = 0.0
+        for i in range(m):
+            weight = weights[i] / used**2
+            for j in range(d):
+                for a in range(k):
+                    right[a] += weight * rows[i, j, a] * away[i, j]
+                    for b in range(k):
+                        matrix[a, b] += weight * rows[i, j, a] * rows[i, j, b]
+        for a in range(k):
+            matrix[a, a] += 1.0
+        step = np.linalg.solve(matrix, right) - likely
+        if turn > _BY_MEDIAN and np.abs(step).max() < _FOUND:
+            break
+        likely += step
+    return weights, square, likely, np.linalg.inv(matrix), used
 
 
 @kernel

@@ -3,8 +3,9 @@
 """An estimate of a DLO from looks at it, at rest or moving calmly.
 
 The model: a look shows the equilibrium in the true pose of the gripper, plus a sway of the free end
-that is drawn anew for each look, plus noise of each point. The state is constant, or wanders by
-`drift`. `identify.smoothing` finds the most likely state.
+that is drawn anew for each look, plus noise of each point. The true pose is the measured one, a
+constant offset (part of the state), and an error of the robot that wanders. `identify.smoothing`
+finds the most likely state, and says whether the look agrees with what was expected.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.looking import Own
+from dlo_planner.identify.memory import RobotError
 from dlo_planner.identify.observation import Observation
-from dlo_planner.identify.smoothing import Search, symmetric
+from dlo_planner.identify.smoothing import Search, estimate_of, memory_of
 from dlo_planner.identify.uncertain import Uncertain
-from dlo_planner.model.checks import instance, integer, number, vector
+from dlo_planner.model.checks import array, instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 from dlo_planner.verify.uncertainty import Uncertainty
@@ -53,9 +56,13 @@ class Observer(Value):
         Standard deviation of the free end about its equilibrium along each world axis, m, drawn
         anew for each look; a point at s sways by (s / L)^2 of it. Looks that are spread over a
         period of the swing average it out.
-    drift : float, optional
-        Standard deviation by which the state wanders in 1 s, as a part of the prior's; it grows
-        with the square root of time.
+    robot_position, robot_rotation : float, optional
+        Standard deviations of the robot's error that is not constant, m along and rad about each
+        axis of the gripper: by how much it is elsewhere than it measures, less a constant offset.
+    robot_way, robot_time : float, optional
+        Way of the gripper, m (a turn counts by a lever of 0.25 m), and time, s, in which that
+        error changes, see `identify.memory`. An error that depends on the pose alone has an
+        infinite time: it is corrected by what was seen nearby.
     n_terms : int, optional
         Legendre terms along s of each component of the natural curvature.
 
@@ -65,19 +72,20 @@ class Observer(Value):
         An argument makes no sense; the message names it.
     """
 
-    PARTS = ('uncertain', 'noise', 'outliers', 'sway', 'drift')
+    PARTS = ('uncertain', 'noise', 'outliers', 'sway', 'robot')
 
     uncertain: Uncertain
     noise: float
     outliers: float
     sway: float
-    drift: float
+    robot: RobotError
 
     @renamed_arguments(spread='uncertainty')
     def __init__(self, simulator: DirectSimulator | Rod, uncertainty: Uncertainty, *,
                  noise: float = 0.001, bias: float = 0.0, cutout: float = 0.0,
-                 outliers: float = 0.1, sway: float = 0.0, drift: float = 0.0,
-                 n_terms: int = 6) -> None:
+                 outliers: float = 0.1, sway: float = 0.0, robot_position: float = 0.0,
+                 robot_rotation: float = 0.0, robot_way: float = 0.4,
+                 robot_time: float = np.inf, n_terms: int = 6) -> None:
         if isinstance(simulator, Rod):
             simulator = DirectSimulator(simulator)
         simulator = clamping('simulator', simulator)
@@ -92,35 +100,47 @@ class Observer(Value):
             raise InvalidTask(f'uncertainty = {uncertainty!r}: expected a deviation above 0')
         put(self, uncertain=uncertain, noise=number('noise', noise, above=0),
             outliers=number('outliers', outliers, minimum=0, below=1),
-            sway=number('sway', sway, minimum=0), drift=number('drift', drift, minimum=0))
+            sway=number('sway', sway, minimum=0),
+            robot=RobotError(np.repeat([number('robot_rotation', robot_rotation, minimum=0),
+                                        number('robot_position', robot_position, minimum=0)], 3),
+                             number('robot_way', robot_way, above=0),
+                             robot_time if robot_time == np.inf else
+                             number('robot_time', robot_time, above=0)))
         super().__post_init__()
 
     def begin(self) -> Estimate:
         """Return the prior: the Estimate before any look."""
         return Estimate(self.uncertain, np.zeros(self.uncertain.size),
-                        np.diag(self.uncertain.deviations**2))
+                        np.diag(self.uncertain.deviations**2), robot=self.robot)
 
     def update(self, estimate: Estimate, observation: Observation, *,
-               elapsed: float = 0.0, noise: float | None = None,
-               sway: float | None = None) -> Estimate:
+               elapsed: float = 0.0, noise: float | None = None, sway: float | None = None,
+               late: ArrayLike = (0.0,) * 6, bent: ArrayLike | None = None) -> Estimate:
         """Return the Estimate after one more look.
 
         If no equilibrium explains the look, the same estimate is returned with `converged` False.
+        Whether the look agrees with what was expected before it, `Estimate.agrees` says: one that
+        does not should not be believed.
 
         Parameters
         ----------
         estimate : Estimate
             An Estimate of this observer.
         observation : Observation
-            Observation; its gripper is the commanded one at the time of the image (`gripper_at`
+            Observation; its gripper is the measured one at the time of the image (`gripper_at`
             finds it in stamped poses). Points in any order; arc lengths, if known, all from the
             same end, whichever it is.
         elapsed : float, optional
-            Seconds since the look before, in which the state has wandered by `drift`.
+            Seconds since the look before, in which the robot's error has wandered.
         noise, sway : float, optional
-            Noise and sway in m, for this look alone. If None, the observer's. In motion both are
-            larger: an error dt of the stamp displaces all m points alike by v dt at the speed v.
-            State a noise of sqrt(m) v dt to account for it.
+            Noise and sway in m, for this look alone. If None, the observer's. In motion the sway is
+            larger.
+        late : array_like, shape (6,), optional
+            How the gripper moves in the time by which the stamp may be wrong: rotation vector, rad,
+            and way, m, world axes. It displaces all points together.
+        bent : array_like, shape (k, 3), optional
+            By how much the DLO is off its rest at k even arc lengths from the gripper to its end,
+            m, world axes, as in a motion that was simulated. If None, it is expected at rest.
 
         Raises
         ------
@@ -136,7 +156,10 @@ class Observer(Value):
             raise InvalidTask(f'observation.s: expected 0 to the length {length:g} m')
         noise = self.noise if noise is None else number('noise', noise, above=0)
         sway = self.sway if sway is None else number('sway', sway, minimum=0)
-        search = Search(self, estimate, observation, elapsed * self.drift**2, noise, sway)
+        own = Own(sway, tuple(vector('late', late, 6).tolist()))
+        if bent is not None:
+            bent = array('bent', bent, (None, 3))
+        search = Search(self, estimate, observation, elapsed, noise, own, bent)
         after = search.estimate()
         return replace(estimate, converged=False) if after is None else after
 
@@ -172,15 +195,38 @@ class Observer(Value):
         for name in ('camera', 'cutout'):
             columns, number_ = self.uncertain.columns(name)
             rows[number_, columns] = 1.0
-        covariance = estimate.covariance
-        gain = np.linalg.solve(rows @ covariance @ rows.T + noise**2 * np.eye(3),
-                               rows @ covariance).T
-        memory = estimate._memory
-        if memory is not None:
-            memory = memory.with_linear(rows * self.uncertain.deviations / noise, off / noise)
-        return replace(estimate, mean=estimate.mean + gain @ (off - rows @ estimate.mean),
-                       covariance=symmetric(covariance - gain @ rows @ covariance),
-                       _memory=memory)
+        memory = memory_of(self, estimate).with_linear(
+            rows * self.uncertain.deviations / noise, off / noise)
+        return estimate_of(estimate, memory)
+
+    def reopened(self, estimate: Estimate, position: float, rotation: float) -> Estimate:
+        """Return the Estimate in which the DLO may have moved in the gripper, as where it slips.
+
+        What is known of the DLO stays; the gripper's offset becomes as uncertain as stated here,
+        beyond the prior, and what earlier looks tell of it is forgotten.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            An Estimate of this observer.
+        position, rotation : float
+            Standard deviations of the slip, m along and rad about each axis of the gripper.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense.
+        """
+        self._own(estimate)
+        position = number('position', position, minimum=0)
+        rotation = number('rotation', rotation, minimum=0)
+        covariance = np.array(estimate.covariance)
+        for name, slip in (('gripper_position', position), ('gripper_rotation', rotation)):
+            columns, _ = self.uncertain.columns(name)
+            covariance[columns] = 0.0
+            covariance[:, columns] = 0.0
+            covariance[columns, columns] = self.uncertain.deviations[columns]**2 + slip**2
+        return replace(estimate, covariance=covariance, _memory=None)
 
     def _own(self, estimate: Estimate) -> None:
         if instance('estimate', estimate, Estimate).uncertain != self.uncertain:

@@ -22,8 +22,10 @@ from dlo_planner.ritz.rotation import left_jacobian
 _LONGER = 1e-5  # of the length: step of the difference quotients by the length
 
 
-def node_slopes(varied: Varied, z: Floats, shape: Shape) -> Floats:
+def node_slopes(varied: Varied, z: Floats, shape: Shape, error: Floats | None = None) -> Floats:
     """Return (N + 1, 3, n): derivatives of the nodes' positions (m) by the state.
+
+    With an `error` (N + 1, 3, n + 6): by the robot's error as well, see `Uncertain.offset`.
 
     Parameters
     ----------
@@ -33,12 +35,15 @@ def node_slopes(varied: Varied, z: Floats, shape: Shape) -> Floats:
         The state at which `shape` is an equilibrium.
     shape : Shape
         Shape in the true pose of the gripper.
+    error : ndarray, shape (6,), optional
+        The robot's error in that pose.
     """
     uncertain, sensitivity = varied.uncertain, Sensitivity(shape)
-    strains = np.zeros((uncertain.size, *shape.element_strains.shape))
-    out = np.zeros((*shape.positions.shape, uncertain.size))
+    size = uncertain.size + (0 if error is None else 6)
+    strains = np.zeros((size, *shape.element_strains.shape))
+    out = np.zeros((*shape.positions.shape, size))
     _by_rod(varied, z, shape, sensitivity, strains, out)
-    _by_gripper(uncertain, z, shape, sensitivity, strains, out)
+    _by_gripper(uncertain, z, shape, sensitivity, strains, out, error)
     bent = np.flatnonzero(strains.any(axis=(1, 2)))
     out[:, :, bent] += _moved(*shape.for_kernels, strains[bent])
     return out
@@ -72,16 +77,19 @@ def _by_rod(varied: Varied, z: Floats, shape: Shape, sensitivity: Sensitivity, s
 
 
 def _by_gripper(uncertain: Uncertain, z: Floats, shape: Shape, sensitivity: Sensitivity,
-                strains: Floats, out: Floats) -> None:
-    """Set the strains (n, N, 3) due to the gripper's error; add to `out` its rigid motion."""
-    said = shape.gripper.rotation @ uncertain.offset(z).rotation.T
-    columns, numbers = uncertain.columns('gripper_rotation')
+                strains: Floats, out: Floats, error: Floats | None) -> None:
+    """Set the strains (n, N, 3) due to the gripper's errors; add to `out` their rigid motion."""
+    n, robot = uncertain.size, np.arange(3 if error is not None else 0)
+    said = shape.gripper.rotation @ uncertain.offset(z, error).rotation.T
+    columns, numbers = (np.append(one, more) for one, more in zip(
+        uncertain.columns('gripper_rotation'), (n + robot, robot), strict=True))
     if columns.size:
-        turns = (said @ left_jacobian(uncertain.part(z, 'gripper_rotation', 3)))[:, numbers]
+        turns = (said @ left_jacobian(uncertain.gripper_twist(z, error)[:3]))[:, numbers]
         strains[columns] = np.moveaxis(sensitivity.strains[:, :, :3] @ turns, 2, 0)
         arms = shape.positions - shape.gripper.position
         out[:, :, columns] += np.cross(turns.T[None], arms[:, None]).transpose(0, 2, 1)
-    columns, numbers = uncertain.columns('gripper_position')
+    columns, numbers = (np.append(one, more) for one, more in zip(
+        uncertain.columns('gripper_position'), (n + 3 + robot, robot), strict=True))
     out[:, :, columns] += said[:, numbers]  # nothing touches the DLO: its shape stays
 
 

@@ -136,9 +136,9 @@ class Steered(Value):
         poses = [pose.compose(self.tool) for pose in poses]
         if not self.changes:
             return poses, speeds, accelerations
-        turned, shifted = np.split(self._offsets(times), 2, axis=2)
-        for k, pose in enumerate(poses):
-            poses[k] = displaced(pose, np.append(turned[0, k], shifted[0, k]))
+        offsets = self._offsets(times)
+        poses = list(map(displaced, poses, offsets[0]))
+        turned, shifted = np.split(offsets, 2, axis=2)
         turns = Rotation.from_rotvec(turned[0])
         spin = turned[1] + 0.5 * np.cross(turned[0], turned[1])
         carried = turns.apply(speeds[:, 3:])
@@ -149,21 +149,36 @@ class Steered(Value):
         accelerations[:, :3] += shifted[2]
         return poses, speeds, accelerations
 
+    def poses(self, times: ArrayLike) -> list[Pose]:
+        """Return the Poses of `at` alone, in less time.
+
+        Raises
+        ------
+        InvalidTask
+            A time is not a finite number.
+        """
+        times = row('times', times, most=MOST_TIMES)
+        poses = [pose.compose(self.tool) for pose in self.trajectory.poses(times)]
+        if not self.changes:
+            return poses
+        return list(map(displaced, poses, self._offsets(times, 1)[0]))
+
     def progress(self, times: ArrayLike) -> Floats:
         """Return the plan's times (n,) that the trajectory has reached at `times` (n,), s."""
         return self.trajectory.progress(times)
 
-    def _offsets(self, times: Floats) -> Floats:
-        """Return the sum of all changes and its first two derivatives, (3, n, 6)."""
+    def _offsets(self, times: Floats, orders: int = 3) -> Floats:
+        """Return the sum of all changes and its first derivatives, (orders, n, 6)."""
         since = np.array([change.since for change in self.changes])
-        step = [step_response(times[:, None] - since, self.windows, order) for order in range(3)]
+        step = [step_response(times[:, None] - since, self.windows, order)
+                for order in range(orders)]
         inside = np.clip(times, self._whole.x[0], self._whole.x[-1])
-        whole = [self._whole(inside, order) for order in range(3)]
+        whole = [self._whole(inside, order) for order in range(orders)]
         for part in whole[1:]:
             part[times != inside] = 0.0
         terms = [[(1, 0, 0)], [(1, 1, 0), (1, 0, 1)], [(1, 2, 0), (2, 1, 1), (1, 0, 2)]]
         return np.array([sum(factor * np.einsum('nk,nkj->nj', step[i], whole[j])
-                             for factor, i, j in row_) for row_ in terms])
+                             for factor, i, j in row_) for row_ in terms[:orders]])
 
     @cached_property
     def _whole(self) -> CubicHermiteSpline:

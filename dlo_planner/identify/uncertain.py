@@ -145,11 +145,24 @@ class Uncertain(Value):
         """Return (n_terms, 2) Legendre terms that are added to the natural curvature, 1/m."""
         return self.part(z, 'natural_curvature', 2 * self.n_terms).reshape(-1, 2)
 
-    def offset(self, z: Floats) -> Pose:
-        """Return the true Pose of the gripper in the frame of the commanded one."""
-        return Pose.from_rotation(
-            self.part(z, 'gripper_position', 3),
-            Rotation.from_rotvec(self.part(z, 'gripper_rotation', 3)).as_matrix())
+    def gripper_twist(self, z: Floats, error: Floats | None = None) -> Floats:
+        """Return (6,): rotation vector, rad, and place, m, of `offset`."""
+        twist = np.append(self.part(z, 'gripper_rotation', 3), self.part(z, 'gripper_position', 3))
+        return twist if error is None else twist + error
+
+    def offset(self, z: Floats, error: Floats | None = None) -> Pose:
+        """Return the true Pose of the gripper in the frame of the measured one.
+
+        Parameters
+        ----------
+        z : ndarray, shape (n,)
+            State.
+        error : ndarray, shape (6,), optional
+            The robot's error of the moment, added to the state's rotation vector, rad, and
+            position, m.
+        """
+        twist = self.gripper_twist(z, error)
+        return Pose.from_rotation(twist[3:], Rotation.from_rotvec(twist[:3]).as_matrix())
 
     def camera(self, z: Floats) -> Floats:
         """Return (3,) the camera's bias, m."""

@@ -80,7 +80,8 @@ class PlanContext:
         return PlanRequirements(
             speeds, self.progress, required.workspace, () if touched else self.simulator.obstacles,
             Surface.of(rod), None if required.allow_plastic else _yield_limits(self.given.rod),
-            None if touched else self.simulator.without_obstacles(), required.tolerance)
+            None if touched else self.simulator.without_obstacles(), required.tolerance,
+            required.stability)
 
     def builder(self, depths: ArrayLike) -> PlanBuilder:
         """Return a PlanBuilder: it takes one Waypoint per depth, in order, and judges each.

@@ -14,6 +14,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
+from dlo_planner.plan.plan import Plan, PlanStatus
+from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
 
 _TYPE = 'type'
 _DEEPEST = 20  # values inside values
@@ -30,10 +32,11 @@ def to_plain(content: object) -> Any:
     """
     if isinstance(content, Pose):
         return {'position': content.position.tolist(), 'quaternion': content.quaternion.tolist()}
-    if isinstance(content, Shape):
-        return {_TYPE: 'Shape', **{name: {'shape': list(array.shape), 'of': array.dtype.kind,
-                                          'data': array.ravel().tolist()}
-                                   for name, array in pack(content).items()}}
+    if isinstance(content, Shape | Plan):
+        arrays = pack(content) if isinstance(content, Shape) else plan_arrays(content)
+        return {_TYPE: type(content).__name__, **{
+            name: {'shape': list(array.shape), 'of': array.dtype.kind,
+                   'data': array.ravel().tolist()} for name, array in arrays.items()}}
     if isinstance(content, Value) and is_dataclass(content):
         return {_TYPE: type(content).__name__,
                 **{item.name: to_plain(getattr(content, item.name)) for item in fields(content)}}
@@ -76,8 +79,8 @@ def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
     if _TYPE not in content and {'position'} <= set(content) <= _POSE:
         return Pose(content['position'], content.get('quaternion', (0.0, 0.0, 0.0, 1.0)))
     kind = content.get(_TYPE)
-    if isinstance(kind, str) and kind == 'Shape':
-        return _shape(name, content)
+    if isinstance(kind, str) and kind in ('Shape', 'Plan'):
+        return _packed(name, kind, content)
     known: dict[str, Any] = {cls.__name__: cls for cls in _below(Value) if is_dataclass(cls)}
     if not isinstance(kind, str) or kind not in known:
         raise InvalidTask(f'{name}.type = {shown(kind)}: expected the name of a class of tasks, '
@@ -97,14 +100,16 @@ def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
         raise InvalidTask(f'{name}: {error}') from None
 
 
-def _shape(name: str, content: Mapping[str, Any]) -> Shape:
+def _packed(name: str, kind: str, content: Mapping[str, Any]) -> Shape | Plan:
     try:
         arrays = {key: np.array(part['data'], dtype=_DTYPES[part['of']]).reshape(part['shape'])
                   for key, part in content.items() if key != _TYPE}
+        if kind == 'Plan':
+            return Plan(**plan_contents(arrays), status=PlanStatus(str(arrays['status'])))
         shape: Shape = unpack(Shape, arrays)
         return shape
     except Exception as error:  # whatever another content makes of the reader
-        raise InvalidTask(f'{name}: expected a Shape as `Task.to_dict` writes it, {error}'
+        raise InvalidTask(f'{name}: expected a {kind} as `Task.to_dict` writes it, {error}'
                           ) from None
 
 

@@ -145,9 +145,10 @@ class Shorthands(Value):
 
     start_phase = renamed('start_phase', 'approach')
 
-    def approach(self, cutout: CutOut, plan: Plan, start: Pose, *, standoff: float = 0.05,
-                 initial: Shape | None = None, linear_speed: float = 0.1,
-                 angular_speed: float = 0.5, progress: OnProgress = None,
+    def approach(self, cutout: CutOut, plan: Plan, start: Pose, *,
+                 standoff: float | None = None, initial: Shape | None = None,
+                 linear_speed: float = 0.1, angular_speed: float = 0.5,
+                 tolerance: float | None = None, progress: OnProgress = None,
                  deadline: float | None = None) -> Plan:
         """Plan the motion from the gripper's present pose to where a threading begins.
 
@@ -163,12 +164,17 @@ class Shorthands(Value):
             Pose of the gripper now, the DLO behind the sheet.
         standoff : float, optional
             Distance in m between the free end and the cut-out where the last straight motion
-            begins.
+            begins. If None, of 0.05, 0.1 and 0.15 of the length the one with which the calm motion
+            (`Trajectory`) of this plan and `plan` is the quickest, 0.1 if none can be made calm;
+            that takes some seconds.
         initial : Shape, optional
             Shape of the DLO now, as for `thread`. If None, the one it falls into from its natural
             shape.
+        tolerance : float, optional
+            Tolerance of that motion, m; see `Trajectory`.
         linear_speed, angular_speed, progress, deadline : optional
-            As for `thread`.
+            As for `thread`. Where the deadline ends the search of a standoff, the best until then
+            counts.
 
         Returns
         -------
@@ -187,8 +193,8 @@ class Shorthands(Value):
         if not len(instance('plan', plan, Plan)):
             raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
         instance('start', start, Pose)
-        return self._plan(Approach(cutout, plan.shapes[0], standoff), start, initial,
-                          self._with(linear_speed, angular_speed, deadline), progress)
+        return self._plan(Approach(cutout, plan.shapes[0], standoff, plan, tolerance), start,
+                          initial, self._with(linear_speed, angular_speed, deadline), progress)
 
     def thread_two(self, first: CutOut, second: CutOut, *, start: Pose | None = None,
                    depths: ArrayLike | None = None, linear_speed: float = 0.1,

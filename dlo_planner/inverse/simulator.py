@@ -30,8 +30,9 @@ class InverseSimulator(ContactShorthands):
     """Finds the gripper poses that make the DLO's shape do a task.
 
     A waypoint is refused if it leaves the workspace, touches an obstacle against the task, bends
-    more sharply than `Rod.max_bend_curvature`, or yields although it must not: `Infeasible` names
-    the waypoint, the constraint and the amount. Workspace and contacts are checked between
+    more sharply than `Rod.max_bend_curvature`, lies in itself, hardly stands
+    (`Requirements.stability`), or yields although it must not: `Infeasible` names the waypoint, the
+    constraint and the amount. Workspace and contacts are checked between
     waypoints as well, on the path of `Trajectory`; the waypoint is then the next one. The DLO is
     not checked between the waypoints of contact tasks and of `insert`, whose shapes are parts of
     it. If a task leaves a choice, it is made so that these demands are kept.

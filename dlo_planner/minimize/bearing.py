@@ -82,14 +82,14 @@ def carried(system, base, slid, strains, twist):
 
 @kernel
 def _before(system, base, slid, twist):
-    """Return the System before its gripper has moved by a twist; what slides does not stick."""
+    """Return the System before its gripper has moved by a twist.
+
+    What slides goes on along its way, and is held back across it as in the step before: friction
+    has the direction of the whole step's way. Without it a DLO may slip aside that does not.
+    """
     now, shift = system.effects.contact.contacts, twist[3:].copy()
-    kept = np.empty(slid.shape[0], dtype=np.bool_)
-    for c in range(kept.size):
-        kept[c] = slid[c, 0] == 0.0 and slid[c, 1] == 0.0 and slid[c, 2] == 0.0
-    contacts = Contacts(now.stiffness, now.node, now.element[kept], now.obstacle[kept],
-                        now.multiplier[kept], now.fraction[kept], now.anchor[kept] + shift,
-                        now.normal[kept], now.shear[kept], now.grip)
+    contacts = Contacts(now.stiffness, now.node, now.element, now.obstacle, now.multiplier,
+                        now.fraction, now.anchor + shift - slid, now.normal, now.shear, now.grip)
     moved = touching_system(system, contacts, moved_scene(system.effects.contact.scene, -shift))
     return turned_system(moved, base, system.origin - shift)
 

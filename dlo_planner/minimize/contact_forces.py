@@ -12,6 +12,7 @@ import numpy as np
 
 from dlo_planner.energy.effects import row_count
 from dlo_planner.energy.friction import trial_force
+from dlo_planner.energy.inertia import is_drawn
 from dlo_planner.energy.potential import project
 from dlo_planner.energy.system import hinged
 from dlo_planner.kernels import kernel
@@ -21,6 +22,7 @@ from dlo_planner.ritz.kinematics import part_of_element, point_inside
 
 _SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
 _REFINED = 2      # times: what is soft counts a thousandth as much after each
+_CHANGES = 8      # times that contacts are let go or taken back
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
 
 
@@ -113,7 +115,7 @@ def lawful(system, state, table, hessian, fresh, normal, shear, step):
         free[i] = -np.sum(answers[i] * gradient) - np.sum(compliance[i] * shift)
     reaction = _reaction(compliance, table, first, laws)
     matrix, right, soft = _equations(system, table, first, laws, reaction, free)
-    known, change = softly_solved(matrix, right, soft, _refinements(system))
+    known, change = _pushing_only(system, table, first, normal, (matrix, right, soft))
     if not known:
         return False  # what slides does so by itself: no multipliers hold it there
     farthest = _FARTHEST * np.sum(system.lengths)
@@ -130,6 +132,50 @@ def lawful(system, state, table, hessian, fresh, normal, shear, step):
     solve(system, hessian, state.gradient, step)
     _add_answers(table, first, laws, shift, change, answers, step)
     return True
+
+
+@kernel
+def _pushing_only(system, table, first, normal, equations):
+    """Return whether there are changes (K,) of the multipliers; in motion no contact pulls then.
+
+    Contacts side by side depend on each other: with no gap at any of them, some would pull as hard
+    as others push. One that pulls is let go, one let go that is pressed in bears again (primal-dual
+    active set method: Hintermueller, Ito and Kunisch 2002): its spring has no force there.
+
+    Args:
+        normal: (A,) forces as they are; equations: `_equations` of contacts that all bear
+    """
+    matrix, right, soft = equations
+    k, times = system.effects.contact.contacts.stiffness, _refinements(system)
+    bears = np.ones(table.gap.size, dtype=np.bool_)
+    known, change = softly_solved(matrix.copy(), right, soft, times)
+    # at rest a row of contacts shares its friction, which would leave with one let go
+    for turn in range(_CHANGES if is_drawn(system.effects.anchor) else 0):
+        if not known:
+            break
+        same = True
+        rows, sides, shared = matrix.copy(), right.copy(), soft.copy()
+        for a in range(table.gap.size):
+            i = first[a]
+            multiplier = normal[a] + k * table.gap[a]
+            pressed = right[i] + soft[i] * change[i]  # -k times the gap there
+            for j in range(change.size):
+                pressed -= matrix[i, j] * change[j]
+            # after some turns nothing bears again: so they come to an end
+            stays = multiplier + change[i] >= 0.0 if bears[a] else (
+                pressed > 0.0 and turn < _CHANGES // 2)
+            same = same and stays == bears[a]
+            bears[a] = stays
+            if not stays:
+                for j in range(change.size):
+                    rows[i, j] = -matrix[i, j]
+                rows[i, i] += 1.0 + soft[i]
+                sides[i] = -multiplier - right[i]
+                shared[i] = 0.0
+        if same:
+            break
+        known, change = softly_solved(rows, sides, shared, times)
+    return known, change
 
 
 @kernel

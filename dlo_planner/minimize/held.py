@@ -135,8 +135,10 @@ def descend_held(system: System, q: Floats, tolerance: float, exact: float, max_
     bringing = np.empty(held)
     without_traces(q, state.q)
     energy, noise = evaluate(system, state)
-    most_give = _GIVE * length**2 / (np.sum(np.abs(system.effects.load.pull)) * length
-                                     + bending_energy(system))
+    forces = np.sum(np.abs(system.effects.load.pull))
+    if not may_block(system.effects):  # (which push as well, deep inside them as much)
+        forces += _tension(hold)  # what is taut would miss its grip if that gave under so much
+    most_give = _GIVE * length**2 / (forces * length + bending_energy(system))
     shift, stability = _PROXIMAL, np.nan
     iterations = obstructed = 0
     stalled = leans = False
@@ -203,6 +205,17 @@ def descend_held(system: System, q: Floats, tolerance: float, exact: float, max_
         if gone < 1.0 or shift > _PROXIMAL:
             energy, noise = evaluate(system, state)
     return state, residual, stability, iterations, mode, missed
+
+
+@kernel
+def _tension(hold):
+    """Return the reaction in N along the way from grip to grip; 0 where it presses."""
+    pull = square = 0.0
+    for i in range(3):
+        square += hold.target[i] * hold.target[i]
+        for row in range(hold.multiplier.size):
+            pull -= hold.multiplier[row] * hold.rows[row, 3 + i] * hold.target[i]
+    return max(pull, 0.0) / np.sqrt(square) if square > 0.0 else 0.0
 
 
 @kernel

@@ -19,7 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.energy.effects import blocks
+from dlo_planner.energy.effects import blocks, may_block
+from dlo_planner.energy.inertia import is_drawn
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.system import State, System, bending_energy
 from dlo_planner.kernels import kernel
@@ -47,7 +48,8 @@ MOST_KICKS = 10
 _IDLE = 20           # steps in a row whose gain drowns in rounding errors and that bring nothing
 _TRIALS, _HALVED = 20, 6  # points on a step; the first are each at half the way of the one before
 _VAIN = 5            # steps that one counts for which leads nowhere: each trial was in vain
-_OFTEN = 3           # steps in a row that an obstacle cuts
+_OFTEN = 3           # steps in a row that an obstacle cuts, or a kink where the DLO touches
+_CREEPING = 0.02     # of a step: what is left of it before a kink
 _CLOSER = 4          # halvings of the way that is left to it
 _UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
 HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
@@ -160,6 +162,7 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
     shift = shifted = 0.0  # the second: that of the factorization which it was made with
     iterations = obstructed = idle = 0
     stalled = leans = False
+    kinks = may_block(system.effects) and is_drawn(system.effects.anchor)
     while True:
         residual = relative(state, bend)
         arrived = residual < tolerance or stalled or iterations >= max_iterations
@@ -192,11 +195,11 @@ def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations:
             continue
         turn, shifted = its_turn, shift
         untold = gain * LARGEST_TURN < _UNTOLD * noise * max(its_turn, LARGEST_TURN)
-        energy, noise, moved, blocked = _fall(system, state, trial, step, energy, noise)
+        energy, noise, part, blocked = _fall(system, state, trial, step, energy, noise)
         iterations += 1
         idle = idle + 1 if untold and not _nearer(state, trial) else 0
-        obstructed = obstructed + 1 if blocked else 0
-        if moved:
+        obstructed = obstructed + 1 if blocked or kinks and part < _CREEPING else 0
+        if part > 0.0:
             state, trial = trial, state
             if left(leash, state.rotations):
                 residual, stability = np.inf, -np.inf
@@ -243,7 +246,8 @@ def without_traces(q, out):
 def _fall(system, state, trial, step, energy, noise):
     """Fill `trial` on the way along `step` where the potential has fallen enough.
 
-    Returns its energy, noise, whether there is such a point, and whether an obstacle was met.
+    Returns its energy, noise, the part of the step, 0 if there is no such point, and whether an
+    obstacle was met.
     """
     slope = dot(state.gradient, step)
     fraction, farther = 1.0, 0.0
@@ -264,11 +268,11 @@ def _fall(system, state, trial, step, energy, noise):
         within_noise = abs(fraction * slope) < _UNTOLD * noise
         if (new <= energy + 1e-4 * fraction * slope
                 or (within_noise and _nearer(state, trial))):
-            return new, new_noise, True, blocked
+            return new, new_noise, fraction, blocked
         if within_noise:
             break
         fraction *= 0.5 if trials < _HALVED else 0.1  # what is left is a kink
-    return energy, noise, False, blocked
+    return energy, noise, 0.0, blocked
 
 
 @kernel

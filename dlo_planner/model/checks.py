@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from itertools import islice
 from numbers import Real
-from typing import Any, TypeVar, overload
+from typing import Any, TypeGuard, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,16 @@ from dlo_planner.model.arrays import Floats
 
 _Kind = TypeVar('_Kind')
 _MOST = 1_000_000  # items of a sequence; some iterators never end
+# what has items, or a buffer of numbers, but means something else
+NO_SEQUENCE = (str, bytes, bytearray, memoryview, dict)
 _LONGEST = 120    # characters of a value in a message
 _EXTREME = 1e75   # beyond it, and below its inverse, products of four leave the range of floats
 
 
 def shown(value: object) -> str:
     """Return a short repr of anything, for messages."""
+    if isinstance(value, str | bytes):
+        value = value[:_LONGEST]  # of a long one not all is looked at
     try:
         text = repr(value)
     except Exception:  # it must not hide what is wrong with the argument
@@ -53,7 +57,7 @@ def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
     """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+    if not is_number(value):
         raise error(f'{name} = {shown(value)}: expected a number')
     try:
         result = float(value)
@@ -82,6 +86,25 @@ def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
     return result
 
 
+def is_number(value: object) -> TypeGuard[Real]:
+    """Whether it is a real number of Python or NumPy; durations, which NumPy counts in, are not."""
+    return isinstance(value, Real) and not isinstance(value, bool | np.bool_ | np.timedelta64)
+
+
+def numbers_in(value: Any) -> NDArray[Any]:
+    """Return `np.asarray` of it; raise TypeError for bytes, which that takes for numbers."""
+    given = np.asarray(value)
+    if given.dtype == np.uint8 and not isinstance(value, np.ndarray) and _of_bytes(value):
+        raise TypeError
+    return given
+
+
+def _of_bytes(value: Any) -> bool:
+    if isinstance(value, bytes | bytearray | memoryview):
+        return True
+    return isinstance(value, tuple | list) and any(map(_of_bytes, value))
+
+
 def returned(name: str, function: Callable[[float], Any], s: float,
              error: type[Exception] = InvalidTask) -> Any:
     """Return what a user's function of arc length returns at `s`; raise `error` if it cannot."""
@@ -106,7 +129,7 @@ def array(name: str, value: Any, shape: tuple[int | None, ...],
     sizes = ', '.join('n' if size is None else str(size) for size in shape)
     expected = f'{shape[0]} numbers' if len(shape) == 1 and shape[0] else f'numbers ({sizes})'
     try:
-        given = np.asarray(value)
+        given = numbers_in(value)
     except Exception:  # whatever its conversion raises
         raise error(f'{name} = {shown(value)}: expected {expected}') from None
     if np.ma.is_masked(value):
@@ -130,7 +153,7 @@ def array(name: str, value: Any, shape: tuple[int | None, ...],
 
 def _of_numbers(given: NDArray[Any]) -> Floats | None:
     """Return an object array of numbers as floats, None if there is anything else in it."""
-    if not all(isinstance(v, Real) and not isinstance(v, bool) for v in given.flat):
+    if not all(map(is_number, given.flat)):
         return None
     try:
         return given.astype(float)
@@ -149,7 +172,7 @@ def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: i
     limits : float
         Limits of each, as for `number`.
     """
-    if isinstance(value, Real) or isinstance(value, np.ndarray) and value.ndim == 0:
+    if is_number(value) or isinstance(value, np.ndarray) and value.ndim == 0:
         value = [value]
     if not least and isinstance(value, tuple | list | np.ndarray) and len(value) == 0:
         return np.zeros(0)
@@ -200,7 +223,7 @@ def direction(name: str, value: Any, error: type[Exception] = InvalidTask) -> Fl
 def integer(name: str, value: Any, error: type[Exception] = InvalidTask, *, minimum: int,
             maximum: int) -> int:
     """Return `value` as an int in [minimum, maximum], or raise `error`."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    whole = isinstance(value, int | np.integer) and is_number(value)
     if not whole or not minimum <= value <= maximum:
         raise error(f'{name} = {shown(value)}: expected an integer from {minimum} to {maximum}')
     return int(value)
@@ -243,7 +266,7 @@ def items(name: str, value: object, kinds: tuple[type, ...],
 def items(name: str, value: object, kinds: type | tuple[type, ...],
           error: type[Exception] = InvalidTask, *, least: int = 0) -> tuple[Any, ...]:
     """Return an iterable of instances of `kinds` as a tuple of `least` items or more, or raise."""
-    if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
+    if isinstance(value, NO_SEQUENCE) or not isinstance(value, Iterable):
         raise error(f'{name} = {shown(value)}: expected a sequence of {_named(kinds)}')
     try:
         result = tuple(islice(value, _MOST + 1))

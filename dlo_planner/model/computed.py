@@ -7,19 +7,18 @@ Values that users choose are judged by `model.checks`.
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import plain, shown
+from dlo_planner.model.checks import is_number, numbers_in, plain, shown
 
 
 def figure(name: str, value: object, error: type[Exception] = InvalidTask) -> float:
     """Return a number that was computed as a float: it may be infinite, or nan if not known."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+    if not is_number(value):
         raise error(f'{name} = {shown(value)}: expected a number, infinity or nan')
     try:
         return float(value)
@@ -39,10 +38,10 @@ def results(name: str, value: Any, shape: tuple[int | None, ...],
         return quick
     sizes = ', '.join('n' if size is None else str(size) for size in shape)
     try:
-        given = np.array(value)
+        given = numbers_in(value)
         if given.dtype.kind not in 'iuf':
             raise TypeError
-        given = given.astype(float)
+        given = given.astype(float)  # a new one
     except Exception:  # whatever its conversion raises
         raise error(f'{name} = {shown(value)}: expected numbers ({sizes})') from None
     if given.ndim != len(shape) or any(size is not None and size != got for size, got in

@@ -64,9 +64,10 @@ class Pose(Value):
         norm = size * math.hypot(*(one / size for one in components))
         if abs(norm - 1) > _ROUNDING:  # so that a pose made of a pose's parts is the same
             quaternion = quaternion / norm
-        put(self, position=position, quaternion=quaternion,
-            rotation=_rotation_of(*quaternion.tolist()))
-        super().__post_init__()
+        rotation = _rotation_of(*quaternion.tolist())
+        for content in (position, quaternion, rotation):  # all new: nobody else has them
+            content.flags.writeable = False
+        put(self, position=position, quaternion=quaternion, rotation=rotation)
 
     def __repr__(self) -> str:
         return brief(self, figures(self.position), figures(self.quaternion))

@@ -11,7 +11,7 @@ import numpy as np
 
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.along import Along, Components, Table
-from dlo_planner.model.checks import array, number, shown
+from dlo_planner.model.checks import NO_SEQUENCE, array, number, shown
 
 ONE = 'one'  # how a value is written that is a single number
 
@@ -80,7 +80,7 @@ def _number(name: str, value: object, **limits: float) -> float:
 def is_row(value: object) -> bool:
     """Return whether a value has an index: a tuple, list, (n,) array or array of ROS parameters."""
     return (hasattr(value, '__getitem__') and hasattr(value, '__len__')
-            and not isinstance(value, str | bytes | dict) and getattr(value, 'ndim', 1) == 1)
+            and not isinstance(value, NO_SEQUENCE) and getattr(value, 'ndim', 1) == 1)
 
 
 def _is_table(content: Any) -> bool:

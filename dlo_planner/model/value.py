@@ -32,8 +32,10 @@ class Value:
     REMEMBERED: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in self.__dict__:
-            freeze(self.__dict__[name])
+        for name, content in self.__dict__.items():
+            own = owned(content)
+            if own is not content:
+                self.__dict__[name] = own
 
     def __setattr__(self, name: str, value: object) -> None:
         raise FrozenInstanceError(f'{type(self).__name__}.{name} cannot be set: values do not '
@@ -149,6 +151,36 @@ def figures(content: Any) -> str:
     if callable(content) and hasattr(content, '__name__'):
         return str(content.__name__)
     return repr(content)
+
+
+def owned(content: Any) -> Any:
+    """Return a content that nobody else can change: arrays that could be written are copied.
+
+    Arrays in tuples, lists and dicts too; what is read-only already stays what it is.
+    """
+    if isinstance(content, np.ndarray):
+        if _can_be_written(content):
+            content = content.copy()
+            content.flags.writeable = False
+    elif isinstance(content, tuple | list):
+        parts = [part if isinstance(part, Value) else owned(part) for part in content]
+        if any(one is not other for one, other in zip(parts, content, strict=True)):
+            make = getattr(type(content), '_make', type(content))  # of a NamedTuple
+            return make(parts)
+    elif isinstance(content, dict):
+        known = {key: owned(part) for key, part in content.items()}
+        if any(known[key] is not part for key, part in content.items()):
+            return type(content)(known)
+    return content
+
+
+def _can_be_written(array: Any) -> bool:
+    """Whether an array, or one that it is a view of, is not read-only."""
+    while isinstance(array, np.ndarray):
+        if array.flags.writeable:
+            return True
+        array = array.base
+    return False
 
 
 def freeze(content: object) -> None:

@@ -16,6 +16,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import freeze
 from dlo_planner.parallel.chains import Following
 from dlo_planner.parallel.memory import Room
 from dlo_planner.parallel.pieces import (
@@ -279,4 +280,5 @@ def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Sequence
     if simulator.surroundings.pinned:
         grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))
                     for gripper, frames in zip(grippers, arrays['frames'], strict=True)]
+    freeze(arrays)  # all new: Shapes need not copy them
     return Shapes(tuple(grippers), s, **arrays)

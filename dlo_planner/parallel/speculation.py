@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.continuation import LONGEST_TURN, fell
+from dlo_planner.direct.continuation import LONGEST_TURN, surely_follows
 from dlo_planner.direct.grips import poses
 from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import Scheme
@@ -259,7 +259,7 @@ class Tracker:
                     end, vain = _unknowns(system, shape.element_strains), _work(shape)
                     same, judging, leant = leads_to(system, start, end)
                     # an unstable shape on the way: the serial step is cut into smaller ones
-                    if same and shape.converged and not (leant or kicks or fell(before, shape)):
+                    if same and not leant and surely_follows(before, shape, kicks):
                         return Stepped(shape, vain, judging, 'used')
             shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
             return Stepped(shape, vain + _work(shape), judging,

@@ -20,6 +20,7 @@ from dlo_planner.plan.plan import Plan
 
 THREADED, UNDECIDED = 'threaded', 'undecided'
 LONGEST = 32      # characters of an outcome
+_STANDOFF = 0.1   # of the length: whether there is a way, however quick, does not hang on it
 _BETTER = 1e-6    # of stability: a start that is better by less is not preferred to one before it
 COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
     'outcome': (f'<U{LONGEST}', ()), 'amount': (float, ()), 'fraction': (float, ()),
@@ -96,7 +97,8 @@ def _from(question: Question, cutout: CutOut, index: int, start: Pose | None) ->
         line |= _margins(plan)
         if start is not None:
             prefix = 'start_phase.'
-            approach = inverse.approach(cutout, plan, start, deadline=patience)
+            approach = inverse.approach(cutout, plan, start, deadline=patience, standoff=(
+                _STANDOFF * inverse.simulator.rod.length))
             line['stability'] = min(line['stability'], float(approach.stability.min()))
     except Infeasible as refused:
         line |= {'outcome': (prefix + refused.constraint)[:LONGEST], 'amount': refused.amount}

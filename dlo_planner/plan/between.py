@@ -13,11 +13,12 @@ other, no point of it would be farther than delta / 2 from the nearer of both. I
 evenly: the gripper leaves the straight line by h^2/8 times the path's second derivative, which is
 bounded, and a point that turns about the gripper by an angle goes along an arc of a height of
 lever angle^2/8. The lever is the point's distance from the gripper or, if that is larger, its
-motion per angle between both shapes: a DLO that is softer than stiff answers a turn by more. A
-distance from obstacles changes no more than the place does, so if it exceeds delta / 2 and both
-bulges at each point of both shapes, nothing is touched between. It is assumed, not
-proved, that the DLO responds alike between both ends: a jump is noticed where the DLO is simulated,
-and `plan.continuity` checks the straight motion.
+motion per angle between both shapes: a DLO that is softer than stiff answers a turn by more. Then
+the point turns by its motion over its distance, which may be more than the gripper turns, and that
+angle counts. A distance from obstacles changes no more than the place does, so if it exceeds
+delta / 2 and both bulges at each point of both shapes, nothing is touched between. It is assumed,
+not proved, that the DLO responds alike between both ends: a jump is noticed where the DLO is
+simulated, and `plan.continuity` checks the straight motion.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ Violation: TypeAlias = tuple[str, float, str]    # constraint, by how much, in w
 
 _HALVINGS = 7   # of the way between two waypoints
 _CLOSER = 4     # looks for where the DLO is deepest in something
+_TINY = 1e-12   # of the length: a node in the gripper
 _LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is no continuation
 
 
@@ -225,13 +227,15 @@ def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
     shift, bend = 0.125 * (other.u - one.u) ** 2 * bends
     turn = angle_between(one.shape.gripper.rotation, other.shape.gripper.rotation)
     length = one.shape.s[-1]
-    moved = 0.0  # seen from the gripper
+    motion = np.zeros(1)  # seen from the gripper
     if len(one.arms) == len(other.arms):
-        moved = float(np.sqrt(((other.arms - one.arms) ** 2).sum(axis=1).max()))
+        motion = np.sqrt(((other.arms - one.arms) ** 2).sum(axis=1))
+    moved = float(motion.max())
     lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
     short = -np.inf
     for this, that in ((one, other), (other, one)):
+        angles = np.maximum(turn, motion / np.maximum(this.levers, _TINY * length))
         away = (0.5 * curve_distances(this.shape, that.shape) + shift
-                + np.maximum(this.levers, lever) * (bend + turn**2 / 8))
+                + np.maximum(this.levers, lever) * bend + this.levers * angles**2 / 8)
         short = max(short, float((np.maximum(away[1:], away[:-1]) - this.rooms).max()))
     return short, moved if moved > _LEAP * length * turn else 0.0

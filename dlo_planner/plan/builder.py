@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.of_dlo import in_itself
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
@@ -53,6 +54,8 @@ class PlanRequirements:
         None, the DLO is checked at the waypoints only.
     tolerance : float or None
         Largest position error of a waypoint, m. If None, any.
+    stability : float
+        Least stability of a waypoint.
     """
 
     speeds: tuple[float, float]
@@ -63,6 +66,7 @@ class PlanRequirements:
     yield_limits: Floats | None = None
     simulator: DirectSimulator | None = None
     tolerance: float | None = None
+    stability: float = -np.inf
 
     def silent(self, simulator: DirectSimulator | None = None) -> PlanRequirements:
         """Return the same demands for a search, whose steps are not reported.
@@ -101,6 +105,14 @@ class PlanRequirements:
             if room < 0:
                 return ('clearance', -room,
                         f'the DLO is {-room:.3g} m in {type(obstacle).__name__} {index}')
+        if shape.stability < self.stability:
+            return ('stability', self.stability - shape.stability, 'the DLO would hardly stay in '
+                    f'this shape: stability {shape.stability:.3g}, at least {self.stability:g} is '
+                    'required')
+        overlap = in_itself(shape, self.surface)
+        if overlap > 0:
+            return ('self_distance', overlap, f'the DLO would lie {overlap:.3g} m in itself: '
+                    'nothing holds its pieces off each other')
         if shape.rod is not None and shape.bend_margin < 0:
             return ('max_bend_curvature', -shape.bend_margin,
                     f'the DLO is bent by {-shape.bend_margin:.3g} 1/m more than '

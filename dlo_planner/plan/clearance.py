@@ -68,8 +68,14 @@ def clearance(obstacles: Iterable[Obstacle], surface: Surface | float, shape: Sh
     return float(_smallest(scene, *shape.for_kernels, np.zeros(3), np.inf)[3])
 
 
+def scene_about(sheet: Sheet, surface: Surface | float, s: Floats) -> Scene:
+    """Return the Scene of a Sheet relative to its middle, for nodes at arc lengths s (n,), m."""
+    return build_scene([sheet], surface, s, sharp=True)._replace(
+        origin=np.array(sheet.pose.position))
+
+
 def hole_clearances(sheet: Sheet, normal: ArrayLike, surface: Surface | float,
-                    shape: Shape) -> Floats:
+                    shape: Shape, scene: Scene | None = None) -> Floats:
     """Return the distances (3,) in m between a DLO's surface and a Sheet, by parts of the DLO.
 
     The first: of what is in the plate, to the rim; by as much the cut-out may be displaced in its
@@ -84,9 +90,11 @@ def hole_clearances(sheet: Sheet, normal: ArrayLike, surface: Surface | float,
         Normal from before the plate to behind it.
     surface : Surface or float
         Surface of the DLO, or its radius in m.
+    scene : Scene, optional
+        `scene_about` them, where it is known.
     """
     middle = np.array(sheet.pose.position)
-    scene = build_scene([sheet], surface, shape.s, sharp=True)._replace(origin=middle)
+    scene = scene_about(sheet, surface, shape.s) if scene is None else scene
     lengths, strains, frames, positions = shape.for_kernels
     result: Floats = _smallest(scene, lengths, strains, frames, positions - middle,
                                np.array(normal, dtype=float), 0.5 * sheet.thickness)[:3]

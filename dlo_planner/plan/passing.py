@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from dlo_planner.model.arrays import Floats
 if TYPE_CHECKING:
     from dlo_planner.plan.plan import Plan
 
+_PRESSED = 1e-3       # of the force of a contact as planned: with less it is lost
 _NEWTON = 4           # steps to the point of the DLO that is nearest to a center
 
 # An entry of `Plan.via_points`: center (3,), m; arc length, m; normal (3,) or None.
@@ -104,6 +106,42 @@ def held_after(plan: Plan) -> int | None:
     """Return the index of the waypoint after which a bore holds the DLO of a Plan; None: none."""
     held = [shape.far_end is not None for shape in plan.shapes]
     return max(held.index(True) - 1, 0) if any(held) else None
+
+
+def contact_lost(plan: Plan, u: Floats, shapes: Sequence[Shape]) -> float:
+    """Return which part of some Shapes do not touch what a Plan touches there; nan: nothing.
+
+    An obstacle counts between two waypoints that both touch it, whatever its friction is, and is
+    touched by a thousandth of the force there.
+
+    Parameters
+    ----------
+    plan : Plan
+    u : ndarray, shape (n,)
+        Parameters of the plan.
+    shapes : sequence of Shape
+        The n Shapes there, by any simulator.
+    """
+    forces = [_pushes(shape) for shape in plan.shapes]
+    last = np.clip(np.searchsorted(plan.times, u, side='right') - 1, 0, len(plan) - 1)
+    later = np.minimum(last + (u > plan.times[last]), len(plan) - 1)
+    kept = []
+    for k, j, shape in zip(last, later, shapes, strict=True):
+        least = {body: _PRESSED * min(force, forces[j][body])
+                 for body, force in forces[k].items() if body in forces[j]}
+        if least:
+            there = _pushes(shape)
+            kept.append(all(there.get(body, 0.0) > force for body, force in least.items()))
+    return 1 - float(np.mean(kept)) if kept else np.nan
+
+
+def _pushes(shape: Shape) -> dict[Any, float]:
+    """Return how strongly obstacles, as if without friction, or their indices push a Shape, N."""
+    bodies, forces = shape.obstacles, dict[Any, float]()
+    for contact in shape.contacts:
+        body = replace(bodies[contact.obstacle], friction=0.0) if bodies else contact.obstacle
+        forces[body] = forces.get(body, 0.0) + contact.force
+    return forces
 
 
 def means_to_touch(plan: Plan) -> bool:

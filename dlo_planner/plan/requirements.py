@@ -9,6 +9,8 @@ from dlo_planner.model.value import Value, put
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
 
+STABILITY = 3e-4  # what is less stable moves by its length for some 0.1 mrad of the gripper
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Requirements(Value):
@@ -28,6 +30,11 @@ class Requirements(Value):
         exactly are not touched by it.
     deadline : float or None
         Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
+    stability : float
+        Least `Shape.stability` of a waypoint, of every task. What is less stable hardly stands:
+        its motion per turn of the gripper goes as 1 / stability, and stiffness or weight that is
+        off by as large a part may let it fall. A robot that holds 1 mrad, of a DLO known to 1 %,
+        wants 0.01; 0 allows whatever is stable.
 
     Raises
     ------
@@ -40,6 +47,7 @@ class Requirements(Value):
     allow_plastic: bool = True
     tolerance: float | None = None
     deadline: float | None = None
+    stability: float = STABILITY
 
     def __post_init__(self) -> None:
         instance('Requirements.workspace', self.workspace, Workspace, optional=True)
@@ -47,6 +55,7 @@ class Requirements(Value):
         flag('Requirements.allow_plastic', self.allow_plastic)
         if self.tolerance is not None:
             put(self, tolerance=number('Requirements.tolerance', self.tolerance, minimum=0))
+        put(self, stability=number('Requirements.stability', self.stability, minimum=0, maximum=1))
         if self.deadline is not None:
             put(self, deadline=number('Requirements.deadline', self.deadline, above=0))
         super().__post_init__()

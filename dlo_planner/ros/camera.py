@@ -7,6 +7,7 @@ It corrects what is executed, and by `~/identify` the parameters.
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from threading import Lock
 from typing import Any
 
@@ -16,20 +17,20 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from dlo_planner.errors import DloPlannerError, InvalidTask
+from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
+from dlo_planner.execute.beginning import blending_as
+from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.observing import Observing, Swing, deviation
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.beginning import blending_as
-from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import named
-from dlo_planner.ros.doubts import bound_of, doubts, in_motion, kept_out, unexplained
+from dlo_planner.ros.doubts import bound_of, disagreement, doubts, in_motion, kept_out, unexplained
 from dlo_planner.ros.frames import OneFrame
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.identifying import identified, told
-from dlo_planner.ros.observing import Observing, deviation
 from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.planning import Made
 from dlo_planner.ros.qos import LATEST
@@ -69,6 +70,8 @@ class Camera:
         self._identified: Estimate | None = None  # of which the parameters are being made
         # running plan, when, the last Correction
         self._corrected: tuple[Made | None, float, Correction | None] = None, -np.inf, None
+        # the plan whose motion is expected, by whom, State.resets
+        self._moves_by: tuple[Made | None, Observing | None, int] = None, None, -1
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
         node.create_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST,
                                  callback_group=seeing)
@@ -90,6 +93,14 @@ class Camera:
         when, off = self._seen
         return off if abs(seconds - when) <= _LONGEST_AGE else np.nan
 
+    def observing(self, stamp: Time) -> Observing | None:
+        """Return what observes the DLO, None where it was not looked at shortly before a stamp."""
+        observing = self._observing_of(self._store.state)
+        if observing is None:
+            return None
+        age = abs(_seconds(stamp) - observing.looked)
+        return observing if age <= max(_LONGEST_AGE, 2 * observing.seeing.period) else None
+
     # ---- looks ------------------------------------------------------------------------------
 
     def _on_points(self, msg: PointCloud2) -> None:
@@ -101,12 +112,23 @@ class Camera:
             if observing is None or not observing.due(stamp):
                 return
             points = points_in(state.scene, msg, 'observed_points', self._frames)
-            estimate = self._look(observing, stamp, points)
+            try:
+                estimate = self._look(observing, stamp, points)
+            finally:  # what no equilibrium explains is a disagreement as well
+                if observing.doubted and state.looking is None:
+                    self._store.change(lambda now: now.stopped(
+                        Cause.LOOKS_DISAGREE, disagreement(observing)))
             self._health.estimated(estimate)
             self._draw(state, estimate, points, msg.header.stamp)
             if state.executing:
-                self._compare(state, stamp, points)
+                self._compare(state, stamp, points, observing)
+                if state.looking is not None:  # the closed loop sees to the rest
+                    return
+                if observing.doubted:
+                    return
                 self._correct(state, stamp, observing, estimate)
+            else:
+                self._expect(state, observing)
 
     def _look(self, observing: Observing, stamp: float, points: Floats) -> Estimate:
         try:
@@ -127,20 +149,43 @@ class Camera:
         scene = state.scene
         with self._lock:
             known, observing, resets = self._at
-            if known is None or (known.seeing, known.tool, known.direct.rod) != (
+            kept = state.executing and state.looking is not None  # by the closed loop
+            if known is None or not kept and (known.seeing, known.tool, known.direct.rod) != (
                     scene.seeing, scene.tool, scene.direct.rod):
                 observing = observing_of(scene, list(self._grippers), self._identified)
                 self._identified = None
             elif resets != state.resets and observing is not None:
                 observing.reset()
-            self._at = scene, observing, state.resets
+            self._at = known if kept else scene, observing, state.resets
             return observing
 
-    def _compare(self, state: State, stamp: float, points: Floats) -> None:
-        """Remember how far the DLO is from its plan."""
+    def _expect(self, state: State, observing: Observing) -> None:
+        """Have the DLO expected as inertia bends it in the motion that was proved."""
+        made, proof = state.made, state.proof
+        known = made, observing, state.resets
+        if known == self._moves_by or made is None or proof is None or not proof.safe:
+            return
+        self._moves_by = known
+        assert proof.report is not None and proof.report.trajectory is not None  # it is safe
+        with suppress(NotConverged):  # then it is expected at rest, and sways as it may
+            observing.moves(Swing.of(
+                proof.report.trajectory, made.scene.direct.elastic().without_obstacles(),
+                made.plan.shapes[0]), self._time_at)
+
+    def _time_at(self, stamp: float) -> float:
+        """Return the time of the motion, s, at a stamp; at rest after its end."""
+        execution = self._store.state.execution
+        if execution is None or self._store.state.running is not self._moves_by[0]:
+            return -np.inf
+        return execution.done_at(stamp) if execution.active else np.inf
+
+    def _compare(self, state: State, stamp: float, points: Floats, observing: Observing) -> None:
+        """Remember how far the DLO is from its plan; in a closed loop, from its estimate."""
         running, execution = state.running, state.execution
         assert running is not None and execution is not None
-        if execution.phase == 'running':
+        if state.looking is not None:
+            self._seen = stamp, observing.off
+        elif execution.phase == 'running':
             done = execution.done_at(stamp)
             time = float(execution.way.progress([done])[0])
             self._seen = stamp, deviation(running.plan, time, points)
@@ -192,7 +237,7 @@ class Camera:
             after = self._store.change(lambda now: now.steered(execution.way, lambda done: (
                 steered.corrected(done, found, reached[first:])))).execution
             if after is None or after.way is way:
-                reason = 'it came when the motion had ended'
+                reason = (after and after.refusal) or 'it came when the motion had ended'
         self._health.corrected(found, barred or reason)
 
     # ---- identification ---------------------------------------------------------------------

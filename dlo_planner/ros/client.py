@@ -187,6 +187,22 @@ class PlannerClient:
         """Return the std_srvs/Trigger response of the node's service `name`."""
         return self._call(Trigger, name, Trigger.Request())[0]
 
+    def execute(self, path: Path) -> Told:
+        """Have the plan (Path) executed; return the outcome as (code, message, values): 0 if it is.
+
+        Another one that was made since is not executed in its place.
+
+        Raises
+        ------
+        TimeoutError
+            No answer came.
+        """
+        drained(self.statuses)
+        answer, _ = self._call(GetPlan, 'execute_plan', GetPlan.Request(start=path.poses[0]))
+        outcome = self.status_of('execute')
+        assert (outcome[0] == 0) == bool(answer.plan.poses)
+        return outcome
+
     def set_parameters(self, **values: Any) -> list[SetParametersResult]:
         """Set parameters ('__' stands for '.'); return the list of SetParametersResult."""
         request = SetParameters.Request(parameters=[

@@ -41,7 +41,6 @@ from dlo_planner.ros.demo_measures import (
     times_and_poses,
 )
 from msg_helpers.paths import poses_from_path
-from msg_helpers.poses import pose_from_msg
 
 # Benchmark C of the paper: 180 degrees in 10-degree steps and back, 36 positions after the first.
 ANGLES = [*range(0, 181, 10), *range(170, -1, -10)]
@@ -194,7 +193,7 @@ def move_calmly(client: PlannerClient, folder: Path) -> Row:
     proof = client.proof(path)
     print(f'  proof: {proof["report"]}')
     times, grippers = times_and_poses(client.timed_for(path))
-    commands = executed(client, times[-1], pose_from_msg(path.poses[0].pose))
+    commands = executed(client, times[-1], path)
     off = max(away_from(commands, grippers), default=np.inf)
     motion = DirectSimulator(rod).simulate(grippers, times[1])
     misses = [missed(shape) for shape in motion.shapes]
@@ -219,7 +218,7 @@ def thread_in_cell(client: PlannerClient, folder: Path) -> Row:
                f'{came.depth:.2f} of {came.wanted:.2f} m through', came.planned, float('nan'),
                f'miss {1e3 * came.miss:.1f} mm, {1e3 * came.promised:.1f} mm promised, by the data '
                f'sheet {1e3 * came.blind:.0f} mm; force {came.force:.2g} N',
-               bool(came.threaded and came.force < TOUCH))
+               bool(came.threaded and came.force < TOUCH and came.miss <= came.promised))
 
 
 def refuse_soft_wire(client: PlannerClient) -> Row:

@@ -23,18 +23,17 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path as PathMsg
 from rclpy.qos import qos_profile_sensor_data
 
+from dlo_planner.execute.execution import ACTIVE
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.child import child
 from dlo_planner.ros.client import PlannerClient
 from dlo_planner.ros.demo_figures import Watched, save_cell
-from dlo_planner.ros.execution import ACTIVE
 from dlo_planner.ros.qos import LATCHED
 from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_from_msg
 
 RADIUS, DIAMETER = 8e-3, 1.5e-3  # of the hole and of the wire, m
-_HORIZON = 1.0   # s of the coming motion that the robot is told, which no machine is late
 _WAYPOINTS = 40
 _LOOKING = 4.0   # s for which the wire hangs at rest before the camera
 _PROVING = 300.0  # s for a proof, on the busiest machine
@@ -45,8 +44,7 @@ _AS_STATED = {'rod__length': 1.0, 'rod__density': 8960.0, 'rod__youngs_modulus':
               'rod__poisson_ratio': 0.34, 'rod__tip_mass': 0.0,
               'rod__natural_curvature': [0.0, 0.0], 'rod__natural_curvature_terms': [0.0, 0.0],
               'tool__position': [0.0, 0.0, 0.0], 'tool__orientation': [0.0, 0.0, 0.0, 1.0],
-              'threading__standoff': 0.0, 'cutouts__radius': 0.0, 'threading__deadline': 60.0,
-              'execute__horizon': 0.0}
+              'threading__standoff': 0.0, 'cutouts__radius': 0.0, 'threading__deadline': 60.0}
 
 
 @dataclass(frozen=True)
@@ -106,8 +104,7 @@ def close_the_loop(client: PlannerClient, folder: Path,
     """
     client.set_parameters(rod__diameter=DIAMETER, cutouts__radius=RADIUS, threading__standoff=0.05,
                           observe__period=_EACH, threading__deepest=0.7,
-                          execute__horizon=_HORIZON, threading__deadline=_PROVING,
-                          incoming_command_timeout=0.5)
+                          threading__deadline=_PROVING, incoming_command_timeout=0.5)
     client.trigger('reset')
     heard: dict[str, queue.Queue[Any]] = {
         name: queue.Queue() for name in ('shape', 'outcome', 'cutout', 'pose')}
@@ -127,7 +124,7 @@ def close_the_loop(client: PlannerClient, folder: Path,
         missed = _missed(client, blind, goal)
         proof = client.proof(path, _PROVING)
         print(f'  proof: {proof["report"]}, {proof["report duration [s]"]} s')
-        executed = _executed(client, float(proof['report duration [s]']), progress)
+        executed = _executed(client, path, float(proof['report duration [s]']), progress)
         sleep(1.0)
         outcome = [{item.key: item.value for item in msg.values}
                    for msg in _drained(heard['outcome'])][-1]
@@ -169,14 +166,14 @@ def _missed(client: PlannerClient, path: PathMsg, goal: Pose) -> float:
     return float(np.linalg.norm(np.cross(tip - goal.position, goal.direction)))
 
 
-def _executed(client: PlannerClient, seconds: float,
+def _executed(client: PlannerClient, path: PathMsg, seconds: float,
               progress: Callable[[str, int, int], object]) -> tuple[int, float]:
     """Have the plan executed; return how often it was corrected, and the miss expected, m."""
     _drained(client.executions)
-    answer = client.trigger('execute')
-    print(f'  execute: {answer.message}')
+    code, message, _ = client.execute(path)
+    print(f'  execute: {message}')
     state, end = 'running', monotonic() + _PATIENCE * seconds
-    while answer.success and state in ACTIVE and monotonic() < end:
+    while code == 0 and state in ACTIVE and monotonic() < end:
         with suppress(TimeoutError):
             _, message, values = client.execution_in(*ACTIVE, 'succeeded', 'stopped', timeout=1.0)
             state = values['state']

@@ -8,6 +8,7 @@ from contextlib import suppress
 from time import monotonic, sleep
 
 import numpy as np
+from nav_msgs.msg import Path
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from trajectory_msgs.msg import MultiDOFJointTrajectory
@@ -16,11 +17,11 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.system import new_state
+from dlo_planner.execute.execution import ACTIVE
 from dlo_planner.minimize.residual import residual_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.client import PlannerClient, drained
-from dlo_planner.ros.execution import ACTIVE
 from dlo_planner.ros.follower import Follower
 from msg_helpers.poses import pose_from_msg
 
@@ -53,25 +54,23 @@ def times_and_poses(timed: MultiDOFJointTrajectory) -> tuple[Floats, list[Pose]]
         [getattr(way.rotation, axis) for axis in 'xyzw']) for way in ways]
 
 
-def executed(client: PlannerClient, seconds: float, first: Pose) -> list[Pose]:
-    """Have the last plan executed by a robot; return the Poses that were commanded.
+def executed(client: PlannerClient, seconds: float, path: Path) -> list[Pose]:
+    """Have a plan (Path) executed by a robot; return the Poses that it was told.
 
     Parameters
     ----------
     client : PlannerClient
     seconds : float
         Seconds that it takes.
-    first : Pose
-        Pose of the tool frame at its beginning.
+    path : Path
     """
-    robot = Follower(client.node, client.planner, first)
+    robot = Follower(client.node, client.planner, pose_from_msg(path.poses[0].pose))
     sleep(0.5)  # its first poses have to be heard
-    for messages in (client.commands, client.executions):
-        drained(messages)
-    answer = client.trigger('execute')
-    print(f'  execute: {answer.message}')
+    drained(client.executions)
+    code, message, _ = client.execute(path)
+    print(f'  execute: {message}')
     state, message, end = 'running', 'nothing came', monotonic() + seconds + _PATIENCE
-    while answer.success and state in ACTIVE and monotonic() < end:
+    while code == 0 and state in ACTIVE and monotonic() < end:
         with suppress(TimeoutError):
             _, message, values = client.execution_in(*ACTIVE, 'succeeded', 'stopped', timeout=1.0)
             state = values['state']
@@ -79,7 +78,7 @@ def executed(client: PlannerClient, seconds: float, first: Pose) -> list[Pose]:
                 progress('seconds executed', int(float(values['done [s]'])), int(seconds) + 1)
     print(f'  {state}: {message}')
     robot.close()
-    return [pose_from_msg(msg.pose) for msg in drained(client.commands)]
+    return robot.told
 
 
 def away_from(commands: Iterable[Pose], grippers: Sequence[Pose]) -> Iterator[float]:

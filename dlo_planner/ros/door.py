@@ -12,10 +12,10 @@ from nav_msgs.msg import Goals
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.causes import Cause, Refused
-from dlo_planner.ros.frames import OneFrame
+from dlo_planner.ros.frames import OneFrame, judge_length
 from dlo_planner.ros.scene import Scene
 from msg_helpers.obstacles import obstacles_after
 from msg_helpers.poses import header, pose_from_msg, pose_from_stamped, pose_msg
@@ -24,6 +24,8 @@ _ONE = OneFrame()
 _UNIT = 1e-2  # by which the length of a quaternion may be off 1, as for tf2
 _MOST_GOALS = 2
 _MOST_BODIES = 1000
+_MOST_MARKERS = 10_000  # of a message, most of which delete
+_MOST_SAID = 2000  # characters of a text that goes out
 _OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|\b(?:Box|Sphere|Capsule) (\d+)\b')
 
 
@@ -78,6 +80,11 @@ def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArr
     Refused
         Naming marker, field and value; nothing of the message counts then.
     """
+    if len(msg.markers) > _MOST_MARKERS:
+        raise Refused(Cause.INVALID_OBSTACLES, f'{name}.markers has {len(msg.markers)} entries: '
+                      f'expected {_MOST_MARKERS} at most')
+    for index, marker in enumerate(msg.markers):
+        judge_length(marker.ns, f'{name}.markers[{index}].ns', Cause.INVALID_OBSTACLES)
     msg = markers_in(scene, msg, name, frames)
     try:
         bodies = obstacles_after(dict(known), msg, scene.frame_id, name)
@@ -148,6 +155,11 @@ def _marker_in(scene: Scene, marker: Marker, name: str, frames: OneFrame) -> Mar
         pose = marker.pose
     return Marker(header=header(scene.frame_id, marker.header.stamp), ns=marker.ns, id=marker.id,
                   type=marker.type, action=marker.action, pose=pose, scale=marker.scale)
+
+
+def brief_text(text: str, most: int = _MOST_SAID) -> str:
+    """Return a text, shortened if it is long: it goes to logs and to everybody who listens."""
+    return text if len(text) <= most else f'{text[:most]} ... ({len(text)} characters)'
 
 
 def named(text: str, bodies: Mapping[tuple[str, int], Any]) -> str:

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from dlo_planner.execute.execution import Execution
 from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.observing import Observing
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Ints
 from dlo_planner.model.surface import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
-from dlo_planner.ros.execution import Execution
-from dlo_planner.ros.observing import Observing
 from dlo_planner.ros.scene import Scene
 
 _ANSWER = 2.0  # a DLO moves by less than so many times a jerk of its gripper
@@ -23,6 +23,14 @@ _ERRORS = 5.0  # standard deviations by which points may be off on the mean
 _MORE = 0.2    # of the points, by which more may be none of the DLO's than are expected
 _SOME = 0.95   # of them
 _STOPPING = 3.0  # s before the entry, at which a motion can still come to rest in front of it
+
+
+def disagreement(observing: Observing) -> str:
+    """Return in words that the last looks do not agree with the estimate."""
+    return ('looks at the DLO do not agree with what was expected of it (surprise '
+            f'{observing.surprise:.3g}): it slips, swings or touches something, or the robot is '
+            'elsewhere than it says; call ~/reset, let it hang at rest before the camera, call '
+            '~/identify, and plan again')
 
 
 def unexplained(observing: Observing, speed: float = 0.0) -> str:
@@ -127,7 +135,7 @@ def in_motion(execution: Execution) -> float:
     """
     way = execution.way.trajectory if isinstance(execution.way, Steered) else execution.way
     simulated = way.motion if isinstance(way, Trajectory) else None
-    bound = 0.0 if simulated is None else float(np.nan_to_num(simulated.bound))
+    bound = 0.0 if simulated is None else float(np.nan_to_num(simulated.bound, posinf=np.inf))
     return bound + _ANSWER * execution.shaken
 
 

@@ -6,10 +6,12 @@ from typing import Any
 
 from std_msgs.msg import Header
 
+from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.causes import Cause, Refused
 
 _PATIENCE = 0.1  # s that a transform may come later than a pose
+_LONGEST = 256   # characters of a name: what is longer is neither looked up nor said
 
 
 class OneFrame:
@@ -34,6 +36,7 @@ class OneFrame:
         """
         if header.frame_id == frame_id:
             return None
+        judge_length(header.frame_id, f'{name}.header.frame_id', Cause.INVALID_FRAME)
         raise _refused(header, frame_id, name, 'tf2_ros is not installed')
 
     def close(self) -> None:
@@ -62,6 +65,7 @@ class TfFrames(OneFrame):
         """As `OneFrame.origin`."""
         if header.frame_id == frame_id:
             return None
+        judge_length(header.frame_id, f'{name}.header.frame_id', Cause.INVALID_FRAME)
         if not header.frame_id:
             raise _refused(header, frame_id, name, 'it is empty')
         try:
@@ -86,6 +90,12 @@ def frames_of(node: Any) -> OneFrame:
     return TfFrames(node, tf2_ros)
 
 
+def judge_length(text: str, name: str, cause: Cause) -> None:
+    """Refuse a name that is too long to be looked up, or said in the log."""
+    if len(text) > _LONGEST:
+        raise Refused(cause, f'{name} has {len(text)} characters: expected {_LONGEST} at most')
+
+
 def _refused(header: Header, frame_id: str, name: str, why: str) -> Refused:
-    return Refused(Cause.INVALID_FRAME, f'{name}.header.frame_id = {header.frame_id!r}: expected '
-                   f'{frame_id!r}, or a frame that tf can transform to it ({why})')
+    return Refused(Cause.INVALID_FRAME, f'{name}.header.frame_id = {shown(header.frame_id)}: '
+                   f'expected {frame_id!r}, or a frame that tf can transform to it ({why})')

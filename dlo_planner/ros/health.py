@@ -33,6 +33,9 @@ _REPORTED = {  # figures of a ValidationReport
     'arrival': 'swing at arrival [m]', 'departure': 'swing at departure [m]',
     'dynamic_clearance': 'smallest clearance in motion [m]',
     'dynamic_contact_force': 'largest contact force in motion [N]',
+    'dynamic_bend_margin': 'smallest bend margin in motion [1/m]',
+    'contact_lost': 'part of the time without its contact',
+    'largest_friction': 'largest friction looked at',
     'mode_margin': 'frequency margin', 'duration': 'duration [s]'}
 
 

@@ -14,11 +14,11 @@ from nav_msgs.srv import GetPlan
 from std_srvs.srv import Trigger
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.execute.guards import Heard
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import inside_of, pose_in
 from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.guards import Heard
 from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import markers_of_shape
 from dlo_planner.ros.qos import LATCHED, LATEST

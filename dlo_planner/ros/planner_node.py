@@ -20,9 +20,9 @@ from rclpy.clock import Clock, ClockType
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
+from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.camera import Camera
-from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.drive import Drive, described
 from dlo_planner.ros.frames import frames_of
 from dlo_planner.ros.gate import Gate
@@ -128,8 +128,8 @@ class PlannerNode(ManagedNode):
         arm = ArmOutput(gate)
         arm.subscribe(hearing)
         self._verification = Verification(gate, parts, self._prover, arm, self._steady, proving)
-        self._drive = Drive(gate, parts, self._planning, self._steady, moving,
-                            canceling)
+        self._drive = Drive(gate, parts, self._planning, self._camera.observing, self._steady,
+                            moving, canceling)
         gate.create_timer(_PICTURE, self._show_picture, clock=self._steady,
                           callback_group=drawing)
         self._gate, self._parts, self._store, self._health = gate, parts, store, health
@@ -210,5 +210,5 @@ class PlannerNode(ManagedNode):
         array = diagnostics_msg(f'{name}: solver', state.scene.name, level, message,
                                 {**values, 'lifecycle': 'active'}, stamp)
         array.status = [*array.status, status_msg(f'{name}: execution', state.scene.name,
-                                                  *described(state.execution))]
+                                                  *described(state.execution, state.looking))]
         return array

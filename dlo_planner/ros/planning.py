@@ -10,10 +10,12 @@ from builtin_interfaces.msg import Time
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.threading import Present, Wanted, way_through
+
+_SAME = 1e-3, 5e-3  # m, rad: gripper poses that differ by less are the same
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,14 @@ class Made:
     plan: Plan
     before: Shape | None
     stamp: Time
+
+    def is_as(self, other: 'Made') -> bool:
+        """Whether another plan is as good as the same one: the same way, in the same scene."""
+        return (self.scene.keeps_plans(other.scene) and len(self.plan) == len(other.plan)
+                and all(np.linalg.norm(one.position - another.position) <= _SAME[0]
+                        and angle_between(one.rotation, another.rotation) <= _SAME[1]
+                        for one, another in zip(self.plan.grippers, other.plan.grippers,
+                                                strict=True)))
 
 
 def make_plan(scene: Scene, poses: Sequence[Pose], start: Pose | None,
@@ -58,7 +68,7 @@ def make_plan(scene: Scene, poses: Sequence[Pose], start: Pose | None,
     cutouts = [CutOut(pose, radius=scene.cutout_radius) for pose in poses]
     here = (shape is not None and start is not None and scene.standoff
             and np.allclose(shape.gripper.matrix, start.matrix, atol=1e-9))
-    wanted = Wanted(scene.waypoints, scene.deepest, scene.linear_speed, scene.angular_speed,
-                    scene.standoff, scene.gripper_clearance)
+    wanted = Wanted(scene.waypoints, scene.deepest, scene.limits, scene.standoff,
+                    scene.gripper_clearance, scene.tolerance)
     plan = way_through(scene.inverse, cutouts, wanted, Present(start, shape if here else None))
     return plan, cutouts, shape if here else None

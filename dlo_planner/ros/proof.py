@@ -9,8 +9,8 @@ from typing import Any
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
+from dlo_planner.execute.causes import Cause
 from dlo_planner.plan.plan import Plan
-from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.proving import ProcessLost
 from dlo_planner.ros.scene import Scene
 from dlo_planner.verify.report import ValidationReport
@@ -75,7 +75,7 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
     workspace = scene.workspace
     slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before, 'workspace': workspace,
               'obstacles': workspace.keep_out}
-    moving = {**slowly, 'limits': scene.limits, 'tolerance': scene.tolerance,
+    moving = {**slowly, 'limits': scene.motion_limits, 'tolerance': scene.tolerance,
               'deadline': scene.deadline}
     known = None
     for step in (slowly, moving):

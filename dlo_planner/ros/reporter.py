@@ -14,14 +14,15 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from dlo_planner.errors import DloPlannerError
-from dlo_planner.ros.causes import Cause, cause_of
-from dlo_planner.ros.door import named
+from dlo_planner.execute.causes import Cause, cause_of
+from dlo_planner.ros.door import brief_text, named
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.health import Health, stamp_text
 from dlo_planner.ros.qos import LATCHED
 from dlo_planner.ros.store import Store
 from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
 
+_MOST_TRACED = 10_000  # characters of a traceback
 _QUIET = 1.0  # s between lines of the log about the same thing
 
 
@@ -119,13 +120,15 @@ class Reporter:
         """Return Cause and reason of an exception; an unknown one is traced once."""
         cause = cause_of(error)
         if isinstance(error, DloPlannerError):
-            return cause, named(f'{what} refused: {error}', self._store.state.bodies)
+            return cause, named(brief_text(f'{what} refused: {error}'),
+                                self._store.state.bodies)
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = type(error).__name__, last.filename, last.lineno
         if place not in self._seen:
             self._seen.add(place)
-            self._log.error(''.join(traceback.format_exception(error)))
-        return cause, f'{what} failed: {type(error).__name__}: {error}'
+            self._log.error(brief_text(''.join(traceback.format_exception(error)),
+                                       _MOST_TRACED))
+        return cause, brief_text(f'{what} failed: {type(error).__name__}: {error}')
 
     def tell(self, what: str, cause: Cause, message: str, stamp: Time | None,
              values: Mapping[str, object] | None = None) -> None:
@@ -157,8 +160,8 @@ class Reporter:
     def warn(self, key: object, text: str) -> None:
         """Write a warning, at most once a second of each kind."""
         if self._throttle.passes(key, monotonic()):
-            self._log.warning(' '.join(text.split()))
+            self._log.warning(' '.join(brief_text(text).split()))
 
     def info(self, text: str) -> None:
         """Write a line."""
-        self._log.info(' '.join(text.split()))
+        self._log.info(' '.join(brief_text(text).split()))

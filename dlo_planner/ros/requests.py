@@ -15,11 +15,11 @@ from nav_msgs.srv import GetPlan
 from std_srvs.srv import Trigger
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import interrupted_by
-from dlo_planner.ros.causes import Cause, Refused
 from dlo_planner.ros.door import goals_in, pose_in
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.parts import Parts

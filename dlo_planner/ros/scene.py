@@ -7,15 +7,18 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask
+from dlo_planner.execute.guards import Guards
+from dlo_planner.identify.observing import Seeing
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.checks import choice
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.guards import Guards
-from dlo_planner.ros.observing import Seeing
 from dlo_planner.settings.building import (
     bounded,
     direct_of,
@@ -25,6 +28,9 @@ from dlo_planner.settings.building import (
     tolerance_of,
 )
 from dlo_planner.view.colors import COLORINGS
+
+_MOTION = 0.95    # of the limits, which a motion is made for: the rest is left to corrections
+_LONGEST = 1000   # characters or entries of a value
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,11 @@ class Scene:
         assert self.inverse.workspace is not None
         return self.inverse.workspace
 
+    @property
+    def motion_limits(self) -> Limits:
+        """Limits that a plan's motion is made for: what corrects it may use the rest."""
+        return Limits(*map(float, (_MOTION * self.limits.sizes).ravel()))
+
     def keeps_plans(self, other: 'Scene') -> bool:
         """Whether what was planned and proved in this Scene holds in another one."""
         return all(getattr(self, name) == getattr(other, name) for name in (
@@ -92,8 +103,8 @@ def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = ()) -
     DloPlannerError
         A value, or their combination, makes no sense.
     """
-    direct = direct_of(values, obstacles)
     _judge(values)
+    direct = direct_of(values, obstacles)
     inverse = inverse_of(values, direct)
     return Scene(values['frame_id'], values['rod.name'], direct, inverse,
                  Pose(values['tool.position'], values['tool.orientation']),
@@ -110,7 +121,11 @@ def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = ()) -
 
 
 def _judge(values: Mapping[str, Any]) -> None:
-    """Refuse what makes no sense to the node alone."""
+    """Refuse what makes no sense to the node alone, and what is too long to be said."""
+    for name, value in values.items():
+        if isinstance(value, str | list) and len(value) > _LONGEST:
+            raise InvalidTask(f'parameter {name} has {len(value)} characters or entries: expected '
+                              f'{_LONGEST} at most')
     choice('parameter markers.color', values['markers.color'], COLORINGS)
     bounded('tool.position', values['tool.position'], values['workspace.reach'], 'm')
 
@@ -121,10 +136,11 @@ def _guards(values: Mapping[str, Any]) -> Guards:
                   values[goal + 'position'], values[goal + 'angle'],
                   values['constraints.goal_time'], values['cmd_timeout'],
                   values['incoming_command_timeout'], values['decelerate_on_cancel'],
-                  values['execute.longest_pause'])
+                  values['execute.longest_pause'], values['execute.enable_timeout'])
 
 
 def _seeing(values: Mapping[str, Any]) -> Seeing:
     return Seeing(spread_of(values), **{
         item.name: values[f'observe.{item.name}'] for item in fields(Seeing)
-        if item.name != 'spread'})
+        if item.name not in ('spread', 'robot_time')},
+        robot_time=values['observe.robot_time'] or np.inf)

@@ -4,23 +4,34 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from builtin_interfaces.msg import Time
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.execute.beginning import from_where_it_is
+from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.execute.execution import EXACT, Execution
+from dlo_planner.execute.guards import Enabled, Heard
+from dlo_planner.execute.limiter import used
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.timed_path import TimedPath
-from dlo_planner.ros.beginning import from_where_it_is
-from dlo_planner.ros.causes import Cause, Refused
-from dlo_planner.ros.execution import Execution
-from dlo_planner.ros.guards import Heard
 from dlo_planner.ros.planning import Made
 from dlo_planner.ros.proof import Proof
 from dlo_planner.ros.scene import Scene
 
 _SAME_LENGTH = 1e-9  # relative
+_SEEN = 3  # periods before and after a motion, in which its jerk is seen
+
+
+class Looking(NamedTuple):
+    """How a threading in a closed loop stands, see `ThreadingLoop`."""
+
+    phase: str = 'look'
+    tries: int = 0
+    promised: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -50,6 +61,14 @@ class State:
         The last Execution, or None.
     running : Made or None
         The plan that it executes.
+    looking : Looking or None
+        How that stands, if it is in a closed loop; else None.
+    latest : Made or None
+        The last plan that was made, void or not, or None.
+    others : int
+        How many plans were made since an execution began that differ from the one before.
+    enabled : Enabled or None
+        What was heard last of whether the gripper may move, or None.
     """
 
     scene: Scene
@@ -65,6 +84,10 @@ class State:
     proof: Proof | None = None
     execution: Execution | None = None
     running: Made | None = None
+    looking: Looking | None = None
+    latest: Made | None = None
+    others: int = 0
+    enabled: Enabled | None = None
 
     @property
     def gripper(self) -> Pose | None:
@@ -73,7 +96,7 @@ class State:
 
     @property
     def executing(self) -> bool:
-        """Whether commands are sent."""
+        """Whether what is executed is not at its end."""
         return self.execution is not None and self.execution.active
 
     # ---- scene ------------------------------------------------------------------------------
@@ -108,6 +131,10 @@ class State:
         return replace(self, pose=heard.pose, heard=replace(heard, age=max(heard.age, 0.0))
                        if fresh else self.heard)
 
+    def allowing(self, enabled: Enabled) -> 'State':
+        """Return the State after it was heard whether the gripper may move."""
+        return replace(self, enabled=enabled)
+
     def with_shape(self, shape: Shape, before: 'State') -> 'State':
         """Return the State with a Shape that was found from the State `before`."""
         if self.resets != before.resets:
@@ -129,7 +156,8 @@ class State:
         if not made.scene.keeps_plans(self.scene):
             raise Refused(Cause.SCENE_CHANGED, 'obstacles or parameters changed while the plan was '
                           'made: ask again')
-        return replace(self, made=made, proof=Proof(made.plan))
+        others = self.others + (self.latest is None or not made.is_as(self.latest))
+        return replace(self, made=made, proof=Proof(made.plan), latest=made, others=others)
 
     def proved(self, proof: Proof) -> 'State':
         """Return the State with a Proof, if it is of the last plan."""
@@ -139,28 +167,51 @@ class State:
 
     # ---- execution --------------------------------------------------------------------------
 
-    def started(self, now: float) -> 'State':
+    def started(self, now: float, wanted: Time | None = None) -> 'State':
         """Return the State in which the last plan is executed, from `now` s on.
+
+        Parameters
+        ----------
+        now : float
+            Now in s, steady.
+        wanted : Time, optional
+            Stamp of the plan that is meant. If None, the only one since an execution began.
 
         Raises
         ------
         Refused
             Naming what is missing, or why it must not be executed.
         """
-        proved = ready(self, now)
+        proved = ready(self, now, wanted)
         assert self.made is not None and self.heard is not None  # `ready` looks at both
         scene = self.made.scene
-        way = from_where_it_is(proved, self.heard.pose.compose(scene.tool),
-                               self.made.plan.shapes[0])
+        way, begin = from_where_it_is(proved, self.heard.pose.compose(scene.tool),
+                                      self.made.plan.shapes[0], scene.limits, scene.period)
+        times = np.arange(-_SEEN, proved.duration / scene.period + _SEEN) * scene.period
+        part = used(proved.poses(times), scene.limits, scene.period)
+        if part > EXACT:
+            raise Refused(Cause.LIMITS, f'the motion of the plan uses {part:.3g} of its limits of '
+                          'speed, acceleration and jerk (threading.*): plan again')
         execution = Execution(way, scene.tool.inverse(), scene.frame_id, self.scene.guards,
-                              scene.period, self.scene.horizon)
-        return replace(self, execution=execution, running=self.made)
+                              scene.period, self.scene.horizon, scene.limits, begin=begin,
+                              done=begin)
+        return replace(self, execution=execution, running=self.made, looking=None,
+                       latest=None, others=0)
+
+    def looked(self, before: Execution | None, execution: Execution, looking: Looking) -> 'State':
+        """Return the State after a tick of a closed loop, `before` which it was another Execution.
+
+        What was stopped meanwhile stays so: the next tick hears it.
+        """
+        if self.execution is not before:
+            return self
+        return replace(self._with_execution(execution), looking=looking)
 
     def ticked(self, now: float, stamp: float | None = None) -> 'State':
         """Return the State with the next command, at `now` s, `stamp` s on the stamps' clock."""
         if self.execution is None:
             return self
-        return self._with_execution(self.execution.tick(now, self.heard, stamp))
+        return self._with_execution(self.execution.tick(now, self.heard, stamp, self.enabled))
 
     def steered(self, way: TimedPath | Steered, corrected: Callable[[float], Steered]) -> 'State':
         """Return the State in which the rest of what is executed is corrected.
@@ -171,12 +222,13 @@ class State:
             Way that was executed when the correction was made; if it is another one now, nothing
             changes.
         corrected : callable
-            Takes how many s of it can no more be changed, returns what is executed from then on.
+            Takes how many s of it can no more be changed, returns what is executed from then on, if
+            that keeps the limits (else `Execution.refusal` says so).
         """
         execution = self.execution
         if execution is None or execution.phase != 'running' or execution.way is not way:
             return self
-        return replace(self, execution=replace(execution, way=corrected(execution.free)))
+        return replace(self, execution=execution.corrected(corrected(execution.free)))
 
     @property
     def proving(self) -> bool:
@@ -228,7 +280,7 @@ def carried(shape: Shape | None, before: Scene, after: Scene) -> Shape | None:
     return replace(shape, state=replace(shape.state, history=None))
 
 
-def ready(state: State, now: float) -> TimedPath:
+def ready(state: State, now: float, wanted: Time | None = None) -> TimedPath:
     """Return the Trajectory to be executed: the one that was proved.
 
     Parameters
@@ -236,6 +288,8 @@ def ready(state: State, now: float) -> TimedPath:
     state : State
     now : float
         Now in s, steady.
+    wanted : Time, optional
+        Stamp of the plan that is meant. If None, the only one since an execution began.
 
     Raises
     ------
@@ -246,6 +300,7 @@ def ready(state: State, now: float) -> TimedPath:
         raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or ~/cancel')
     if state.made is None:
         raise Refused(Cause.NO_PLAN, f'there is no plan: {state.void}')
+    _meant(state, state.made, wanted)
     proof = state.proof
     assert proof is not None  # every plan has one
     if not proof.safe:
@@ -254,7 +309,7 @@ def ready(state: State, now: float) -> TimedPath:
     assert proof.report is not None and state.heard is not None
     way, scene = proof.report.trajectory, state.scene
     assert way is not None  # what is safe has one
-    first = way.at([0.0])[0][0].compose(state.made.scene.tool.inverse())
+    first = way.poses([0.0])[0].compose(state.made.scene.tool.inverse())
     here = state.heard.pose
     away = float(np.linalg.norm(here.position - first.position))
     if away > scene.start_distance:
@@ -269,6 +324,21 @@ def ready(state: State, now: float) -> TimedPath:
     return way
 
 
+def _meant(state: State, made: Made, wanted: Time | None) -> None:
+    """Refuse to execute a plan that may be another one than is meant."""
+    if wanted is None and state.others > 1:
+        raise Refused(Cause.OTHER_PLAN, f'{state.others} different plans were made since an '
+                      f'execution began, the last one stamped {_text(made.stamp)}: expected the '
+                      'one that is meant to be named, by ~/execute_plan')
+    if wanted is not None and wanted != made.stamp:
+        raise Refused(Cause.OTHER_PLAN, f'the plan stamped {_text(wanted)} is not the last one, '
+                      f'that is stamped {_text(made.stamp)}: plan again')
+
+
+def _text(stamp: Time) -> str:
+    return f'{stamp.sec}.{stamp.nanosec:09d}'
+
+
 def _heard_lately(state: State, now: float) -> None:
     if state.pose is None:
         raise Refused(Cause.NO_GRIPPER_POSE, 'no gripper pose is known: send ~/gripper_pose')
@@ -281,3 +351,6 @@ def _heard_lately(state: State, now: float) -> None:
     if limit and age > limit:
         raise Refused(Cause.OLD_GRIPPER_POSE,
                       f'gripper_pose: the last one is {age:.3g} s old: {expected}')
+    barred = state.scene.guards.barred(state.enabled, now)
+    if barred:
+        raise Refused(Cause.NOT_ENABLED, barred)

@@ -11,11 +11,11 @@ from rclpy.parameter import Parameter
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
+from dlo_planner.execute.causes import Cause
 from dlo_planner.model.surface import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.causes import Cause
-from dlo_planner.ros.door import bodies_in, body_name
+from dlo_planner.ros.door import bodies_in, body_name, brief_text
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.latched import hear_latched
 from dlo_planner.ros.parts import Parts
@@ -57,12 +57,18 @@ class Surroundings:
     def _judge(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         changed = {one.name: one.value for one in parameters if one.name in ENTRIES}
         state = self._store.state
+        fixed = [name for name, value in changed.items() if not ENTRIES[name].while_executing
+                 and not _same(value, state.values[name])]
+        if state.executing and fixed:
+            return SetParametersResult(successful=False, reason=f'parameter {", ".join(fixed)}: a '
+                                       'plan is being executed: expected its end, or ~/cancel')
         try:
             build_scene({**state.values, **changed}, tuple(state.bodies.values()))
         except DloPlannerError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(successful=False, reason=brief_text(str(error)))
         except Exception as error:  # whatever it is, it must not end the node
-            return SetParametersResult(successful=False, reason=f'{type(error).__name__}: {error}')
+            return SetParametersResult(successful=False, reason=brief_text(
+                f'{type(error).__name__}: {error}'))
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
@@ -110,6 +116,10 @@ class Surroundings:
             self._reporter.info(f'the plan is void: {reason}')
 
 
+def _same(one: Any, other: Any) -> bool:
+    return list(one) == list(other) if hasattr(one, '__len__') else bool(one == other)
+
+
 def listed(keys: Sequence[tuple[str, int]]) -> str:
     """Return the names of obstacles in a line, some of them if there are many."""
     names = [body_name(key) for key in keys[:_MOST_NAMED]]
@@ -133,8 +143,9 @@ def in_the_way(state: State, bodies: Mapping[tuple[str, int], Any]) -> str:
     assert state.execution is not None and state.running is not None
     plan, scene = state.running.plan, state.running.scene
     way, here = state.execution.way, state.execution.done
-    grippers = way.at(np.linspace(here, way.duration, _LOOKS))[0]
-    since = float(way.progress([here])[0])
+    grippers = way.poses(np.linspace(here, way.duration, _LOOKS))
+    # in a closed loop it is another way, of which the plan is nearly the one
+    since = float(way.progress([here])[0]) if state.looking is None else -np.inf
     shapes = [shape for shape, time in zip(plan.shapes, plan.times, strict=True) if time >= since]
     surface, radius = Surface.of(scene.direct.rod), scene.workspace.gripper_radius
     said = []

@@ -11,6 +11,8 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlan
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -56,6 +58,7 @@ class Viewer(Node):
         given = {name: self.get_parameter(name).value for name in _PARAMETERS}
         self._planner, self._frame = given['planner'].rstrip('/'), given['frame_id']
         self._allow_execute = given['allow_execute']
+        self._plan: Path | None = None  # the one that is shown
         self._items: dict[tuple[str, int], Item] = {}
         self._changed, self._lock = False, Lock()
         self._heard = None  # geometry_msgs/Pose of the gripper, not shown yet
@@ -68,7 +71,8 @@ class Viewer(Node):
                                                qos_profile_sensor_data)
         self._goal_out = self.create_publisher(PoseStamped, self._topic('task_goal'), _RELIABLE)
         self._triggers = {name: self.create_client(Trigger, self._topic(name))
-                          for name in ('replan', 'execute', 'cancel')}
+                          for name in ('replan', 'cancel')}
+        self._execute_plan = self.create_client(GetPlan, self._topic('execute_plan'))
         self.create_timer(1 / min(max(given['rate'], 1.0), _FASTEST), self._draw)
         self.create_timer(_SENT, self._send_gripper)
         self.get_logger().info(f'{self._planner} is shown at {self.page.page.url}')
@@ -78,6 +82,7 @@ class Viewer(Node):
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)
         self.create_subscription(PoseStamped, self._topic('gripper_pose'), self._on_pose,
                                  qos_profile_sensor_data)
+        self.create_subscription(Path, self._topic('gripper_trajectory'), self._on_plan, _LATCHED)
         for name in ('status', 'execution'):
             self.create_subscription(DiagnosticStatus, self._topic(name),
                                      lambda msg, name=name: self._on_state(name, msg), _LATCHED)
@@ -107,6 +112,9 @@ class Viewer(Node):
 
     def _on_state(self, name: str, msg: DiagnosticStatus) -> None:
         self.page.put_state(name, _level(msg), msg.message)
+
+    def _on_plan(self, msg: Path) -> None:
+        self._plan = msg
 
     def _on_pose(self, msg: PoseStamped) -> None:
         self._heard = msg.pose
@@ -145,8 +153,15 @@ class Viewer(Node):
         return pose_stamped_msg(pose, self._frame, self.get_clock().now().to_msg())
 
     def _execute(self) -> None:
-        if self._allow_execute:
-            self._trigger('execute')
+        """Have the plan executed that is shown, and no other."""
+        if not self._allow_execute:
+            return
+        if self._plan is None or not self._execute_plan.service_is_ready():
+            self.page.say(f'execute: there is no plan, or no service {self._topic("execute_plan")}',
+                          2)
+            return
+        self.page.say('execute: asked')  # ~/status says how it ended
+        self._execute_plan.call_async(GetPlan.Request(start=self._plan.poses[0]))
 
     def _trigger(self, name: str) -> None:
         client = self._triggers[name]

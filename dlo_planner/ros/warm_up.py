@@ -44,7 +44,7 @@ def warm_up() -> None:
         Workspace(keep_out=[floor]).min_margin(level)
         free = InverseSimulator(direct)
         free.approach(holes[0], free.thread(holes[0], depths=[0.0, 0.1]),
-                         Pose((-1.5, 0, 0), (0, 0, 0, 1)))
+                      Pose((-1.5, 0, 0), (0, 0, 0, 1)), standoff=0.1)
         free.thread_two(*holes, depths=[0.0, 0.3])
         lying = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4, obstacles=[floor])
         lying.solve(level, lying.solve(level))

@@ -145,5 +145,5 @@ def _natural_curvature(values: Values) -> Expanded | list[float]:
 
 def _limits(curvatures: Sequence[float]) -> tuple[float, float] | None:
     """Return the pair for `Rod.yield_curvature`; None if both are 0, which means never."""
-    about_n, about_b = curvatures
+    about_n, about_b = vector('parameter rod.yield_curvature', curvatures, 2).tolist()
     return (about_n or 1e12, about_b or 1e12) if any(curvatures) else None

@@ -6,17 +6,25 @@ from dataclasses import dataclass
 from typing import Any
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import shown
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One parameter: its default (which fixes the type), meaning, limits, and if it may change."""
+    """One parameter: its default (which fixes the type), meaning, limits, and if it may change.
+
+    Attributes
+    ----------
+    while_executing : bool
+        Whether it may change while a plan is executed.
+    """
 
     default: Any
     description: str
     lowest: float | None = None
     highest: float | None = None
     read_only: bool = False
+    while_executing: bool = False
 
 
 ARM = {
@@ -35,7 +43,8 @@ ENTRIES = {
     'frame_id': Entry('world', 'Frame of all poses in and out, z up.', read_only=True),
     'diagnostics_period': Entry(1.0, 'Seconds between messages on /diagnostics.', 0.05, 60.0,
                                 read_only=True),
-    'rod.name': Entry('copper wire', 'Name of the DLO, in the log and on diagnostics.'),
+    'rod.name': Entry('copper wire', 'Name of the DLO, in the log and on diagnostics.',
+                      while_executing=True),
     'rod.section': Entry('round', 'Section: round | tube | rectangular (density, youngs_modulus, '
                          'poisson_ratio and sizes are used) | stiffness (mass_per_length, '
                          'bending_stiffness, torsional_stiffness are used).'),
@@ -82,27 +91,31 @@ ENTRIES = {
                            'that gripper poses refer to, m.'),
     'tool.orientation': Entry([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w there; its x axis is '
                               'the DLO\'s tangent.'),
-    'threading.waypoints': Entry(40, 'Poses in a plan.', 2, 10_000),
-    'threading.deepest': Entry(0.95, 'Part of the length that is threaded through.', 0.0, 1.0),
+    'threading.waypoints': Entry(40, 'Poses in a plan.', 2, 10_000, while_executing=True),
+    'threading.deepest': Entry(0.95, 'Part of the length that is threaded through.', 0.0, 1.0,
+                               while_executing=True),
     'threading.linear_speed': Entry(0.1, 'Limit of the motion, m/s.', 1e-4, 10.0),
     'threading.angular_speed': Entry(0.5, 'Limit of the motion, rad/s.', 1e-4, 100.0),
     'threading.linear_acceleration': Entry(0.5, 'Limit of the motion, m/s^2.', 1e-4, 1e3),
     'threading.angular_acceleration': Entry(2.0, 'Limit of the motion, rad/s^2.', 1e-4, 1e4),
     'threading.linear_jerk': Entry(5.0, 'Limit of the motion, m/s^3.', 1e-4, 1e5),
     'threading.angular_jerk': Entry(20.0, 'Limit of the motion, rad/s^3.', 1e-4, 1e6),
-    'threading.standoff': Entry(0.0, 'With more than 0, a plan begins at the gripper\'s present '
-                                'pose, and the free end waits so far before the hole, m.', 0.0,
-                                10.0),
+    'threading.standoff': Entry(0.0, 'Unless it is 0, a plan begins at the gripper\'s present '
+                                'pose, and the free end waits so far before the hole, m; below '
+                                '0 = of 0.05, 0.1, 0.15 of the length what makes the calm motion '
+                                'the quickest.', -1.0, 10.0, while_executing=True),
     'threading.gripper_clearance': Entry(0.0, 'The plan ends where the gripper comes nearer to '
-                                         'the sheet than this, m; 0 = does not care.', 0.0, 10.0),
+                                         'the sheet than this, m; 0 = does not care.', 0.0, 10.0,
+                                         while_executing=True),
     # No range: it would refuse nan.
     'threading.tolerance': Entry(0.0, 'By how much the DLO in motion may miss, come nearer to a '
                                  'rim than planned, or still vibrate at the end, m; 0 or nan = a '
-                                 'quarter of the room in the hole, 0.001 where it has no size.'),
+                                 'quarter of the room in the hole, 0.001 where it has no size.',
+                                 while_executing=True),
     'threading.deadline': Entry(60.0, 'Computing after which the search for a calm motion is given '
-                                'up, s.', 0.1, 3600.0),
+                                'up, s.', 0.1, 3600.0, while_executing=True),
     'threading.planning_deadline': Entry(60.0, 'Computing after which the search for a plan is '
-                                         'given up, s.', 0.01, 3600.0),
+                                         'given up, s.', 0.01, 3600.0, while_executing=True),
     'threading.may_yield': Entry(True, 'Whether a plan may set the DLO for good.'),
     'cutouts.radius': Entry(0.0, 'Of round cut-outs, for clearances, m; 0 = not known.', 0.0,
                             10.0),
@@ -134,33 +147,51 @@ ENTRIES = {
     'observe.cutout': Entry(0.0, 'Of the place of a cut-out along each axis, m.', 0.0, 1.0),
     'observe.stamps': Entry(0.02, 'By how much the stamps of clouds may be wrong against those of '
                             'gripper_pose, s.', 0.0, 1.0),
+    'observe.robot_position': Entry(2e-4, 'Standard deviation of the robot\'s error along each '
+                                    'axis, m: where it is less where it measures, by its pose.',
+                                    0.0, 1.0),
+    'observe.robot_rotation': Entry(3e-4, 'The same about each axis, rad.', 0.0, 3.2),
+    'observe.robot_way': Entry(0.4, 'Way of the gripper in which that error changes, m; a turn '
+                               'counts by 0.25 m.', 1e-3, 1e4),
+    'observe.robot_time': Entry(0.0, 'Time in which that error changes, s; 0: it depends on the '
+                                'pose alone.', 0.0, 1e4),
+    'observe.slip_position': Entry(5e-3, 'Standard deviation of how far the DLO slips in the '
+                                   'gripper along each axis where looks come to disagree, m.', 0.0,
+                                   1.0),
+    'observe.slip_rotation': Entry(0.05, 'The same about each axis, rad.', 0.0, 3.2),
     'observe.period': Entry(0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
     'observe.correct': Entry(True, 'Whether what is executed is corrected by what is seen.'),
     'observe.correction_period': Entry(0.5, 'Seconds between two corrections.', 0.0, 60.0),
     'observe.largest_correction': Entry(0.02, 'A correction that moves the gripper farther is not '
                                         'executed, m.', 0.0, 10.0),
-    **{name: Entry(default, description) for name, (default, description) in ARM.items()},
+    **{name: Entry(default, description, while_executing=True)
+       for name, (default, description) in ARM.items()},
     'autostart': Entry(True, 'Whether the node configures and activates itself, without a '
                        'lifecycle manager.', read_only=True),
-    'markers.color': Entry('curvature', 'What the color of the DLO tells: curvature | yield.'),
+    'markers.color': Entry('curvature', 'What the color of the DLO tells: curvature | yield.',
+                           while_executing=True),
     'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,
                           read_only=True),
-    'execute.horizon': Entry(0.0, 'Seconds of the coming motion on gripper_commands_ahead, for a '
+    'execute.horizon': Entry(1.0, 'Seconds of the coming motion on gripper_commands_ahead, for a '
                              'robot that follows their stamps; 0: none, the motion goes on with '
                              'each gripper_command.', 0.0, 10.0),
     'execute.start_distance': Entry(0.02, 'How far from a plan\'s beginning the gripper may be to '
-                                    'execute it, m.', 0.0, 10.0),
-    'execute.start_angle': Entry(0.1, 'How far it may be turned against that, rad.', 0.0, 3.2),
+                                    'execute it, m.', 0.0, 10.0, while_executing=True),
+    'execute.start_angle': Entry(0.1, 'How far it may be turned against that, rad.', 0.0, 3.2,
+                                 while_executing=True),
     'execute.longest_pause': Entry(0.5, 'Seconds between two commands after which an execution '
                                    'ends: the rest is not the motion that was proved; 0 = any.',
                                    0.0, 60.0),
+    'execute.enable_timeout': Entry(0.0, 'Age of the last true on ~/enable (a deadman switch), '
+                                    'from which on an execution is refused or stops, s; 0 = none '
+                                    'is asked for.', 0.0, 60.0),
     # Named and meant as those of joint_trajectory_controller and moveit_servo: 0 = not checked.
     'constraints.path.position': Entry(0.02, 'Farthest that the gripper may be from its command '
                                        'on the way; more than speed times lag, m; 0 = any.', 0.0,
                                        10.0),
     'constraints.path.angle': Entry(0.1, 'How far it may be turned against that, rad; 0 = any.',
                                     0.0, 3.2),
-    'constraints.path.shape': Entry(0.0, 'Farthest that the observed DLO may be from its plan, m; '
+    'constraints.path.shape': Entry(0.05, 'Farthest that the observed DLO may be from its plan, m; '
                                     '0 = any.', 0.0, 10.0),
     'constraints.goal.position': Entry(0.01, 'Farthest that the gripper may be from the last '
                                        'command at the end, m; 0 = any.', 0.0, 10.0),
@@ -186,19 +217,19 @@ def as_declared(name: str, value: Any, default: Any) -> Any:
     InvalidTask
         It has another type than the default.
     """
-    listed = not isinstance(value, str) and hasattr(value, '__iter__')
+    listed = not isinstance(value, str | dict) and hasattr(value, '__iter__')
     if isinstance(default, list) and isinstance(default[0], str):
         if not listed or any(not isinstance(item, str) for item in value):
-            raise InvalidTask(f'parameter {name} = {value!r}: expected a list of strings')
+            raise InvalidTask(f'parameter {name} = {shown(value)}: expected a list of strings')
         return list(value) or default
     if isinstance(default, list):
         if not listed or not all(map(_is_number, value)):
-            raise InvalidTask(f'parameter {name} = {value!r}: expected a list of numbers')
+            raise InvalidTask(f'parameter {name} = {shown(value)}: expected a list of numbers')
         return [_float(name, item) for item in value]
     if isinstance(default, float) and _is_number(value):
         return _float(name, value)
     if type(value) is not type(default):
-        raise InvalidTask(f'parameter {name} = {value!r}: expected a {type(default).__name__}')
+        raise InvalidTask(f'parameter {name} = {shown(value)}: expected a {type(default).__name__}')
     return value
 
 
@@ -216,6 +247,6 @@ def _float(name: str, value: Any) -> float:
 def within_limits(name: str, value: Any, entry: Entry) -> Any:
     """Return a value of an Entry's type; raise InvalidTask if it is beyond the Entry's limits."""
     if entry.lowest is not None and not entry.lowest <= value <= entry.highest:
-        raise InvalidTask(f'parameter {name} = {value!r}: expected {entry.lowest:g} to '
+        raise InvalidTask(f'parameter {name} = {shown(value)}: expected {entry.lowest:g} to '
                           f'{entry.highest:g}')
     return value

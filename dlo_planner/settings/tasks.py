@@ -5,11 +5,10 @@
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from dlo_planner.files import text_of, writable
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.checks import instance
-from dlo_planner.settings.yaml_files import load_yaml
+from dlo_planner.settings.guarded_yaml import load_yaml, yaml_of
 
 
 def task_to_yaml(task: Task) -> str:
@@ -20,9 +19,7 @@ def task_to_yaml(task: Task) -> str:
     InvalidTask
         It is not a task, or holds a function, which cannot be written.
     """
-    text: str = yaml.safe_dump(instance('task', task, Task).to_dict(), sort_keys=False,
-                               allow_unicode=True)
-    return text
+    return yaml_of(instance('task', task, Task).to_dict())
 
 
 def task_from_yaml(text: str, name: str = 'task') -> Task:
@@ -46,9 +43,9 @@ def task_from_yaml(text: str, name: str = 'task') -> Task:
 
 def read_task(path: Path) -> Task:
     """Return the task of a YAML file; raises InvalidTask as `task_from_yaml` does."""
-    return task_from_yaml(Path(path).read_text(encoding='utf-8'), str(path))
+    return task_from_yaml(text_of(path), str(path))
 
 
 def write_task(path: Path, task: Task) -> None:
     """Write a task as a YAML file."""
-    Path(path).write_text(task_to_yaml(task), encoding='utf-8')
+    writable(path).write_text(task_to_yaml(task), encoding='utf-8')

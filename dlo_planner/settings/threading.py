@@ -18,25 +18,30 @@ from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress
+from dlo_planner.settings.building import limits_of, tolerance_of
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked of the way; attributes are the parameters `threading.*` of the same names."""
+    """What is asked of the way; attributes are the parameters `threading.*` of the same names.
+
+    `limits` are all those of the motion. With a standoff below 0 it is found; a tolerance of None
+    is the default one.
+    """
 
     waypoints: int
     deepest: float
-    linear_speed: float
-    angular_speed: float
+    limits: Limits
     standoff: float
     gripper_clearance: float
+    tolerance: float | None = None
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> 'Wanted':
         """Return that of parameter values."""
-        return cls(*(values[f'threading.{name}'] for name in (
-            'waypoints', 'deepest', 'linear_speed', 'angular_speed', 'standoff',
-            'gripper_clearance')))
+        return cls(values['threading.waypoints'], values['threading.deepest'], limits_of(values),
+                   values['threading.standoff'], values['threading.gripper_clearance'],
+                   tolerance_of(values))
 
 
 @dataclass(frozen=True)
@@ -82,13 +87,13 @@ def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wa
     start = present.gripper
     depths = np.linspace(0.0, wanted.deepest * inverse.simulator.rod.length, wanted.waypoints)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(
-        inverse.requirements, deadline=deadline,
-        limits=Limits(wanted.linear_speed, wanted.angular_speed))}
+        inverse.requirements, deadline=deadline, limits=wanted.limits)}
     plan = inverse.plan(threading_of(cutouts, depths), start=start, **options)
     if wanted.gripper_clearance:
         plan = inverse.check(trim_to_clearance(plan, cutouts[0], wanted.gripper_clearance, True))
     if not wanted.standoff or start is None:
         return plan
-    way = inverse.plan(Approach(cutouts[0], plan.shapes[0], wanted.standoff), start=start,
-                       initial=present.shape, **options)
+    standoff = None if wanted.standoff < 0 else wanted.standoff
+    way = inverse.plan(Approach(cutouts[0], plan.shapes[0], standoff, plan, wanted.tolerance),
+                       start=start, initial=present.shape, **options)
     return inverse.check(concatenate(way, plan))

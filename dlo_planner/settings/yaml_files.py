@@ -2,19 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values of parameters from YAML files, as the node reads them."""
 
-import re
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from dlo_planner.errors import InvalidTask
+from dlo_planner.files import readable, writable
+from dlo_planner.model.checks import instance, shown
 from dlo_planner.settings.entries import ENTRIES, as_declared, within_limits
+from dlo_planner.settings.guarded_yaml import load_yaml, read_yaml, yaml_of
 from dlo_planner.settings.names import unknown_parameter
 
 _NODES = ('/**', '/*', '/dlo_planner', 'dlo_planner', '/**/dlo_planner')  # keys that mean the node
-_FLOAT = re.compile(r'[-+]?(\d[\d_]*\.?\d*|\.\d+)([eE][-+]?\d+)?$')  # YAML 1.2, as ROS reads it
+_MOST_WARNINGS = 20
 _PACKAGE = Path(__file__).parents[1]
 
 
@@ -36,10 +37,13 @@ def read_values(source: str | Path,
         No such file, or a value makes no sense; the message names it.
     """
     path = config_file(source)
-    given = _flat(_of_node(path, load_yaml(path.read_text(encoding='utf-8'), str(path))))
+    given = _of_node(path, read_yaml(path))
     for change in changes:
         given |= _changed(change)
-    warnings = [unknown_parameter(name, ENTRIES) for name in given if name not in ENTRIES]
+    unknown = [name for name in given if name not in ENTRIES]
+    warnings = [unknown_parameter(name, ENTRIES) for name in unknown[:_MOST_WARNINGS]]
+    if len(unknown) > _MOST_WARNINGS:  # what is near to a name is slow to find
+        warnings.append(f'{len(unknown) - _MOST_WARNINGS} more parameters do not exist')
     return {name: within_limits(name, as_declared(name, given.get(name, entry.default),
                                                   entry.default), entry)
             for name, entry in ENTRIES.items()}, warnings
@@ -55,23 +59,7 @@ def write_values(path: Path, values: Mapping[str, object]) -> None:
             branch = branch.setdefault(parent, {})
         branch[last] = value
     content = {'/**': {'ros__parameters': tree}}
-    path.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True),
-                    encoding='utf-8')
-
-
-def load_yaml(text: str, name: str) -> object:
-    """Return the content of a YAML text; numbers like 8e6 are numbers.
-
-    Raises
-    ------
-    InvalidTask
-        It is no YAML; the message begins with `name`.
-    """
-    try:
-        return yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
-        said = ' '.join(str(error).split())
-        raise InvalidTask(f'{name}: expected YAML, {said}') from None
+    writable(path).write_text(yaml_of(content), encoding='utf-8')
 
 
 def config_file(source: str | Path) -> Path:
@@ -82,13 +70,12 @@ def config_file(source: str | Path) -> Path:
     InvalidTask
         There is none; the message lists those that there are.
     """
-    path = Path(source)
-    if path.is_file():
-        return path
+    if os.path.exists(instance('config', source, (str, Path))):
+        return readable(source)
     known = config_files()
     if str(source) in known:
         return known[str(source)]
-    raise InvalidTask(f'config = {str(source)!r}: expected a YAML file, or one of '
+    raise InvalidTask(f'config = {shown(str(source))}: expected a YAML file, or one of '
                       f'{", ".join(known) or "the files of config/, which is not installed"}')
 
 
@@ -110,17 +97,21 @@ def _of_node(path: Path, content: object) -> dict[str, object]:
             continue
         if not isinstance(inside, dict) or not isinstance(inside.get('ros__parameters'), dict):
             raise InvalidTask(f'{path}: expected ros__parameters: under {key}:')
-        out |= _flat(inside['ros__parameters'])
+        try:
+            out |= _flat(inside['ros__parameters'])
+        except InvalidTask as error:
+            raise InvalidTask(f'{path}: {error}') from None
     return out
 
 
 def _flat(tree: Mapping[str, object], before: str = '') -> dict[str, object]:
     flat: dict[str, object] = {}
     for name, value in tree.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, f'{before}{name}.')
-        else:
-            flat[f'{before}{name}'] = value
+        for full, one in (_flat(value, f'{before}{name}.') if isinstance(value, dict) and value
+                          else {f'{before}{name}': value}).items():
+            if full in flat:  # as a.b: and as b: under a:
+                raise InvalidTask(f'parameter {full}: expected once, it is there twice')
+            flat[full] = one
     return flat
 
 
@@ -132,10 +123,3 @@ def _changed(change: str) -> dict[str, object]:
     if name not in ENTRIES:
         raise InvalidTask(unknown_parameter(name, ENTRIES))
     return {name: load_yaml(text, f'parameter {name}')}
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML 1.1 takes 8e6 and 110.0e9 for words; ROS and YAML 1.2 do not."""
-
-
-_Loader.add_implicit_resolver('tag:yaml.org,2002:float', _FLOAT, list('-+0123456789.'))

@@ -5,43 +5,58 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
-from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.model.checks import instance, items, shown
+from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
+from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.part import before
 from dlo_planner.model.surface import Surface
+from dlo_planner.plan.between import violation_between
+from dlo_planner.plan.builder import PlanRequirements
 from dlo_planner.plan.continuity import apart
-from dlo_planner.plan.motion.in_motion import InMotion, in_motion, least_clearance, watched
+from dlo_planner.plan.motion.in_motion import (
+    InMotion,
+    in_motion,
+    least_clearance,
+    unplanned,
+    watched,
+)
 from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.nearness import Nearness
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.passing import means_to_touch
+from dlo_planner.plan.passing import contact_lost, held_after, means_to_touch
+from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.verify.report import ValidationReport
 
 _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned ones are others
-_MAY_BE_LEFT_OUT = ('position_error', 'misalignment', 'clearance', 'max_tracking_error', 'swing',
-                    'arrival', 'departure', 'dynamic_clearance', 'dynamic_contact_force',
-                    'duration', 'step',
+_MAY_BE_LEFT_OUT = ('position_error', 'misalignment', 'bend_margin', 'contact_force',
+                    'clearance', 'max_tracking_error', 'swing', 'arrival', 'departure',
+                    'dynamic_clearance', 'dynamic_contact_force', 'dynamic_bend_margin',
+                    'contact_lost', 'largest_friction', 'duration', 'step',
                     'workspace_margin', 'mode_margin')
+_OF_CONTACTS = ('contact_lost', 'largest_friction')  # figures of a plan that touches an obstacle
 
 
 def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstacle] = (),
            limits: Limits | None = None, tolerance: float | None = None,
            trajectory: Trajectory | None = None, workspace: Workspace | None = None,
-           initial: Shape | None = None, progress: OnProgress = None,
-           deadline: float | None = None) -> ValidationReport:
+           initial: Shape | None = None, friction: float | None = None,
+           progress: OnProgress = None, deadline: float | None = None) -> ValidationReport:
     """Simulate a Plan, and return the ValidationReport.
 
-    If a motion cannot be made calm, the report is of the motion within limits alone, not `safe`.
+    If a motion cannot be made calm, the report is of the motion within limits alone, not `safe`. A
+    DLO that is not meant to touch anything is simulated as if there were no obstacles, and shown to
+    stay away from them, also on the way between; only where it does not, it is simulated in
+    contact.
 
     Parameters
     ----------
@@ -62,6 +77,10 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
     initial : Shape, optional
         Shape before the first pose. If None, the natural shape is set down there or, if the plan
         begins in contact, the DLO is in the first shape of the plan.
+    friction : float, optional
+        Largest friction that obstacles may have: the plan and its trajectory are validated without
+        friction and with this, too, and the report is of the first that is not safe. If None, with
+        that of the simulator's obstacles alone.
     progress : callable, optional
         Called as progress(done, total) after each step of each of its runs.
     deadline : float, optional
@@ -73,10 +92,22 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
         An argument makes no sense, tolerance without limits, or a motion of more than 20000
         instants; the message names it.
     DeadlineExceeded
-        The deadline is over.
+        The deadline is over before it is known whether the plan may be executed.
     """
-    return _Replay(simulator, plan, items('obstacles', obstacles, OBSTACLES), limits, tolerance,
-                   trajectory, workspace, initial, Progress(progress, deadline)).report()
+    if friction is not None:
+        friction = number('friction', friction, minimum=0)
+    own = _Replay(simulator, plan, items('obstacles', obstacles, OBSTACLES), limits, tolerance,
+                  trajectory, workspace, initial, Progress(progress, deadline))
+    report = own.report()
+    if friction is None:
+        return report
+    reports = [report]
+    for most in (0.0, friction):
+        reports.append(replace(own, simulator=simulator.with_friction(most), limits=None,
+                               tolerance=None, trajectory=report.trajectory).report())
+    worst = next((one for one in reports if not one.safe), report)
+    return replace(worst, largest_friction=friction, not_looked_at=tuple(
+        name for name in worst.not_looked_at if name != 'largest_friction'))
 
 
 @dataclass(frozen=True)
@@ -112,17 +143,22 @@ class _Replay:
         if self.workspace is not None:
             figures['workspace_margin'] = float(min(self.workspace.min_margin(gripper)[1]
                                                     for gripper in plan.grippers))
-        trajectory = self.trajectory
+        trajectory, refused = self.trajectory, ''
         if trajectory is None and self.limits is not None:
-            trajectory, reason = self._trajectory(self.limits, shapes[0])
-            if reason:
-                figures['reason'] = reason
+            trajectory, refused = self._trajectory(self.limits, shapes[0])
+            if refused:
+                figures['reason'] = refused
         if trajectory is not None:
-            motion = self._in_motion(trajectory, shapes[0])
-            figures |= _figures_in_motion(trajectory, motion)
-            figures['reason'] = _reason(figures, motion, plan)
+            try:
+                motion = self._in_motion(trajectory, shapes[0], touched=not refused)
+                figures |= _figures_in_motion(trajectory, motion, figures['contact_lost'])
+                figures['reason'] = _reason(figures, motion, plan)
+            except DeadlineExceeded:
+                if not refused:
+                    raise
         return ValidationReport(**figures, not_looked_at=tuple(
-            name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))))
+            name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))
+            and (name not in _OF_CONTACTS or any(shape.contacts for shape in plan.shapes))))
 
     def _at_rest(self) -> Sequence[Shape]:
         """Return the shapes of the DLO that follows the plan slowly."""
@@ -131,8 +167,25 @@ class _Replay:
             return _parts(simulator, plan, self.progress)
         if initial is None and plan.shapes[0].contacts:
             initial = plan.shapes[0]
-        shapes: Sequence[Shape] = simulator.track(plan.grippers, self.progress.done, initial)
+        around = unplanned(simulator, plan)
+        if around:
+            free = simulator.without_obstacles()
+            shapes: Sequence[Shape] = free.track(plan.grippers, self.progress.done, initial)
+            if self._clear(free, shapes, around):
+                return shapes
+        shapes = simulator.track(plan.grippers, self.progress.done, initial)
         return shapes
+
+    def _clear(self, free: DirectSimulator, shapes: Sequence[Shape],
+               around: tuple[Obstacle, ...]) -> bool:
+        """Whether a DLO that goes slowly through Shapes stays away from obstacles, between too."""
+        surface = Surface.of(free.rod)
+        if not Nearness((), around, surface, self.progress.check).least(shapes) > 0:
+            return False
+        demands = PlanRequirements((1.0, 1.0), self.progress.silent(), obstacles=around,
+                                   surface=surface, simulator=free)
+        return len(shapes) < 2 or self.plan.times[-1] <= self.plan.times[0] or violation_between(
+            GripperPath.of(self.plan), shapes, (), demands) is None
 
     def _trajectory(self, limits: Limits, first: Shape) -> tuple[Trajectory, str]:
         """Return a calm Trajectory and '', or one within limits alone and why it is not calm."""
@@ -143,20 +196,26 @@ class _Replay:
         except Infeasible as error:
             return Trajectory(self.plan, limits, tolerance=np.inf), str(error)
 
-    def _in_motion(self, trajectory: Trajectory, first: Shape) -> InMotion:
-        """Return InMotion of a Trajectory; one that was given knew other obstacles."""
-        known, obstacles = trajectory.motion, self.obstacles
-        given = self.trajectory is not None
-        if known is not None and not (given and watched(self.simulator, self.plan, obstacles)):
+    def _in_motion(self, trajectory: Trajectory, first: Shape, *, touched: bool) -> InMotion:
+        """Return InMotion of a Trajectory; one that was given knew another simulator.
+
+        `touched`: see `in_motion`.
+        """
+        known, given = trajectory.motion, self.trajectory is not None
+        if known is not None and not (given and (
+                means_to_touch(self.plan) or watched(self.simulator, self.plan, self.obstacles))):
             return known
-        motion = in_motion(self.simulator, self.plan, trajectory, first, obstacles, self.progress)
+        motion = in_motion(self.simulator, self.plan, trajectory, first, self.obstacles,
+                           self.progress, touched=touched)
         return motion if known is None else known.worse(motion)
 
 
-def _figures_in_motion(trajectory: Trajectory, motion: InMotion) -> dict[str, Any]:
-    """Return the figures of a Trajectory and of its motion."""
+def _figures_in_motion(trajectory: Trajectory, motion: InMotion, lost: float) -> dict[str, Any]:
+    """Return the figures of a Trajectory and of its motion; `lost`: of the contacts at rest."""
     return {'trajectory': trajectory, 'tolerance': trajectory.tolerance,
             'mode_margin': trajectory.mode_margin, 'max_tracking_error': motion.position_error,
+            'dynamic_bend_margin': motion.bend_margin,
+            'contact_lost': float(np.fmax(lost, motion.contact_lost)),
             'dynamic_clearance': motion.clearance, 'dynamic_contact_force': motion.contact_force,
             **{name: getattr(motion, name) for name in (
                 'swing', 'arrival', 'departure', 'duration', 'step')}}
@@ -177,6 +236,12 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
         return f'in motion the DLO is {-motion.clearance:.3g} m in the sheet or an obstacle'
     if motion.contact_force > 0 and not means_to_touch(plan):
         return f'in motion the DLO touches something, with {motion.contact_force:.3g} N'
+    if figures['contact_lost'] > 0:
+        return (f'the DLO loses a contact that the plan keeps, {figures["contact_lost"]:.2%} of '
+                'the time')
+    if motion.bend_margin < 0:
+        return (f'in motion the DLO is bent by {-motion.bend_margin:.3g} 1/m more than '
+                'max_bend_curvature')
     if motion.position_error > missed + figures['tolerance']:
         return (f'in motion the DLO misses by {motion.position_error:.3g} m: expected at most '
                 f'{missed + figures["tolerance"]:.3g} m')
@@ -214,8 +279,9 @@ def _figures_at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Sh
         'residual': max(shape.residual for shape in shapes),
         'stability': min(shape.stability for shape in shapes),
         'bend_margin': min(shape.bend_margin for shape in shapes),
-        'contact_force': max((contact.force for shape in shapes for contact in shape.contacts),
-                             default=0.0),
+        'contact_lost': contact_lost(plan, plan.times, shapes),
+        'contact_force': np.nan if held_after(plan) is not None else max(
+            (contact.force for shape in shapes for contact in shape.contacts), default=0.0),
         'clearance': least_clearance(plan, obstacles, Surface.of(simulator.rod), shapes),
         'deviation': deviation}
 

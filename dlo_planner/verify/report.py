@@ -42,9 +42,10 @@ class ValidationReport(Reported):
     stability : float
         Least stability of the shapes.
     bend_margin : float
-        Least bend margin of the shapes, 1/m.
+        Least bend margin of the shapes at rest, 1/m; nan of a rod without max_bend_curvature.
     contact_force : float
-        Largest force of one contact with the simulator's obstacles, N.
+        Largest force of one contact with the simulator's obstacles, N; nan where a bore takes the
+        DLO: friction there, its room and its edge are not looked at.
     clearance : float
         Clearance in m to the sized cut-outs of the plan and the obstacles given.
     deviation : float
@@ -56,6 +57,13 @@ class ValidationReport(Reported):
         `InMotion.clearance`, m.
     dynamic_contact_force : float
         `InMotion.contact_force`, N.
+    dynamic_bend_margin : float
+        `InMotion.bend_margin`, 1/m.
+    contact_lost : float
+        `InMotion.contact_lost`, or the part of the waypoints at rest, whichever is larger.
+    largest_friction : float
+        Friction of the obstacles up to which, from none, the report holds; nan: it holds for that
+        of the simulator's obstacles alone.
     swing : float
         `InMotion.swing`, m.
     arrival : float
@@ -95,6 +103,9 @@ class ValidationReport(Reported):
     departure: float = np.nan
     dynamic_clearance: float = np.nan
     dynamic_contact_force: float = np.nan
+    dynamic_bend_margin: float = np.nan
+    contact_lost: float = np.nan
+    largest_friction: float = np.nan
     duration: float = np.nan
     step: float = np.nan
     workspace_margin: float = np.nan

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlo_planner.plan.leg import Leg
+from dlo_planner.plan.motion.calm_search import COMPLETE
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.shift import Shift
 from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.motion.trajectory import Trajectory, restored
+from dlo_planner.plan.motion.trajectory import NOT_SIMULATED, Trajectory, restored
 from dlo_planner.plan.path import GripperPath
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def report_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
 def _trajectory_arrays(trajectory: Trajectory) -> dict[str, Any]:
     arrays = {'times': trajectory.path.times, 'limits': trajectory.limits.sizes,
               'tolerance': trajectory.tolerance, 'mode_margin': trajectory.mode_margin,
-              'legs': len(trajectory.laws)}
+              'status': trajectory.status, 'legs': len(trajectory.laws)}
     if trajectory.motion is not None:
         arrays |= {f'motion/{item.name}': getattr(trajectory.motion, item.name)
                    for item in fields(InMotion)}
@@ -78,7 +79,9 @@ def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
     return restored(
         GripperPath(arrays['times'], tuple(legs)), tuple(laws), Limits(**limits),
         float(arrays['tolerance']), InMotion(**motion) if motion else None,
-        float(arrays['mode_margin']))
+        float(arrays['mode_margin']),
+        # older files do not say
+        str(arrays.get('status', COMPLETE if motion else NOT_SIMULATED)))
 
 
 def _under(mark: str, arrays: Mapping[str, Any]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from dlo_planner.progress import OnProgress
 
 _SAME = 1e-9      # m
 _SECONDS = 30.0   # of computing, after which a plan is given up
+_STANDOFF = 0.1  # of the length: it has to be quick
 _WAYPOINTS = 60   # most of a plan that follows a hand
 
 
@@ -113,7 +114,9 @@ class Replanner:
         plan = self.inverse.thread(cutout, start=gripper, depths=self.depths, **options)
         if not whole:
             return plan
-        return concatenate(self.inverse.approach(cutout, plan, gripper, **options), plan)
+        way = self.inverse.approach(cutout, plan, gripper, **options, standoff=(
+            _STANDOFF * self.inverse.simulator.rod.length))
+        return concatenate(way, plan)
 
     def shape(self, gripper: Pose, before: Shape) -> Shape:
         """Return the Shape at a gripper's Pose, coming from another Shape.

@@ -69,6 +69,8 @@ def _of_shape(shape: Shape) -> list[Row]:
         ('error estimate', figure(shape.error_estimate), 'm')]
     if np.isfinite(shape.bend_margin):
         rows.append(('margin to the sharpest bend allowed', figure(shape.bend_margin), '1/m'))
+    if np.isfinite(shape.self_distance):
+        rows.append(('axis from itself', figure(shape.self_distance), 'm'))
     if shape.contacts:
         rows += [('contacts', str(len(shape.contacts)), ''),
                  ('largest contact force', figure(max(one.force for one in shape.contacts)), 'N')]

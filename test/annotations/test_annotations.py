@@ -10,12 +10,31 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_structure import functions, is_kernel
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 MISTAKE = re.compile(r'# E: ([\w-]+)')
 FOUND = re.compile(r'mistakes\.py:(\d+): error: .*\[([\w-]+)\]$')
+
+
+def functions(tree, inside=()):
+    """Yield (name within the file, definition) of all functions."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield '.'.join([*inside, node.name]), node
+            yield from functions(node, [*inside, node.name])
+        elif isinstance(node, ast.ClassDef):
+            yield from functions(node, [*inside, node.name])
+        elif isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING':
+            continue  # what a dataclass may be given: its fields, once more
+        else:
+            yield from functions(node, inside)
+
+
+def is_kernel(function):
+    """Whether a function is compiled: arrays and numbers are all that it can take and return."""
+    return any(isinstance(node, ast.Name) and node.id in ('kernel', 'njit', 'overload', 'makes')
+               for decorator in function.decorator_list for node in ast.walk(decorator))
 
 
 def mypy(*targets):

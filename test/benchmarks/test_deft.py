@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import deft
-from dlo_planner import DirectSimulator, Pose
+pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
-pytest.importorskip('mujoco', reason='the cell needs mujoco (extra `cell`)')
+from benchmarks import deft  # noqa: E402  mujoco may be missing
+from dlo_planner import DirectSimulator, Pose  # noqa: E402
 
 
 def test_the_grid_has_forty_different_cases():

@@ -63,6 +63,47 @@ def test_a_third_is_never_seen_but_the_free_end_is(plant, rng):
         assert along[along > 2 / 3].size > 100
 
 
+@pytest.mark.parametrize('share', [0.3, 1.0])
+def test_the_free_third_is_hidden_in_spells(plant, rng, share):
+    camera = Camera(rate=20.0, noise=0.0, points=40, blind=share, hidden=0.2, latency=0.0)
+    viewer, seen_then = Viewer(camera, rng), []
+    for _ in range(8000):
+        seen_then += [image.points[:, 0].max() > 2 / 3 for image in viewer.images(plant, HOLE)]
+        plant.time += 0.05  # at rest nothing moves
+    seen_then = np.array(seen_then)
+    assert 1 - seen_then.mean() == pytest.approx(share, abs=0.06)
+    if share < 1:
+        ends = np.flatnonzero(np.diff(seen_then.astype(int)))
+        hidden = 0.05 * np.diff(ends[0 if seen_then[0] else 1:])[::2]
+        assert hidden.min() > 0.4
+        assert np.median(hidden) == pytest.approx(1.3, abs=0.3)  # some are one after the other
+
+
+def test_a_second_cable_hangs_beside_the_way(plant, rng):
+    camera = Camera(rate=100.0, noise=0.0, points=60, second_cable=0.25)
+    points = np.concatenate([image.points for _, image in seen(plant, camera, 0.5, rng)])
+    its = points[np.linalg.norm(points[:, 1:] - (0, 1), axis=1) > 1e-9]
+    assert len(its) / len(points) == pytest.approx(0.25, abs=0.03)
+    x, y, z = its.T
+    assert np.ptp(x) == pytest.approx(0.85, abs=0.02)
+    assert np.polyfit(x, y, 1, full=True)[1] == pytest.approx(0, abs=1e-12)  # in a plane
+    parabola, off = np.polyfit(x, z, 2, full=True)[:2]
+    assert off == pytest.approx(0, abs=1e-12)
+    assert parabola[0] > 0  # hanging
+    assert np.linalg.norm(its[:, 1:] - (0, 1), axis=1).max() < 0.25
+    elsewhere = np.concatenate([image.points for _, image in seen(
+        plant, camera, 0.5, np.random.default_rng(5))])
+    assert np.abs(elsewhere[:len(points), 1].max() - y.max()) > 1e-3
+
+
+def test_what_is_new_does_not_change_what_is_drawn_else(plant):
+    one, other = (seen(plant, camera, 0.5, np.random.default_rng(3)) for camera in (
+        Camera(points=40), Camera(points=40, second_cable=0.25)))
+    same = [np.isclose(a.points, b.points, atol=1e-9).all(axis=1).mean()
+            for (_, a), (_, b) in zip(one, other, strict=True)]
+    assert min(same) > 0.5
+
+
 def test_the_hole_is_seen_with_the_same_bias(plant, rng):
     camera = Camera(rate=100.0, noise=1e-4, bias=5e-3, points=40, sees_hole=True)
     images = seen(plant, camera, 0.3, rng)
@@ -79,7 +120,10 @@ def test_the_same_seed_sees_the_same(plant):
 
 
 @pytest.mark.parametrize('given', [{'rate': 0}, {'latency': -1}, {'outliers': 1.1}, {'points': 0},
-                                   {'hidden': 0.7}, {'noise': np.nan}, {'sees_hole': 1}])
+                                   {'hidden': 0.7}, {'blind': 1.2}, {'second_cable': -0.1},
+                                   {'second_cable': 0.6, 'outliers': 0.6},
+                                   {'hidden': 0.65, 'blind': 0.1}, {'noise': np.nan},
+                                   {'sees_hole': 1}])
 def test_what_makes_no_sense_is_refused(given):
     with pytest.raises(InvalidTask, match=f'Camera.{next(iter(given))}'):
         Camera(**given)

@@ -81,7 +81,7 @@ def test_what_is_unknown_counts():
 
 def test_a_closed_loop_sees_and_moves():
     def driver(task):
-        def command(images, time):
+        def command(images, time, gripper):
             seen.extend(images)
             return Pose(task.start.position, (0, 0, 0, 1)) if time < 0.5 else None
         return command
@@ -119,7 +119,7 @@ def test_a_refusal_is_an_outcome():
 
 def test_a_driver_that_gives_up_on_the_way():
     def driver(task):
-        def command(images, time):
+        def command(images, time, gripper):
             return refuses(task) if time > 0.4 else Pose(task.start.position, (0, 0, 0, 1))
         return command
 

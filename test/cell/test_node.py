@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
+pytest.importorskip('domain_coordinator', reason='domain_coordinator is not installed')
 
 import rclpy  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402

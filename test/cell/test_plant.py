@@ -103,7 +103,7 @@ def test_a_swing_has_the_frequency_and_the_damping(ratio, step):
         plant.move(at(y=2e-4 * k), 0.002)
     rest, heights, times = rest + 0.01, [], []
     for _ in range(1500):
-        plant.move(plant.commanded, 0.002)
+        plant.move(plant.measured, 0.002)
         heights.append(plant.tip.position[1] - rest)
         times.append(plant.time)
     heights, times = np.array(heights), np.array(times)
@@ -172,7 +172,7 @@ def test_gripper_turns_evenly():
     plant = Plant(beam(), at(), gravity=FLOATING, cells=8)
     turned = Pose((0.1, 0, 1), (0, np.sin(0.2), 0, np.cos(0.2)))
     plant.move(turned, 0.3)
-    assert plant.commanded == turned
+    assert plant.measured == turned
     tangent = (plant.points([1e-4]) - plant.points([0]))[0] / 1e-4
     assert tangent == pytest.approx(turned.direction, abs=1e-3)
 
@@ -190,7 +190,7 @@ def test_force_of_a_prop(prop):
     for k in range(1, 101):
         plant.move(at(z=1.02 - 3e-4 * k), 0.01)
     for _ in range(100):
-        plant.move(plant.commanded, 0.01)
+        plant.move(plant.measured, 0.01)
     touching = {Sphere: 0.99, Capsule: 0.99, Cylinder: 0.99, Plane: 1.0, Box: 1.0}[type(prop)]
     assert plant.forces[0] == 0
     assert plant.forces[1] == pytest.approx(3 * 0.01 / touching**3, rel=0.04)

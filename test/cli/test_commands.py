@@ -4,6 +4,7 @@
 
 import csv
 import json
+import os
 import re
 import shlex
 from pathlib import Path
@@ -13,10 +14,11 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from dlo_planner import DirectSimulator, Plan, Pose, Rod, Shape, ValidationReport
+from dlo_planner import DirectSimulator, Plan, Plane, Pose, Rod, Shape, ValidationReport
 from dlo_planner.cli.doctor import findings
 from dlo_planner.cli.figures import scripts, shows
-from dlo_planner.cli.main import BAD_INPUT, NO_SOLUTION, main
+from dlo_planner.cli.main import BAD_INPUT, FAULT, INTERRUPTED, NO_SOLUTION, main
+from dlo_planner.parallel import slices
 
 COMMANDS = ['shape', 'thread', 'replay', 'identify', 'map', 'figures', 'doctor']
 QUICK = ['-p', 'simulator.n_elements=16', '-p', 'simulator.n_terms=6', '-p', 'rod.diameter=0.0015',
@@ -310,3 +312,175 @@ def test_exit_codes_are_told():
     for name in ('shape', 'thread', 'replay', 'identify', 'map'):
         assert 'Exit code 3:' in run(name, '--help').output
     assert '0.1.0' in run('--version').output
+
+
+# ---- what nobody expected ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('error', [KeyError('inside'), ValueError('a\nb'), RecursionError('deep'),
+                                   MemoryError(), AssertionError()])
+def test_an_unexpected_error_is_a_line(monkeypatch, error):
+    def broken(*_):
+        raise error
+
+    monkeypatch.setattr('dlo_planner.cli.shape.checked', broken)
+    result = run('shape', 'copper_wire', '-g', '0,0,1')
+    assert result.exit_code == FAULT and 'Traceback' not in result.output
+    first, second = result.output.splitlines()
+    assert first.startswith(f'Error: unexpected {type(error).__name__}:')
+    assert '--traceback' in second
+    for told in ({'args': ['--traceback']}, {'env': {'DLO_PLANNER_TRACEBACK': '1'}}):
+        shown = CliRunner().invoke(main, [*told.get('args', []), 'shape', 'copper_wire', '-g',
+                                          '0,0,1'], env=told.get('env'))
+        assert shown.exception is error
+
+
+def test_a_file_that_cannot_be_written_and_an_interrupt_are_no_faults(monkeypatch):
+    def raising(error):
+        def broken(*_):
+            raise error
+
+        monkeypatch.setattr('dlo_planner.cli.shape.checked', broken)
+        return run('shape', 'copper_wire', '-g', '0,0,1')
+
+    full = raising(OSError(28, 'No space left on device', 'wire.npz'))
+    assert full.exit_code == BAD_INPUT and full.output.count('\n') == 1
+    assert 'wire.npz' in full.output
+    stopped = raising(KeyboardInterrupt())
+    assert stopped.exit_code == INTERRUPTED and stopped.output == ''
+
+
+@pytest.mark.parametrize('changes', [
+    'rod.yield_curvature=[1.0]', 'rod.bending_stiffness=[1, 2, 3]', 'rod.damping=[1.0]',
+    'rod.natural_curvature=[1.0]', 'gravity=[1.0]', 'workspace.lower=[1.0]',
+    'rod.natural_curvature_terms=[1.0]'])
+def test_lists_of_another_length_are_refused_by_name(changes):
+    result = run('thread', 'copper_wire', *QUICK, '-p', 'rod.section=stiffness', '-p', changes,
+                 '--hole', '0.4,0,1')
+    assert result.exit_code == BAD_INPUT, result.output
+    assert changes.split('=')[0].split('.')[-1] in result.output
+
+
+@pytest.mark.parametrize('output', ['pipe.npz', 'pipe.csv', 'pipe.png', 'pipe.poses.yaml'])
+def test_a_pipe_is_not_written_to(output):
+    os.mkfifo(output)
+    result = run('shape', 'copper_wire', '-g', '0,0,1', '-o', output)
+    assert result.exit_code == BAD_INPUT and f'{output}' in result.output
+    assert 'it is a pipe' in result.output
+
+
+# ---- each option has its effect ---------------------------------------------------------------
+
+STRAIGHT = ['thread', 'copper_wire', *QUICK, '--hole', '0.4,0,1']
+
+
+@pytest.mark.parametrize('grip', ['clamped', 'pinned', 'sleeve', 'aligned'])
+def test_the_far_end_is_held_by_the_grip(grip):
+    result = run('shape', 'copper_wire', *QUICK, '-g', '0,0,1', '--far-end', '0.8,0,1,1,0,0.3',
+                 '--grip', grip, '-o', 'held.npz')
+    assert result.exit_code == 0, result.output
+    shape = Shape.load('held.npz')
+    assert shape.far_end.grip == grip
+    assert (np.abs(shape.far_wrench[3:]).max() < 1e-9) == (grip == 'pinned')
+
+
+def test_the_radius_of_holes_counts():
+    for given in (['--radius', '0.02'], ['-p', 'cutouts.radius=0.03'],
+                  ['--radius', '0.02', '-p', 'cutouts.radius=0.03']):
+        assert run(*STRAIGHT, *given, '-o', 'plan.npz').exit_code == 0
+        (sheet, _), = Plan.load('plan.npz').sheets
+        assert sheet.cutouts[0].radius == (0.02 if '--radius' in given else 0.03)
+
+
+@pytest.mark.parametrize('given', [['--deadline', '1e-4'],
+                                   ['-p', 'threading.planning_deadline=0.01', '-p',
+                                    'threading.waypoints=2000']])
+def test_planning_ends_with_its_deadline(given):
+    result = run(*STRAIGHT, *given)
+    assert result.exit_code == NO_SOLUTION and 'deadline' in result.output
+
+
+def test_a_plan_that_is_proved_says_so_and_its_deadline_counts():
+    safe = run(*STRAIGHT, '--prove')
+    assert safe.exit_code == 0 and re.search(r'safe +yes', safe.output)
+    assert 'safe' not in run(*STRAIGHT).output
+    unproved = run(*STRAIGHT, '--prove', '-p', 'threading.deadline=0.1', '-p',
+                   'threading.linear_speed=1e-3')
+    assert unproved.exit_code == NO_SOLUTION and 'deadline' in unproved.output
+
+
+def test_a_proof_takes_obstacles_limits_and_tolerance(planned):
+    plan = Plan.load('plan.npz')
+    lowest = min(shape.positions[:, 2].min() for shape in plan.shapes)
+    floor = float(lowest) - 0.01  # nearer than the hole's rim
+    Path('floor.yaml').write_text(f'- plane: {{point: [0, 0, {floor}], normal: [0, 0, 1]}}\n')
+    limits = {'linear_speed': 0.07, 'angular_speed': 0.3, 'linear_acceleration': 0.4,
+              'angular_acceleration': 1.5, 'linear_jerk': 3.0, 'angular_jerk': 15.0}
+    given = [word for name, value in limits.items()
+             for word in ('-p', f'threading.{name}={value}')]
+    result = run('replay', 'copper_wire', 'plan.npz', *QUICK, *given, '-p',
+                 'threading.tolerance=0.004', '-p', 'workspace.gripper_radius=0.003',
+                 '--obstacles', 'floor.yaml', '-o', 'report.npz')
+    assert result.exit_code == 0, result.output
+    report = ValidationReport.load('report.npz')
+    assert report.tolerance == 0.004
+    assert {name: getattr(report.trajectory.limits, name) for name in limits} == limits
+    # of the DLO, and of the gripper
+    assert report.clearance == pytest.approx(0.01 - 0.75e-3, abs=1e-5)
+    assert report.clearance < plan.clearance.min()
+    assert report.workspace_margin == pytest.approx(
+        min(pose.position[2] for pose in plan.grippers) - floor - 0.003, abs=1e-9)
+    slow = run('replay', 'copper_wire', 'plan.npz', *QUICK, '-p', 'threading.deadline=0.1', '-p',
+               'threading.linear_speed=1e-3')
+    assert slow.exit_code == NO_SOLUTION and 'deadline' in slow.output
+
+
+def seen_upside_down():
+    """Write what is seen of a wire that is drawn up to a ceiling, and return its options."""
+    table = '- plane: {point: [0, 0, 1.1], normal: [0, 0, -1]}\n'
+    Path('ceiling.yaml').write_text(table)
+    rod = Rod.circular(1.0, 1.5e-3, 8960.0, 1.2 * 110e9, 0.34)
+    shape = DirectSimulator(rod, gravity=(0, 0, 9.81), obstacles=[
+        Plane((0, 0, 1.1), (0, 0, -1))]).solve(Pose((0, 0, 1), (0, 0, 0, 1)))
+    np.savetxt('seen.csv', shape.positions[6::6], delimiter=',')
+    return ['identify', 'copper_wire', 'seen.csv', '-g', '0,0,1', '-p', 'rod.diameter=0.0015', '-p',
+            'gravity=[0, 0, 9.81]', '--obstacles', 'ceiling.yaml', '--find', 'bending_stiffness']
+
+
+def test_what_is_found_is_what_was_asked_for_in_its_surroundings():
+    given, said = seen_upside_down(), []
+    for noise in ('1e-3', '1e-2'):
+        result = run(*given, '--noise', noise)
+        assert result.exit_code == 0, result.output
+        assert 'natural_curvature' not in result.output
+        said.append(re.search(r'bending_stiffness(\[0\])? +([\d.e-]+) +\+- ([\d.e-]+)',
+                              result.output))
+    stiffness = 1.2 * 110e9 * np.pi / 4 * 0.75e-3**4
+    assert float(said[0][2]) == pytest.approx(stiffness, rel=2e-3)
+    assert float(said[1][3]) == pytest.approx(10 * float(said[0][3]), rel=0.1)
+
+
+def test_a_map_is_of_the_cell_that_was_asked_for(monkeypatch):
+    drawn = []
+    monkeypatch.setattr('dlo_planner.cli.capability.slices', lambda *given: drawn.append(
+        given[1:]) or slices(*given))
+    given = ['map', 'copper_wire', *QUICK, '--x', '0.4', '--y', '-0.1:0.1:2', '--z', '1',
+             '--radius', '0.02', '--start', '-0.6,-0.1,1', '--folder', 'kept',
+             '--axis', 'x', '--quantity', 'clearance', '-o', 'map.csv', '-o', 'map.png']
+    result = run(*given)
+    assert result.exit_code == 0, result.output
+    assert drawn == [('x', 'clearance')]
+    with Path('map.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row['y']) for row in rows] == [-0.1, 0.1]
+    assert {row['start'] for row in rows} != {'-1'}  # from that pose there is a way
+    parts = {path: path.stat().st_mtime_ns for path in Path('kept').iterdir()}
+    assert parts and run(*given).exit_code == 0  # it goes on from there
+    assert {path: path.stat().st_mtime_ns for path in Path('kept').iterdir()} == parts
+
+
+def test_all_figures_are_made(monkeypatch, here):
+    script = here / 'figure.py'
+    script.write_text('"""A figure."""\n')
+    monkeypatch.setattr('dlo_planner.cli.figures.scripts', lambda: {'one': script, 'two': script})
+    assert run('figures', '--all').output.count('figure: A figure') == 2

@@ -104,7 +104,7 @@ def test_stress_needs_a_section(wire):
     bare = Rod(1.0, 0.1, 1.0, 1.0)
     with pytest.raises(InvalidTask, match='section'):
         _ = DirectSimulator(bare).solve(LEVEL).surface_stress
-    assert DirectSimulator(bare).solve(LEVEL).bend_margin == np.inf
+    assert np.isnan(DirectSimulator(bare).solve(LEVEL).bend_margin)  # nothing was looked at
 
 
 def test_shapes_and_motions_can_be_kept(tmp_path, wire):

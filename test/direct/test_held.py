@@ -26,11 +26,11 @@ def cable(load, torsion=None):
     return Rod(1.0, rod.mass_per_length, stiff, torsion * stiff, radius=rod.radius)
 
 
-def poses(count, seed=1):
-    """Yield pairs of a gripper and a far end 0.65 to 0.95 m apart, both turned."""
+def poses(count, seed=1, spans=(0.65, 0.95)):
+    """Yield pairs of a gripper and a far end, both turned, as far apart as `spans` say, m."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
-        distance = rng.uniform(0.65, 0.95)
+        distance = rng.uniform(*spans)
         way = np.array([1, 0, rng.uniform(-0.3, 0.3)])
         turns = [Rotation.from_rotvec(rng.uniform(-0.8, 0.8, 3)).as_quat() for _ in range(2)]
         yield Pose((0, 0, 0), turns[0]), Pose(distance * way / np.linalg.norm(way), turns[1])

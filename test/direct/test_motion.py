@@ -194,6 +194,21 @@ def test_what_stops_a_motion_is_named():
     assert not motion.shapes[-1].converged
 
 
+def test_a_motion_that_gains_energy_ends_before_it_does():
+    # more than ten terms of a series follow: soft, undamped, shaken far above its lowest mode
+    stiffness = 9.81 * 0.1 / 113
+    soft = DirectSimulator(Rod(1.0, 0.1, stiffness, 0.75 * stiffness))
+    shaken = [Pose((0, 0, 0.05 * np.sin(2 * np.pi * 11.7 * k * 0.005)), (0, 0, 0, 1))
+              for k in range(120)]
+    motion = soft.simulate(shaken, 0.005)
+    assert motion.status == 'energy' and not motion.converged and len(motion) < 120
+    assert f'from {motion.times[-1]:.6g} s' in motion.message
+    assert motion.shapes[-1].converged
+    moved = motion.kinetic_energy[:-1].max()
+    assert motion.kinetic_energy[-1] < 1.1 * moved
+    assert motion.numerical_loss.min() > -2e-3 * moved
+
+
 def test_a_motion_travels_with_its_estimate(tmp_path):
     motion = DirectSimulator(rod(), n_elements=8, n_terms=4).simulate(
         [tilted(0.01 * k) for k in range(6)], 0.01)

@@ -311,3 +311,32 @@ def test_a_set_keeps_its_turn_on_another_mesh():
         finer = DirectSimulator(rod, basis='local', n_elements=elements).mesh
         again = finer.past(past).left['set']
         np.testing.assert_allclose(np.diff(finer.s) @ again, turn, rtol=0, atol=1e-12)
+
+
+def loaded_wire(ratio, **more):
+    """Return a simulator of a level wire whose load bends it to `ratio` yield moments."""
+    wire = Rod.circular(1.0, 2e-3, 8960.0, 120e9, 0.34, yield_stress=100e6, **more)
+    limit = np.max(wire.yield_curvature) * wire.bending_stiffness[0]
+    weight = 9.81 * wire.mass_per_length
+    return wire, {'load': (0, 0, weight - 2 * ratio * limit)}
+
+
+def test_a_moment_beyond_the_limit_is_a_hinge_not_an_answer():
+    for ratio, bears in ((1.3, True), (1.65, True), (1.9, False), (2.5, False)):
+        wire, load = loaded_wire(ratio)
+        shape = DirectSimulator(wire, **load).solve(HERE)
+        assert shape.converged == bears and (shape.hinge is None) == bears
+        if not bears:
+            assert 'plastic hinge at s = 0.0' in shape.status and not shape.nearly
+        firm, load = loaded_wire(ratio, hardening=0.02)
+        assert DirectSimulator(firm, **load).solve(HERE).converged
+
+
+def test_a_hinge_is_told_on_given_elements():
+    for elements in (64, 400):
+        for ratio, bears in ((1.3, True), (1.65, True), (2.5, False)):
+            wire, load = loaded_wire(ratio)
+            shape = DirectSimulator(wire, basis='local', n_elements=elements, **load).solve(HERE)
+            sharpest = 1 / shape.bend_radius.min() / np.max(wire.yield_curvature)
+            assert (sharpest < 10) == bears == (shape.hinge is None)
+            assert ('plastic hinge' in shape.status) != bears

@@ -68,7 +68,7 @@ def test_closed_loop_against_open_loop():
 def test_the_way_to_the_hole_goes_along():
     start = Pose.looking_along((-1.5, 0, 1), (1, 0, 0))
     inverse = InverseSimulator(DirectSimulator(WIRE))
-    whole = concatenate(inverse.approach(HOLE, PLAN, start), PLAN)
+    whole = concatenate(inverse.approach(HOLE, PLAN, start, standoff=0.05), PLAN)
     estimate = OBSERVER.begin()
     estimate = type(estimate)(estimate.uncertain, 0.5 * OBSERVER.uncertain.deviations,
                               estimate.covariance)
@@ -134,3 +134,40 @@ def test_the_strategy_looks_again_where_it_is_not(bounds, end):
     with pytest.raises(InvalidTask, match='bound'):
         loop.advanced(time, finished=True)
     assert loop.advanced(time, bounds[-1], finished=True).phase is end
+
+
+@pytest.mark.parametrize('phase', [Phase.GO, Phase.ENTER])
+def test_the_strategy_goes_back_where_looks_disagree(phase):
+    loop = ClosedLoop(5e-3, look=1.0, phase=phase, since=0.0, at_standoff=phase is Phase.ENTER)
+    assert loop.advanced(1.0).phase is phase
+    back = loop.advanced(1.0, doubted=True)
+    assert (back.phase, back.tries) == (Phase.RETREAT, 1)
+    assert back.advanced(1.5, doubted=True) == back  # it is on its way
+    again = back.advanced(2.0, finished=True)
+    assert again.phase is Phase.LOOK
+    assert again.at_standoff == loop.at_standoff
+    assert again.advanced(3.0).phase is Phase.PLAN
+
+
+def test_the_strategy_turns_back_where_the_miss_grows_before_the_entry():
+    loop = ClosedLoop(5e-3, phase=Phase.ENTER, since=0.0, at_standoff=True)
+    assert loop.advanced(1.0, 4.9e-3).phase is Phase.ENTER
+    assert loop.advanced(1.0, 5.1e-3).phase is Phase.RETREAT
+
+
+def test_the_strategy_gives_up_where_looks_keep_disagreeing():
+    loop = ClosedLoop(5e-3, look=1.0, patience=20.0).advanced(0.0)
+    for time in (0.5, 1.0, 10.0):
+        loop = loop.advanced(time, doubted=True)
+        assert (loop.phase, loop.calm, loop.tries) == (Phase.LOOK, time, 0)  # it begins anew
+    assert loop.advanced(10.9).phase is Phase.LOOK
+    assert loop.advanced(11.0).phase is Phase.PLAN
+    assert loop.advanced(19.9, doubted=True).phase is Phase.LOOK
+    assert loop.advanced(20.0, doubted=True).phase is Phase.STOP
+    plan = ClosedLoop(5e-3, most_tries=1, phase=Phase.PLAN, since=0.0)
+    plan = plan.advanced(1.0, doubted=True)
+    assert (plan.phase, plan.tries) == (Phase.LOOK, 1)
+    assert replace(plan, phase=Phase.PLAN).advanced(2.0, doubted=True).phase is Phase.STOP
+    back = ClosedLoop(5e-3, most_tries=0, phase=Phase.ENTER, since=0.0).advanced(1.0, doubted=True)
+    assert back.phase is Phase.RETREAT  # not before it is out again
+    assert back.advanced(2.0, finished=True).phase is Phase.STOP

@@ -22,7 +22,7 @@ from dlo_planner import (
     Uncertainty,
     gripper_at,
 )
-from dlo_planner.identify.predicted_miss import _bound
+from dlo_planner.identify.predicted_miss import PredictedMiss, _bound, crossing
 from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
 
@@ -170,23 +170,108 @@ def test_a_cutout_seen_by_the_same_camera(rng):
     assert np.linalg.norm(again.miss(PLAN, [0]).off[0] - off) < 1.5e-3
 
 
-def test_drift_forgets(rng):
-    wandering = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, drift=0.1)
-    look = Truth.drawn(rng).seen(rng, START)
-    estimate = wandering.update(wandering.begin(), look)
-    later = wandering.update(estimate, look, elapsed=100.0)
-    assert np.linalg.norm(later.covariance) > np.linalg.norm(
-        wandering.update(estimate, look).covariance)
+ROBOT = {'robot_position': 0.35e-3, 'robot_rotation': 1.25e-3, 'robot_time': 1.0}
 
 
-def test_what_wanders_by_the_square_root_of_time(rng):
-    look = Truth.drawn(rng).seen(rng, START)
-    found = []
-    for drift, elapsed in ((0.1, 100.0), (0.2, 25.0)):
-        observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, drift=drift)
-        found.append(observer.update(observer.update(observer.begin(), look), look,
-                                     elapsed=elapsed))
-    np.testing.assert_allclose(found[0].covariance, found[1].covariance, rtol=1e-9, atol=1e-15)
+def on_the_way(seed, factor=1.0, slip=None, count=16, step=0.5):
+    """Return the Estimates after looks at a DLO whose robot errs, by `factor` of what is stated.
+
+    From half way on it has slipped in the gripper by a rotation vector.
+    """
+    rng = np.random.default_rng(seed)
+    truth = Truth.drawn(rng)
+    observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, sway=5e-4, **ROBOT)
+    sizes = factor * np.repeat([ROBOT['robot_rotation'], ROBOT['robot_position']], 3)
+    found, link = [observer.begin()], np.exp(-step)
+    error = sizes * rng.normal(size=6)
+    for k in range(count):
+        gripper = Pose(START.position + (0.02 * k, 0, 0), START.quaternion)
+        true = truth.offset.compose(Pose(error[3:], Rotation.from_rotvec(error[:3]).as_quat()))
+        if slip is not None and k >= count // 2:
+            true = true.compose(Pose((0, 0, 0), Rotation.from_rotvec(slip).as_quat()))
+        shape = truth.simulator.solve(gripper.compose(true))
+        found.append(observer.update(found[-1], truth.seen(rng, gripper, shape=shape, begin=0.3),
+                                     elapsed=step))
+        error = link * error + np.sqrt(1 - link**2) * sizes * rng.normal(size=6)
+    return found[1:]
+
+
+def test_looks_that_are_as_expected_agree():
+    looks = [look for seed in range(3) for look in on_the_way(seed)]
+    assert all(look.agrees for look in looks)
+    assert np.median([look.surprise for look in looks]) > 0.2  # it is looked at
+    assert max(look.inflation for look in looks) < 1.1
+
+
+def test_a_slip_is_seen_at_once():
+    for seed in range(2):
+        looks = on_the_way(seed, slip=(0, np.radians(1), 0))
+        assert all(look.agrees for look in looks[:8])
+        assert not looks[8].agrees
+        assert looks[8].surprise > 3
+
+
+def test_a_robot_that_errs_more_than_stated_makes_the_bound_larger():
+    looks = [on_the_way(seed, factor=3.0)[-1] for seed in range(3)]
+    assert min(look.inflation for look in looks) > 1.2
+    for look in looks:
+        calm = replace(look, _memory=None)
+        assert calm.inflation == 1
+        assert look.miss(PLAN, [0]).covariance[0] == pytest.approx(
+            look.inflation * calm.miss(PLAN, [0]).covariance[0])
+
+
+def test_points_that_do_not_fit_are_no_news_of_the_dlo(rng):
+    truth = Truth.drawn(rng)
+    estimate = looked(truth, OBSERVER, rng, START, 5)
+    look = truth.seen(rng, START, outliers=0)
+    most = look.points.copy()
+    most[6:] += (0, 0.1, 0.1)
+    assert not OBSERVER.update(estimate, Observation(START, most)).agrees
+    rough = look.points + 4 * NOISE * rng.normal(size=look.points.shape)
+    assert not OBSERVER.update(estimate, Observation(START, rough)).agrees
+
+
+def test_the_robot_errs_anew_in_the_miss():
+    observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, **ROBOT)
+    sure = replace(observer.begin(), covariance=np.zeros_like(observer.begin().covariance))
+    found = sure.miss(PLAN, [0]).covariance[0]
+    gripper, (center, s, _) = PLAN.grippers[0], PLAN.via_points[0][0]
+    expected = np.zeros((3, 3))
+    for k in range(6):  # by shapes whose gripper is elsewhere
+        size = ROBOT['robot_rotation'] if k < 3 else ROBOT['robot_position']
+        twist = 0.1 * size * np.eye(6)[k]
+        moved = [crossing(DirectSimulator(WIRE).solve(gripper.compose(Pose(
+            sign * twist[3:], Rotation.from_rotvec(sign * twist[:3]).as_quat()))), center,
+            HOLE.normal, s).off for sign in (1, -1)]
+        slope = (moved[0] - moved[1]) / 0.2
+        expected += np.outer(slope, slope)
+    np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
+
+
+def test_the_robots_error_is_forgotten_with_time(rng):
+    # what one look says of the gripper holds for the next one at once, and for none much later
+    observer = Observer(DirectSimulator(WIRE), Uncertainty(mass=1e-6), noise=NOISE,
+                        robot_position=2e-3, robot_time=1.0)
+    truth = Truth(DirectSimulator(WIRE), Pose((0, 2e-3, 0), (0, 0, 0, 1)), np.zeros(3), np.zeros(3))
+    seen = truth.seen(rng, START, outliers=0)
+    aside = Observation(START, seen.points - 2 * truth.offset.position)
+    first = observer.update(observer.begin(), seen)
+    at_once, later = (observer.update(first, aside, elapsed=elapsed) for elapsed in (0.01, 20.0))
+    assert not at_once.agrees
+    assert later.agrees
+
+
+def test_a_slip_is_found_where_the_gripper_is_open_again(rng):
+    truth = Truth.drawn(rng)
+    estimate = looked(truth, OBSERVER, rng, START, 8)
+    slipped = replace(truth, offset=truth.offset.compose(
+        Pose((0, 0, 0), Rotation.from_rotvec((0, np.radians(2), 0)).as_quat())))
+    assert not OBSERVER.update(estimate, slipped.seen(rng, START)).agrees
+    again = looked(slipped, OBSERVER, rng, START, 8, OBSERVER.reopened(estimate, 2e-3, 0.03))
+    assert again.agrees
+    off = slipped.miss(PLAN.via_points[0][0], PLAN.grippers[0])
+    assert np.linalg.norm(off - again.miss(PLAN, [0]).off[0]) < 2e-3
 
 
 def test_noise_and_sway_of_one_look(rng):
@@ -303,3 +388,43 @@ def test_poses_between_stamps(rng):
 def test_nonsense_is_named(call, named):
     with pytest.raises(InvalidTask, match=named):
         call()
+
+
+def test_the_bound_of_several_waypoints_together(rng):
+    sizes = (1.0, 0.9, 0.4)
+    across = np.diag([1.0, 1.0, 0.0])
+    miss = PredictedMiss(np.arange(3.0), np.zeros((3, 3)),
+                         np.kron(np.diag(np.square(sizes)), across), np.zeros(3))
+    drawn = np.linalg.norm(rng.normal(size=(200_000, 3, 2)) * np.array(sizes)[:, None], axis=2)
+    assert miss.together == pytest.approx(np.quantile(drawn.max(axis=1), 0.95), rel=0.01)
+    assert replace(miss, bound=np.array([1.0, np.inf, 1.0])).together == np.inf
+    alike = replace(miss, joint=np.kron(np.outer(sizes, sizes), across))
+    assert alike.together == pytest.approx(np.sqrt(-2 * np.log(0.05)), rel=0.02)  # of the first
+
+
+def test_what_was_seen_of_the_robots_error_counts_nearby():
+    simulator = DirectSimulator(WIRE)
+    observer = Observer(simulator, SPREAD, noise=NOISE, robot_position=0.35e-3,
+                        robot_rotation=1.25e-3)
+    size = np.repeat((1.25e-3, 0.35e-3), 3)
+    error = 2 * size * (1, -1, 1, 1, -1, 1)
+    turned = Pose(error[3:], Rotation.from_rotvec(error[:3]).as_quat())
+    truth = Truth(simulator, turned, np.zeros(3), np.zeros(3))
+    rng, estimate = np.random.default_rng(0), observer.begin()
+    assert not estimate.robot_error.any()
+    for _ in range(12):
+        estimate = observer.update(estimate, truth.seen(rng, START), elapsed=0.1)
+    seen = simulator.solve(START.compose(turned)).positions[-1]
+    tip = simulator.with_rod(estimate.rod).solve(estimate.actual(START)).positions[-1]
+    assert np.linalg.norm(tip - seen) < 1.5e-3
+    assert np.linalg.norm(estimate.robot_error / size) > 0.5
+    assert estimate.robot_change(START) == 0
+    near, far = (START.compose(Pose((moved, 0, 0), (0, 0, 0, 1))) for moved in (0.1, 5.0))
+    assert estimate.robot_change(near) == pytest.approx(2 * (1 - np.exp(-0.5 * 0.25**2)))
+    assert estimate.robot_change(near, near) == 0
+    assert estimate.robot_change(far) == pytest.approx(2.0)
+    at_once, later = (estimate.miss(PLAN, [0], [pose]).bound[0] for pose in (
+        PLAN.grippers[0], PLAN.grippers[0].compose(Pose((0.3, 0, 0), (0, 0, 0, 1)))))
+    assert at_once < later
+    with pytest.raises(InvalidTask, match='seen'):
+        estimate.miss(PLAN, [0], [START, START])

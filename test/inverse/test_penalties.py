@@ -14,21 +14,26 @@ from dlo_planner import (
     DirectionAt,
     DirectSimulator,
     GripperNear,
+    Infeasible,
     InvalidTask,
     InverseSimulator,
     KeepTangent,
+    Minimize,
     NotConverged,
     Plane,
     Pose,
     PositionAt,
+    Requirements,
     Rod,
     Sphere,
+    Thread,
     Through,
     minimize_penalty,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.solvers.penalty_function import PenaltyFunction
 from dlo_planner.plan.clearance import clearance
+from dlo_planner.plan.requirements import STABILITY
 
 STIFF = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), radius=0.003)
 START = Pose((0, 0, 1), (0, 0, 0, 1))
@@ -205,13 +210,72 @@ def test_what_cannot_be_met_does_not_converge_half_way():
 
 
 def test_where_the_past_counts_the_answer_is_that_of_one_step():
-    soft = Rod(1.0, 0.05, 0.05, 0.04, yield_curvature=2.0)
+    soft = Rod(1.0, 0.05, 0.05, 0.04, yield_curvature=2.0, hardening=0.2)
     direct = DirectSimulator(soft)
     found = minimize_penalty(direct, [PositionAt(1.0, (0.6, 0.1, 0.6)), GripperNear(START, 0.05)],
                              START)
     again = direct.solve(found.gripper, direct.solve(START))
     assert found.converged and again.dissipated > 0
     np.testing.assert_allclose(found.shape.positions, again.positions, atol=1e-9)
+
+
+def standing(seed):
+    """Return a simulator of a soft DLO, penalties of its tip, and a start that points up."""
+    rng = np.random.default_rng(seed)
+    stiffness = 9.81 * 0.1 / rng.uniform(3, 20)
+    start = Pose.looking_along((0, 0, 0), (*rng.normal(0, 0.3, 2), 1.0))
+    return (DirectSimulator(Rod(1.0, 0.1, stiffness, 0.75 * stiffness)),
+            [PositionAt(1.0, rng.uniform(-0.6, 0.6, 3)), GripperNear(start, 0.3)], start)
+
+
+def test_what_hardly_stands_is_not_converged():
+    turned = Rotation.from_rotvec([0.7e-5, -0.7e-5, 0.0]).as_matrix()
+    converged, fallen = 0, 0
+    for seed in range(30):  # at the edge of what is stable slopes are so large that any seems flat
+        direct, penalties, start = standing(seed)
+        found = minimize_penalty(direct, penalties, start, max_iterations=100)
+        converged, fallen = converged + found.converged, fallen + (found.shape.stability < 1e-4)
+        if found.converged:
+            assert found.shape.stability >= STABILITY
+            aside = Pose.from_rotation(found.gripper.position, turned @ found.gripper.rotation)
+            moved = direct.solve(aside, found.shape).positions - found.shape.positions
+            assert np.abs(moved).max() < 0.05
+    assert converged > 10 and fallen > 5
+
+
+def test_a_plan_stands_as_well_as_is_required():
+    for seed in range(30):
+        direct, penalties, start = standing(seed)
+        try:
+            least_stable = InverseSimulator(direct).plan(
+                Minimize(penalties, 100), start=start, requirements=Requirements(stability=0.0))
+        except (NotConverged, Infeasible):
+            continue
+        stability = least_stable.stability.min()
+        if stability < 1e-4:
+            break
+    for requirements in (None, Requirements(stability=0.02)):
+        with pytest.raises(Infeasible, match='hardly stay') as refused:
+            InverseSimulator(direct).plan(Minimize(penalties, 100), start=start,
+                                          requirements=requirements)
+        least = STABILITY if requirements is None else 0.02
+        assert refused.value.constraint == 'stability'
+        assert refused.value.amount == pytest.approx(least - stability, rel=1e-3)
+    with pytest.raises(InvalidTask, match=r'Requirements\.stability'):
+        Requirements(stability=-1.0)
+
+
+def test_every_task_asks_for_the_same_stability():
+    stiffness = 9.81 * 0.1 / 7.0
+    soft = InverseSimulator(DirectSimulator(Rod(1.0, 0.1, stiffness, 0.75 * stiffness)))
+    up = CutOut(Pose.looking_along((0, 0, 1), (0.5, 0, 1)))
+    plan = soft.thread(up, depths=[0, 0.1])
+    least = plan.stability.min()
+    assert 0 < least < 1
+    with pytest.raises(Infeasible) as refused:
+        soft.plan(Thread(up, depths=[0, 0.1]),
+                  requirements=Requirements(stability=min(1.0, 1.5 * least)))
+    assert refused.value.constraint in ('stability', 'start')
 
 
 def test_progress_and_deadline():

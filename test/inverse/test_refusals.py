@@ -29,7 +29,7 @@ def with_initial(inverse, initial):
     """Yield functions that plan from an initial Shape."""
     plan = inverse.thread(HOLE, depths=[0.0])
     yield lambda: inverse.thread(HOLE, depths=[0.0], initial=initial)
-    yield lambda: inverse.approach(HOLE, plan, START, initial=initial)
+    yield lambda: inverse.approach(HOLE, plan, START, initial=initial, standoff=0.05)
 
 
 @pytest.mark.parametrize('method', ['dfp', 'downhill_simplex'])

@@ -51,3 +51,22 @@ def test_what_does_not_fit_is_refused(change, named):
         setattr(msg, name, value)
     with pytest.raises(InvalidTask, match=named):
         points_from_cloud(msg, 'cloud')
+
+
+def fields(**changed):
+    """Return x, y, z; `changed`: offsets."""
+    return [PointField(name=axis, offset=changed.get(axis, 4 * k), datatype=PointField.FLOAT32,
+                       count=1) for k, axis in enumerate('xyz')]
+
+
+@pytest.mark.parametrize(('msg', 'named'), [
+    (PointCloud2(fields=fields(x=2**32 - 1), point_step=12), 'the offset of x is 4294967295'),
+    (PointCloud2(fields=fields(z=2**31), point_step=2**32 - 1, width=1), 'point_step = 4294967295'),
+    (PointCloud2(fields=fields(), point_step=12, width=2**32 - 1, height=2**32 - 1),
+     'height x width = 18446744065119617025: expected 1000000 at most'),
+    (PointCloud2(fields=fields() * 22), 'fields = 66: expected 64 at most'),
+    (PointCloud2(fields=[PointField(name='x' * 10_000_000)]), 'expected x as FLOAT32')])
+def test_what_is_too_large_is_refused_before_it_is_looked_at(msg, named):
+    with pytest.raises(InvalidTask, match=named) as refused:
+        points_from_cloud(msg, 'cloud')
+    assert str(refused.value).startswith('cloud.') and len(str(refused.value)) < 300

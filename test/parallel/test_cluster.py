@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import copper_wire
+from wires import copper_wire
 
 from dlo_planner import DirectSimulator, Pose, parallel, solve_many
 

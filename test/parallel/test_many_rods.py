@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import copper_wire
+from wires import copper_wire
 
 from dlo_planner import (
     Capsule,

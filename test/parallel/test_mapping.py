@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import copper_wire
 from scipy.spatial.transform import Rotation
+from wires import copper_wire
 
 from dlo_planner import (
     Capsule,

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from conftest import copper_wire
+from wires import copper_wire
 
 from dlo_planner import Capsule, DirectSimulator, InvalidTask, Pose, Shapes
 

@@ -14,8 +14,8 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
-from conftest import copper_wire
 from scipy.spatial.transform import Rotation
+from wires import copper_wire
 
 from dlo_planner import (
     Capsule,

@@ -15,6 +15,7 @@ from dlo_planner import (
     DirectSimulator,
     Infeasible,
     InverseSimulator,
+    Plan,
     Plane,
     Pose,
     Rod,
@@ -27,6 +28,7 @@ from dlo_planner.energy.scene import build_scene
 from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.plan import PlanStatus
 from dlo_planner.plan.workspace import _distances
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -222,7 +224,7 @@ def test_joined_and_shortened_plans_are_checked_again():
     inverse = InverseSimulator(DIRECT)
     plan = inverse.thread(HOLE)
     start = Pose.looking_along(HOLE.center - 1.3 * ALONG + (0, 0.2, 0.1), ALONG)
-    both = concatenate(inverse.approach(HOLE, plan, start), plan)
+    both = concatenate(inverse.approach(HOLE, plan, start, standoff=0.05), plan)
     assert inverse.check(both) is both
     u, way = places(both)
     ball = Sphere(way[len(u) // 5], 1e-3)
@@ -239,3 +241,49 @@ def test_nothing_is_looked_at_where_nothing_is(monkeypatch):
     inverse = InverseSimulator(DIRECT)
     monkeypatch.setattr(DirectSimulator, 'track', untouchable)
     assert inverse.thread(HOLE, depths=np.linspace(0, 0.9, 40)).fraction == 1
+
+
+def rotated(place, *turn):
+    return Pose.from_rotation(place, Rotation.from_rotvec(turn).as_matrix())
+
+
+def by_hand(direct, grippers):
+    """Return a Plan of gripper poses, one second apart."""
+    n = len(grippers)
+    return Plan(np.zeros(n), grippers, direct.track(grippers), np.zeros(n), np.zeros(n),
+                np.arange(float(n)), [()] * n, np.zeros((n, 0, 3)), (), 1.0, PlanStatus.COMPLETE)
+
+
+STIFF = DirectSimulator(Rod(1.0, 0.01, 50.0, 40.0, radius=1e-6), gravity=(0, 0, 0), n_elements=64)
+
+
+def upright(load, turn):
+    """Return a DLO that is so soft against its weight, and its plan: it bends over."""
+    direct = DirectSimulator(Rod(1.0, load / 9.81, 1.0, 0.8, radius=1e-6), n_elements=64)
+    return direct, [rotated((0, 0, 0), 0, sign * turn - np.pi / 2, 0) for sign in (-1, 1)]
+
+
+@pytest.mark.parametrize(('case', 'share', 's'), [
+    # the tip goes along an arc: it is farther out than half way between both ends
+    (lambda: (STIFF, [rotated((0, 0, 0), 0, 0, turn) for turn in (-0.6, 0.6)]), 0.5, 1.0),
+    # the gripper's path bulges
+    (lambda: (STIFF, [Pose((0, 0.3 * k, 0.1 * (k % 2)), (0, 0, 0, 1)) for k in range(3)]),
+     19 / 80, 0.0),
+    # a DLO that hardly stands moves by more than it is turned: by four times, by eight
+    (lambda: upright(5.5, 0.1), 0.5, 1.0), (lambda: upright(6.5, 0.05), 0.5, 0.9),
+    (lambda: upright(6.5, 0.1), 0.5, 1.0), (lambda: upright(6.5, 0.2), 0.5, 0.9)])
+def test_what_bulges_out_between_two_shapes_is_not_proved_away(case, share, s):
+    direct, grippers = case()
+    plan = by_hand(direct, grippers)
+    path = GripperPath.of(plan)
+    ways = path.at(share * path.times[-1] * np.linspace(0, 1, 11))
+    shape = direct.track([Pose.from_rotation(*one) for one in zip(*ways, strict=True)])[-1]
+    body = Sphere(shape.at(s).position, 1e-6)  # in its axis
+    assert min(clearance([body], 1e-6, one) for one in plan.shapes) > 0.05
+    around = DirectSimulator(direct.rod, gravity=direct.gravity, n_elements=64, obstacles=[body])
+    with pytest.raises(Infeasible) as caught:
+        InverseSimulator(around).check(plan)
+    assert (caught.value.constraint, caught.value.waypoint) == ('clearance', 1)
+    beside = replace(body, center=body.center + (0.0, 0.0, 3.0))
+    assert InverseSimulator(DirectSimulator(direct.rod, gravity=direct.gravity, n_elements=64,
+                                            obstacles=[beside])).check(plan) is plan

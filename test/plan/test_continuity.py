@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hanging import no_pair
 from random_cutouts import MASS, random_task
+from scipy.spatial.transform import Rotation
 from steps import leaps, steps
 
 from dlo_planner import (
@@ -20,7 +21,7 @@ from dlo_planner import (
     Pose,
     Rod,
 )
-from dlo_planner.plan.continuity import discontinuity
+from dlo_planner.plan.continuity import discontinuity, excess, without_doubt
 
 FOLDED = Rod(0.997, 0.1683, (0.16045, 0.78075), 0.053854, natural_curvature=(-1.7084, 0.1736))
 OBLIQUE = CutOut(Pose.looking_along((0, 0, 1), (-0.58489, -0.06167, -0.80877)))
@@ -145,3 +146,43 @@ def test_where_a_step_is_hardly_stable_the_direct_simulation_decides(stability, 
         away = discontinuity(SimpleNamespace(track=track), before, here)
         assert (away > 0) == leaps_there
     assert len(tracked) == 2 * looks
+
+
+@pytest.mark.parametrize('step', [0.0, 0.02, -0.02])
+@pytest.mark.parametrize('length', [1.0, 0.3])
+def test_a_step_may_turn_and_move_the_gripper_by_so_much_and_no_more(step, length):
+    # twice what 99 % of 500 random plans need
+    turn, shift = 0.05 + 10 * abs(step), (0.02 + 3 * abs(step)) * length
+    here = (np.eye(3), np.zeros(3))
+
+    def beyond(by_turn, by_shift):
+        there = (Rotation.from_rotvec((0, by_turn * turn, 0)).as_matrix(),
+                 np.array([0.0, 0.0, by_shift * shift]))
+        return excess(here, there, step, length)
+
+    assert beyond(0.999, 0.999) == 0.0
+    assert beyond(1.1, 0.5) == pytest.approx(0.1 * turn * length)
+    assert beyond(0.5, 1.1) == pytest.approx(0.1 * shift)
+    most, least = without_doubt(np.array([step]), length)
+    assert most[:, 0] == pytest.approx([turn, shift, 0.1]) and least == 0.1
+
+
+def test_a_shape_that_changes_more_than_its_gripper_turns_is_looked_at():
+    direct = DirectSimulator(Rod(1.0, 0.1, 0.3, 0.2), n_elements=16, n_terms=6)
+    before = direct.solve(Pose.identity())
+    looked = []
+
+    def track(grippers, initial):
+        looked.append(grippers)
+        return direct.track(grippers, initial=initial)
+
+    counting = SimpleNamespace(track=track)
+    for turn, bent, looks in ((0.3, 0.65, False), (0.3, 0.75, True), (0.0, 0.09, False),
+                              (0.0, 0.11, True)):
+        there = Pose.from_rotation(np.zeros(3), Rotation.from_rotvec((0, turn, 0)).as_matrix())
+        turns = Rotation.from_rotvec((0, bent, 0)).as_matrix()
+        frames = np.array([turns @ one for one in before.frames])
+        shape = replace(before, gripper=there, frames=frames, state=before.state)
+        looked.clear()
+        discontinuity(counting, before, shape)
+        assert bool(looked) == looks, (turn, bent)

@@ -69,7 +69,8 @@ def test_waypoints_one_by_one():
 def test_a_plan_in_a_file(tmp_path, name):
     inverse = planner(np.inf)
     plan = inverse.thread(HOLE, depths=DEPTHS)
-    whole = concatenate(inverse.approach(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1))), plan)
+    whole = concatenate(inverse.approach(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1)),
+                                         standoff=0.05), plan)
     for made in (plan, whole):
         made.save(tmp_path / name)
         again = Plan.load(tmp_path / name)
@@ -131,7 +132,8 @@ def test_odd_files_are_refused_by_their_name(tmp_path, name, odd):
 def test_where_an_arc_length_stands_in_the_hole():
     inverse = planner(np.inf)
     plan = inverse.thread(HOLE, depths=DEPTHS)
-    way = concatenate(inverse.approach(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1))), plan)
+    way = concatenate(inverse.approach(HOLE, plan, Pose((-1.2, 0, 1), (0, 0, 0, 1)),
+                                         standoff=0.05), plan)
     np.testing.assert_allclose(plan.arc_lengths, 1 - DEPTHS)
     assert np.isnan(way.arc_lengths[:-len(plan) + 1]).sum() > 2
     direct = inverse.simulator

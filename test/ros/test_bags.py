@@ -6,12 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from nav_msgs.msg import Path as PathMsg
-from planner_process import connected_client, running_planner
-from rclpy.serialization import deserialize_message
-from soak.bags import recorded, replayed, short_run
-from soak.stage import arguments, poses
-from visualization_msgs.msg import Marker
+
+pytest.importorskip('rosbags', reason='rosbags is not installed')
+
+from nav_msgs.msg import Path as PathMsg  # noqa: E402  rosbags may be missing
+from planner_process import connected_client, running_planner  # noqa: E402
+from rclpy.serialization import deserialize_message  # noqa: E402
+from soak.bags import recorded, replayed, short_run  # noqa: E402
+from soak.stage import arguments, poses  # noqa: E402
+from visualization_msgs.msg import Marker  # noqa: E402
 
 BAG = Path(__file__).parents[1] / 'data' / 'short_run'
 

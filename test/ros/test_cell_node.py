@@ -20,7 +20,8 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 pytest.importorskip('mujoco')
 
-from dlo_planner import Pose  # noqa: E402
+from dlo_planner import DloPlannerError, Pose  # noqa: E402
+from dlo_planner.cell.cases import NOMINAL, case  # noqa: E402
 from dlo_planner.cell.node import CellNode  # noqa: E402
 from dlo_planner.cell.passage import Passage  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
@@ -85,6 +86,33 @@ def late_and_again(monkeypatch, sleep):
         time.sleep(sleep)
         move(self, *arguments)
     monkeypatch.setattr(Plant, 'move', slow)
+
+
+def test_something_happens_some_time_after_the_gripper_first_moves(domain):
+    with serving(case='slip', seed=3) as cell:
+        slip, plant = case('slip', 3)[0].slips[0], cell.node._plant
+        assert cell.witness.wait_for(lambda: len(cell.poses) > 20)
+        with cell.node._lock:
+            assert plant.course.in_grip(plant.time + 100)[0] == 0
+        start = cell.node.task.start
+        ahead = Pose(start.position + (0, 0, 0.001), start.quaternion)
+        now = cell.node.get_clock().now().to_msg()
+
+        def moves():
+            cell.out.publish(pose_stamped_msg(ahead, 'world', now))
+            return plant.course.since < plant.time
+        assert cell.witness.wait_for(moves)
+        with cell.node._lock:
+            since = plant.course.since
+            assert plant.course.in_grip(since + slip.time - 0.01)[0] == 0
+            assert plant.course.in_grip(since + slip.time + 0.1)[0] == slip.back
+            assert plant._obstacles[0].friction == 0.3
+            assert plant.course.disturbances.robot_position == NOMINAL.robot_position
+
+
+def test_a_case_that_is_none(domain):
+    with context_of_its_own() as context, pytest.raises(DloPlannerError, match='case = .rain'):
+        CellNode(context=context, parameter_overrides=[Parameter('case', value='rain')])
 
 
 def test_it_shows_its_dlo_and_follows_commands(cell):

@@ -13,8 +13,8 @@ from rclpy.exceptions import InvalidHandle
 from sensor_msgs.msg import PointCloud2
 
 from dlo_planner import CutOut, Pose, Rod, Uncertainty
+from dlo_planner.execute.causes import Cause
 from dlo_planner.identify.predicted_miss import crossing
-from dlo_planner.ros.causes import Cause
 from dlo_planner.ros.follower import Follower
 from dlo_planner.ros.qos import LATEST
 from msg_helpers.clouds import cloud_msg
@@ -143,7 +143,10 @@ def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker,
     plan = state(node).made.plan
     answer = client.trigger('execute')
     assert answer.success, answer.message
-    assert client.execution_in('succeeded', 'stopped', timeout=PATIENCE)[2]['state'] == 'succeeded'
+    assert 'it looks before it goes' in answer.message
+    assert client.execution_in('waiting', timeout=PATIENCE)[2]['loop'] in ('look', 'plan')
+    _, said, told = client.execution_in('succeeded', 'stopped', timeout=2 * PATIENCE)
+    assert told['state'] == 'succeeded', said
     assert int(values(client)['corrections']) >= 1
     last = state(node).execution.command
     assert until(lambda: np.allclose(robot._pose.matrix, last.matrix, atol=1e-6))

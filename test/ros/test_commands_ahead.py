@@ -9,12 +9,12 @@ import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
 from dlo_planner.cell.robot import Robot, Timetable
+from dlo_planner.execute.ahead import coming
+from dlo_planner.execute.causes import Cause
+from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.identify.blending import Change
 from dlo_planner.identify.steering import Steered
-from dlo_planner.ros.ahead import coming
-from dlo_planner.ros.causes import Cause
-from dlo_planner.ros.execution import Execution
-from dlo_planner.ros.guards import Guards, Heard
 from msg_helpers.trajectories import poses_ahead, stamped_poses
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)

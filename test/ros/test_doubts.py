@@ -11,8 +11,11 @@ import pytest
 from closed_loops import DEPTHS, NOISE, SPREAD, START, Truth, plan_of
 
 from dlo_planner import Box, Pose, Steered, Trajectory, correct
-from dlo_planner.ros.doubts import bound_of, doubts, kept_out, unexplained
-from dlo_planner.ros.observing import Observing, Seeing
+from dlo_planner.execute.execution import Execution
+from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.plan.motion.in_motion import InMotion
+from dlo_planner.plan.motion.trajectory import restored
+from dlo_planner.ros.doubts import bound_of, doubts, in_motion, kept_out, unexplained
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
 
@@ -95,15 +98,31 @@ def test_sway_excuses_five_of_its_deviations_and_no_more(observing):
     assert unexplained(enough) == ''
 
 
+def test_the_cameras_bias_excuses_points_along_two_axes_and_no_more(observing):
+    little, enough = (seen(observing, off=0.26, seeing=replace(SEEING, bias=bias))
+                      for bias in (0.036, 0.038))
+    assert 'the points are 0.26 m off' in unexplained(little)
+    assert unexplained(enough) == ''
+
+
+def test_what_the_motion_and_late_commands_displace_is_expected():
+    way = Trajectory(PLAN, tolerance=np.inf)
+    seen = InMotion(True, 1e-3, 0.0, 0.0, 0.0, np.inf, np.inf, 0.0, 1.0, 0.01, 2e-3)
+    way, moved = restored(way.path, way.laws, way.limits, np.inf, seen, np.nan, ''), 3e-3
+    for one in (way, Steered(way, np.array([0.5, 0.5, 0.1]))):
+        execution = Execution(one, Pose.identity(), 'world')
+        assert in_motion(execution) == moved
+        assert in_motion(replace(execution, shaken=0.01)) == pytest.approx(moved + 0.02)
+
+
 def test_a_look_in_motion_with_outliers_and_wrong_stamps_is_explained():
-    # each of its points counts little, and so outliers are not told from others
     rng = np.random.default_rng(4)
     truth, out = Truth.drawn(rng), Observing(scene().direct, replace(SEEING, stamps=0.06))
     shape = truth.shape(START)
     for time in np.linspace(0, 2, 101):
         out.gripper(time, Pose(START.position + (0.1 * (time - 1.0), 0, 0), START.quaternion))
     out.look(1.0, truth.seen(rng, START, outliers=0.4, shape=shape).points)
-    assert out.estimate.misfit > 0.015
+    assert out.surprise < 1
     assert unexplained(out, 0.1) == ''
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
-from dlo_planner.ros.causes import Cause
-from dlo_planner.ros.execution import Execution, Guards, Heard
+from dlo_planner.execute.causes import Cause
+from dlo_planner.execute.execution import Execution, Guards, Heard
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 PLAN = InverseSimulator(DirectSimulator(WIRE)).thread(

@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner import Pose
-from dlo_planner.ros.causes import Cause, Refused
+from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.ros.door import goals_in, markers_in, pose_in
 from dlo_planner.ros.frames import OneFrame, TfFrames, frames_of
 from dlo_planner.ros.parameters import ENTRIES

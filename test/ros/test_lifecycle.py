@@ -32,8 +32,8 @@ from dlo_planner import (
     Rod,
     Trajectory,
 )
-from dlo_planner.ros.causes import Cause
-from dlo_planner.ros.execution import Execution, Guards, Heard
+from dlo_planner.execute.causes import Cause
+from dlo_planner.execute.execution import Execution, Guards, Heard
 from dlo_planner.ros.qos import CHANGES, LATCHED
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 

@@ -12,9 +12,11 @@ from node_inside import GOAL, HERE, box, clear, state, until
 from planner_process import PATIENCE, drain, first, in_time
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Bool
+from streams import largest
 from visualization_msgs.msg import MarkerArray
 
-from dlo_planner.ros.causes import Cause
+from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.follower import Follower
 from dlo_planner.ros.planning import make_plan
 from msg_helpers.poses import pose_from_msg, pose_msg
@@ -174,6 +176,7 @@ def test_without_a_clock_plans_are_proved_and_diagnostics_come(inside, node, sim
 
 @pytest.mark.parametrize('jump', [5.0, -60.0])
 def test_a_clock_that_jumps_makes_no_leap(inside, node, simulated_time, jump):
+    inside.set_parameters(execute__horizon=0.0)
     begun, shift = time.monotonic(), [100.0]
     ended = threading.Event()
 
@@ -192,8 +195,8 @@ def test_a_clock_that_jumps_makes_no_leap(inside, node, simulated_time, jump):
         assert inside.proof(path)['report'] == 'held'
         drain(inside.commands)
         drain(inside.executions)
-        answer = inside.trigger('execute')
-        assert answer.success, answer.message
+        code, message, _ = inside.execute(path)
+        assert code == 0, message
         assert until(lambda: inside.commands.qsize() > 60)
         shift[0] += jump
         assert until(lambda: inside.commands.qsize() > 120)  # it goes on
@@ -203,6 +206,7 @@ def test_a_clock_that_jumps_makes_no_leap(inside, node, simulated_time, jump):
         ended.set()
         ticking.join()
         robot.close()
+        inside.set_parameters(execute__horizon=1.0)
     places = np.array([pose_from_msg(one.pose).position for one in drain(inside.commands)])
     ran = state(node).execution.way
     way = [pose.position for pose in ran.at(np.arange(0, ran.duration, 0.02))[0]]
@@ -217,7 +221,7 @@ def test_execution_is_on_diagnostics_and_on_its_topic(inside, node):
         robot.put(pose_from_msg(path.poses[0].pose))
         inside.proof(path)
         begun = time.monotonic()
-        inside.trigger('execute')
+        assert inside.execute(path)[0] == 0
         said = [float(inside.execution_in('running')[2]['progress [%]']) for _ in range(6)]
         assert 0 <= said[0] < said[-1] < 100 and said == sorted(said)
         left = len(drain(inside.executions))
@@ -234,6 +238,36 @@ def test_execution_is_on_diagnostics_and_on_its_topic(inside, node):
         assert execution(msg)['cause'] == 'CANCELED'
     finally:
         robot.close()
+
+
+def test_it_moves_only_while_somebody_allows_it(inside, node):
+    inside.set_parameters(execute__enable_timeout=1.0)
+    out = inside.node.create_publisher(Bool, f'{inside.planner}/enable', 1)
+    allows = inside.node.create_timer(0.05, lambda: out.publish(Bool(data=True)))
+    robot = Follower(inside.node, inside.planner, HERE)
+    try:
+        path, _ = inside.plan_threading(HERE, GOAL)
+        robot.put(pose_from_msg(path.poses[0].pose))
+        inside.proof(path)
+        assert until(lambda: state(node).enabled is not None)
+        allows.cancel()
+        out.publish(Bool(data=False))
+        assert until(lambda: not state(node).enabled.value)
+        code, message, _ = inside.execute(path)
+        assert code == 416 and 'enable: it is false' in message
+        allows.reset()
+        assert until(lambda: state(node).enabled.value)
+        assert inside.execute(path)[0] == 0
+        inside.execution_in('running')
+        allows.cancel()
+        code, message, _ = inside.execution_in('stopped')
+        assert code == 416 and 'execute.enable_timeout = 1 s' in message
+        assert largest(robot.told, state(node).scene.limits, 0.02) <= 1.01
+    finally:
+        inside.node.destroy_timer(allows)
+        inside.node.destroy_publisher(out)
+        robot.close()
+        inside.set_parameters(execute__enable_timeout=0.0)
 
 
 def test_a_pose_without_a_stamp_is_predicted_but_not_executed_from(inside, node):

@@ -12,7 +12,7 @@ from planner_process import PATIENCE, drain
 from visualization_msgs.msg import Marker
 
 from dlo_planner import Pose
-from dlo_planner.ros.causes import MEANINGS, Cause
+from dlo_planner.execute.causes import MEANINGS, Cause
 from msg_helpers.poses import pose_msg, pose_stamped_msg
 
 
@@ -28,6 +28,8 @@ REQUESTS = {
     'good goal': (lambda c: c._goal_out.publish(stamped(GOAL)), 'task_goal', 0, '12 gripper poses'),
     'frame': (lambda c: c._goal_out.publish(stamped(GOAL, 'map')), 'task_goal', 101,
               "task_goal.header.frame_id = 'map': expected 'world'"),
+    'long frame': (lambda c: c._goal_out.publish(stamped(GOAL, 3_000_000 * 'x')), 'task_goal', 101,
+                   'task_goal.header.frame_id has 3000000 characters: expected 256 at most'),
     'odd quaternion': (lambda c: c._goal_out.publish(stamped(GOAL, w=1e60)), 'task_goal', 102,
                        'task_goal.pose.orientation = [0.0, 0.0, 0.0, 1e+60]'),
     'huge quaternion': (lambda c: c._goal_out.publish(stamped(GOAL, w=1e200)), 'task_goal', 102,

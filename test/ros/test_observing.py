@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loops import NOISE, SPREAD, START, WIRE, Truth
+from closed_loops import DEPTHS, NOISE, SPREAD, START, WIRE, Truth, plan_of
 
-from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
+from dlo_planner import DirectSimulator, InvalidTask, Limits, Pose, Rod, Trajectory
+from dlo_planner.identify.observing import Observing, Seeing, Swing, motion_at
 from dlo_planner.ros.identifying import identified, told
-from dlo_planner.ros.observing import Observing, Seeing, motion_at
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
 
@@ -94,21 +94,90 @@ def test_where_a_gripper_moved_unseen_nothing_is_told(rng):
 def test_speed_and_acceleration():
     times = np.linspace(0, 2, 101)
     poses = [Pose.from_rotation((0.05 * t + 0.1 * t**2, 0, 0), np.eye(3)) for t in times]
-    speed, acceleration = motion_at(times, poses, 1.0, 1.0)
+    speed, acceleration, _ = motion_at(times, poses, 1.0, 1.0)
     assert speed == pytest.approx(0.25)
     assert acceleration == pytest.approx(0.2)
     turning = [Pose((0, 0, 0), (0, 0, np.sin(0.15 * t), np.cos(0.15 * t))) for t in times]
     assert motion_at(times, turning, 1.0, 0.5)[0] == pytest.approx(0.15)
-    assert motion_at(times[:2], poses[:2], 0.0, 1.0) == (0.0, 0.0)
+    assert motion_at(times[:2], poses[:2], 0.0, 1.0)[:2] == (0.0, 0.0)
 
 
-def test_what_moves_counts_less(rng):
+def test_a_late_stamp_hides_where_a_moving_gripper_is(rng):
     truth, rest, moving = Truth.drawn(rng), observing(), observing(times=())
     for time in np.linspace(0, 1, 51):
-        moving.gripper(time, Pose(START.position + (0.1 * (time - 0.5), 0, 0), START.quaternion))
+        moving.gripper(time, Pose(START.position + (0, 0.1 * (time - 0.5), 0), START.quaternion))
     points = truth.seen(rng, START).points
-    sure, less = (np.linalg.det(out.look(0.5, points).covariance) for out in (rest, moving))
-    assert sure < 0.1 * less
+    sure, less = (out.look(0.5, points).deviations for out in (rest, moving))
+    assert less['gripper_position[1]'] > 1.05 * sure['gripper_position[1]']  # along the motion
+    assert less['gripper_position[2]'] == pytest.approx(sure['gripper_position[2]'], rel=0.01)
+
+
+def test_all_points_of_a_late_cloud_are_off_together(rng):
+    truth, moving = Truth.drawn(rng), observing(times=())
+    for time in np.linspace(0, 1, 51):
+        moving.gripper(time, Pose(START.position + (0, 0.1 * (time - 0.5), 0), START.quaternion))
+    points = truth.seen(rng, START, outliers=0).points
+    late = 0.1 * SEEING.stamps
+    moving.look(0.5, points)
+    moving.look(0.7, points + (0, 0.02 + late, 0))
+    assert moving.surprise < 1
+    mixed = points + (0, 0.02, 0) + 2 * late * np.sign(rng.normal(size=(len(points), 1)))
+    moving.look(0.9, mixed + (0, 0.02, 0))
+    assert moving.surprise > 1
+
+
+def test_looks_that_disagree_are_not_believed_and_two_are_a_doubt(rng):
+    truth, out = Truth.drawn(rng), observing()
+    looked(out, truth, rng, looks=10)
+    known, seen = out.estimate, out.seen
+    slipped = replace(truth, offset=truth.offset.compose(
+        Pose((0, 0, 0), (0, np.sin(0.02), 0, np.cos(0.02)))))
+    shape = slipped.shape(START)
+    for k in range(2):
+        assert not out.doubted
+        out.look(5.0 + 0.2 * k, slipped.seen(rng, START, shape=shape, outliers=0).points)
+        assert out.estimate is known
+        assert out.surprise > 1
+        assert out.seen == seen
+    assert out.doubted
+    out.look(6.0, truth.seen(rng, START).points)  # it was something else
+    assert not out.doubted
+    out.reopen()
+    for k in range(6):
+        out.look(7.0 + 0.2 * k, slipped.seen(rng, START, shape=shape).points)
+        assert not out.doubted
+    assert np.abs(out.estimate.shape(START).positions_at(np.linspace(0, 0.99, 9))
+                  - shape.positions_at(np.linspace(0, 0.99, 9))).max() < 3e-3
+
+
+def test_a_dlo_in_motion_is_expected_where_inertia_bends_it(rng):
+    plan = plan_of(depths=DEPTHS)
+    way = Trajectory(plan, Limits(0.3, 1.0), tolerance=0.02)
+    swing = Swing.of(way, DirectSimulator(WIRE), plan.shapes[0])
+    times = np.linspace(0, way.duration, 200)
+    motion = DirectSimulator(WIRE).simulate(way.at(times)[0], times[1], plan.shapes[0])
+    k = int(np.argmax(np.abs(np.diff(way.at(times)[1], axis=0)).sum(axis=1)))  # it accelerates
+    bent, most = swing.at(times[k])
+    still = DirectSimulator(WIRE).solve(motion.shapes[k].gripper, motion.shapes[k])
+    s = np.linspace(0, 1, len(bent))
+    expected = (motion.shapes[k].positions_at(s) - still.positions_at(s)
+                ) @ motion.shapes[k].gripper.rotation
+    assert most > 2e-3
+    np.testing.assert_allclose(bent, expected, atol=0.15 * most)
+    assert swing.at(np.inf)[1] == 0
+
+    def looked_once(known):
+        out = Observing(DirectSimulator(WIRE), Seeing(replace(SPREAD, gripper_position=1e-4)))
+        for time in times:
+            out.gripper(time, way.at([time])[0][0])
+        if known:
+            out.moves(swing, lambda stamp: stamp)
+        seen = motion.shapes[k].positions_at(np.linspace(0.05, 1, 40))
+        out.look(times[k], seen + 3e-4 * rng.normal(size=seen.shape))
+        assert out.surprise < 1
+        return np.linalg.det(out.estimate.covariance)
+
+    assert looked_once(True) < 0.1 * looked_once(False)  # what is not known may be anything
 
 
 @pytest.mark.parametrize('section', [COPPER, SPRING])
@@ -147,3 +216,20 @@ def test_nothing_uncertain_is_refused():
     with pytest.raises(InvalidTask, match='uncertainty'):
         Observing(DirectSimulator(replace(WIRE)), Seeing())
     assert isinstance(WIRE, Rod)
+
+
+@pytest.mark.parametrize('changes', [{'noise': 5e-3}, {'sway': 0.02}, {'cutout': 5e-3}])
+def test_whatever_the_camera_may_be_off_makes_the_expected_miss_larger(changes):
+    plan, bounds = plan_of(depths=DEPTHS), []
+    for seeing in (SEEING, replace(SEEING, **changes)):
+        rng = np.random.default_rng(7)
+        out = observing(seeing=seeing)
+        looked(out, Truth.drawn(rng), rng, looks=3)
+        bounds.append(out.estimate.miss(plan, [len(plan) - 1]).bound[0])
+    assert bounds[1] > 1.02 * bounds[0]
+
+
+def test_bias_and_cutout_are_uncertain_as_stated():
+    deviations = observing(seeing=replace(SEEING, bias=4e-3, cutout=3e-3)).estimate.deviations
+    assert [deviations[f'{name}[{k}]'] for name in ('camera', 'cutout') for k in range(3)] == (
+        [pytest.approx(4e-3)] * 3 + [pytest.approx(3e-3)] * 3)

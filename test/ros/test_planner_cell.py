@@ -171,7 +171,7 @@ def test_execution_streams_until_cancelled_and_decelerates(client, begun):
     assert client.status_of('cancel')[0] == 0
     assert 'canceled' in client.status_of('execute')[1]
     places = np.array([pose_from_msg(one.pose).position for one in quiet(client.commands)])
-    assert done < float(values['done [s]']) < 0.02 * (len(places) + 2)  # a period a command
+    assert done < float(values['done [s]'])
     assert float(values['done [s]']) < 0.8 * float(values['duration [s]'])
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     assert steps.max() > 5e-4, steps.max()
@@ -225,18 +225,44 @@ def test_obstacles_that_change_void_the_plan_and_end_its_execution(client, begun
         assert until(lambda: client.plan_threading(AWAY, GOAL)[0].poses)
 
 
-def test_limits_that_change_void_the_plan_and_others_do_not(client, begun):
+def test_limits_do_not_change_while_a_plan_is_executed_and_void_it_afterwards(client, begun):
     assert client.proof(begun)['report'] == 'held'
-    assert client.set_parameters(constraints__path__position=0.03, rod__name='w')[0].successful
     drain(client.executions)
     assert client.trigger('execute').success
+    for name, value in {'threading__linear_speed': 10.0, 'workspace__reach': 5.0,
+                        'tool__position': [0.0, 0.0, 0.1], 'rod__length': 1.1,
+                        'constraints__path__position': 0.03}.items():
+        refused = client.set_parameters(**{name: value})[0]
+        assert not refused.successful
+        assert f'parameter {name.replace("__", ".")}: a plan is being executed' in refused.reason
+    assert client.set_parameters(threading__linear_speed=0.1, rod__name='w')[0].successful
+    assert client.trigger('cancel').success
+    assert client.execution_in('stopped')[0] == 405
+    path, _ = client.plan_threading(AWAY, GOAL)
+    assert client.proof(path)['report'] == 'held'
+    assert client.set_parameters(constraints__path__position=0.03)[0].successful
     assert client.set_parameters(threading__linear_speed=0.09)[0].successful
     try:
-        code, reason, _ = client.execution_in('stopped')
-        assert code == 411 and 'threading.linear_speed = 0.09' in reason
+        answer = client.trigger('execute')
+        assert not answer.success and 'threading.linear_speed = 0.09' in answer.message
     finally:
         client.set_parameters(threading__linear_speed=0.1, rod__name='copper wire',
                               constraints__path__position=ROOM['constraints.path.position'])
+
+
+def test_who_asks_gets_the_own_plan_executed_or_none(client, begun):
+    assert client.proof(begun)['report'] == 'held'
+    other, _ = client.plan_threading(AWAY, Pose.looking_along((0.0, 0.25, 1.0), (1.0, 0.0, 0.0)))
+    assert client.proof(other)['report'] == 'held'
+    drain(client.executions)
+    answer = client.trigger('execute')  # it may be meant for either
+    assert not answer.success and '2 different plans were made' in answer.message
+    code, message, _ = client.execute(begun)
+    assert code == 418 and 'is not the last one' in message
+    code, _, values = client.execute(other)
+    stamp = other.header.stamp
+    assert (code, values['plan stamp']) == (0, f'{stamp.sec}.{stamp.nanosec:09d}')
+    assert client.execution_in('running')[0] == 0
 
 
 def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, planner, begun):

@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Pose, Sphere, replay
-from dlo_planner.ros.beginning import blending_as
-from dlo_planner.ros.causes import Cause, Refused
-from dlo_planner.ros.execution import Heard
+from dlo_planner.execute.beginning import blending_as
+from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.execute.execution import Heard
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.planning import Made, make_plan
 from dlo_planner.ros.proof import Proof, proofs
@@ -128,19 +128,18 @@ def test_an_execution_begins_where_the_gripper_is(proved):
     here = Pose.from_rotation(pose.position + (0.0, 0.012, -0.005),
                               turn.as_matrix() @ pose.rotation)
     execution = proved.hearing(Heard(here, 10.0)).started(10.02).execution
-    way, planned = execution.way, proved.proof.report.trajectory
-    first = way.at([0.0])[0][0]
+    way, planned, begin = execution.way, proved.proof.report.trajectory, execution.begin
+    assert execution.done == begin < 0
+    first = way.at([begin])[0][0]
     np.testing.assert_allclose(first.position, here.position, atol=1e-12)
     np.testing.assert_allclose(first.rotation, here.rotation, atol=1e-12)
-    # it goes over to the plan smoothly, and then keeps to it
-    blended = way.windows.sum()
+    # it goes to the beginning smoothly, stands still, and then keeps to the plan as it was proved
     assert {round(float(period), 6) for period in way.windows[:2]} <= {
         round(1 / float(one), 6) for one in proved.made.plan.shapes[0].modes(4).frequencies}
-    times = np.linspace(0, blended, 200)
-    away = np.array([np.linalg.norm(one.position - other.position) for one, other in zip(
-        way.at(times)[0], planned.at(times)[0], strict=True)])
+    times = np.linspace(begin, 0.0, 200)
+    away = np.array([np.linalg.norm(one.position - pose.position) for one in way.at(times)[0]])
     assert np.diff(away).max() < 1e-12 and np.abs(np.diff(away)).max() < 0.013 * 3 / 200
-    late = np.linspace(blended, planned.duration, 20)
+    late = np.linspace(0.0, planned.duration, 20)
     for one, other in zip(way.at(late)[0], planned.at(late)[0], strict=True):
         np.testing.assert_allclose(one.matrix, other.matrix, atol=1e-12)
 
@@ -156,8 +155,9 @@ def test_other_windows_wait_until_all_is_blended_in(proved):
     way = proved.hearing(Heard(here, 10.0)).started(10.02).execution.way
     other = way.windows * 0.9
     assert blending_as(way, way.windows, 0.0) is way
-    assert blending_as(way, other, 0.99 * way.windows.sum()) is None
-    later = 1.01 * way.windows.sum()
+    begin = way.changes[-1].since
+    assert blending_as(way, other, begin + 0.99 * way.windows.sum()) is None
+    later = begin + 1.01 * way.windows.sum()
     changed = blending_as(way, other, later)
     np.testing.assert_array_equal(changed.windows, other)
     np.testing.assert_allclose(changed.at([later])[0][0].matrix, way.at([later])[0][0].matrix,
@@ -258,3 +258,16 @@ def test_what_a_change_raises_leaves_the_state_as_it_is(proved):
         store.change(lambda state: state.started(99.0))
     assert store.state is proved
     assert store.change(State.reset) is store.state  # the lock is free again
+
+
+def test_the_gripper_is_at_the_start_where_its_tool_frame_is(proved):
+    # the DLO leaves the tool 0.1 m beside its frame, and turned
+    tool = Pose.from_rotation((0.0, 0.1, 0.02), Rotation.from_rotvec((0.3, 0.0, 0.7)).as_matrix())
+    turned = replace(proved.scene, tool=tool)
+    state = replace(proved, scene=turned, made=replace(proved.made, scene=turned))
+    there = proved.made.plan.grippers[0].compose(tool.inverse())
+    assert ready(state.hearing(Heard(there, 10.0)), 10.0) is proved.proof.report.trajectory
+    for wrong in (proved.made.plan.grippers[0], proved.made.plan.grippers[0].compose(tool)):
+        with pytest.raises(Refused) as refused:
+            ready(state.hearing(Heard(wrong, 10.0)), 10.0)
+        assert refused.value.cause == Cause.NOT_AT_START

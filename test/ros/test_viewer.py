@@ -13,6 +13,8 @@ from browser import dragged_to, looking_at
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlan
 from planner_process import PATIENCE, until
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -25,6 +27,7 @@ from dlo_planner import Box, CutOut, DirectSimulator, InverseSimulator, Pose, Ro
 from dlo_planner.ros.picture import Picture, markers_of_plan, markers_of_shape
 from dlo_planner.view.page import pose_of
 from msg_helpers.markers import obstacle_markers
+from msg_helpers.paths import plan_path
 from msg_helpers.poses import pose_from_msg, pose_stamped_msg
 
 pytest.importorskip('viser', reason='extra [view] is not installed')
@@ -48,9 +51,20 @@ class PlayedPlanner(Node):
         self.create_subscription(PoseStamped, '~/gripper_pose', self.poses.append,
                                  qos_profile_sensor_data)
         self.create_subscription(PoseStamped, '~/task_goal', self.goals.append, _RELIABLE)
-        for name in ('replan', 'execute', 'cancel'):
+        self.plan = self.create_publisher(Path, '~/gripper_trajectory', _LATCHED)
+        self.create_service(GetPlan, '~/execute_plan', self._execute)
+        for name in ('replan', 'cancel'):
             self.create_service(Trigger, f'~/{name}',
                                 lambda _, answer, name=name: self._answer(name, answer))
+
+    def _execute(self, request, answer):
+        self.asked.append(('execute', request.start.header.stamp.sec))
+        return answer
+
+    def show_plan(self, seconds):
+        """Publish a plan with a stamp."""
+        path = plan_path([Pose.identity()], [0.0], 'world', Time(sec=seconds))
+        self.plan.publish(path)
 
     def _answer(self, name, answer):
         self.asked.append(name)
@@ -214,13 +228,19 @@ def test_it_executes_only_where_that_is_allowed_and_confirmed(domain):
         press(viewer.page.replan)  # what came before it has been answered
         assert until(lambda: planner.asked == ['replan'])
     with viewed(allow_execute=True) as (planner, viewer):
-        assert until(viewer._triggers['execute'].service_is_ready)
+        assert until(viewer._execute_plan.service_is_ready)
+        press(viewer.page.execute)
+        press(viewer.page.yes)
+        assert 'execute: there is no plan' in viewer.page.message.content
+        for seconds in (7, 8):
+            planner.show_plan(seconds)
+            assert until(lambda: viewer._plan and viewer._plan.header.stamp.sec == seconds)  # noqa: B023
         press(viewer.page.execute)
         press(viewer.page.no)
         assert planner.asked == []
         press(viewer.page.execute)
         press(viewer.page.yes)
-        assert until(lambda: planner.asked == ['execute'])
+        assert until(lambda: planner.asked == [('execute', 8)])
 
 
 def test_no_planner_is_said(domain):
@@ -242,9 +262,10 @@ def test_in_the_browser(domain, plan):
         look.wait_for('planner: ready')
         assert look.changed(before) > 1e-3
         assert until(lambda: look.colors() > 100 or look.page.wait_for_timeout(200))
+        planner.show_plan(7)
+        assert until(lambda: viewer._plan)
         look.page.get_by_role('button', name='Execute ...').click()
         look.wait_for('the robot will move')
         look.page.get_by_role('button', name='Execute', exact=True).click()
-        assert until(lambda: planner.asked == ['execute'])
-        look.wait_for('is answered')
+        assert until(lambda: planner.asked == [('execute', 7)])
         assert look.complaints == []

@@ -2,12 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters from YAML: the node's table, its types and limits, names that mean nothing."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from dlo_planner import InvalidTask, Rod
-from dlo_planner.settings.building import direct_of, inverse_of, limits_of, rod_of, tolerance_of
+from dlo_planner import DirectSimulator, InvalidTask, Rod
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.settings.building import (
+    direct_of,
+    inverse_of,
+    limits_of,
+    rod_of,
+    spread_of,
+    tolerance_of,
+)
 from dlo_planner.settings.entries import ENTRIES
 from dlo_planner.settings.yaml_files import config_files, read_values, write_values
 
@@ -115,3 +124,59 @@ def test_the_files_are_those_of_the_sources():
     sources = (Path(__file__).parents[2] / 'config').glob('*.yaml')
     assert {name: path.read_text() for name, path in config_files().items()} == {
         path.stem: path.read_text() for path in sources}
+
+
+MORE = {'natural_twist': 0.3, 'tip_mass': 0.01, 'damping': [0.1, 0.002], 'hardening': 0.2,
+        'section_model': 'ideal', 'max_bend_curvature': 7.0, 'natural_curvature': [0.4, 0.5]}
+SOLID = {'density': 7800.0, 'youngs_modulus': 2e11, 'poisson_ratio': 0.3, 'yield_stress': 3e8}
+OF_SECTIONS = {
+    'round': ({'length': 1.2, 'diameter': 2e-3, **SOLID}, Rod.circular),
+    'tube': ({'length': 1.2, 'diameter': 2e-3, 'inner_diameter': 1.2e-3, **SOLID},
+             lambda diameter, **more: Rod.tube(outer_diameter=diameter, **more)),
+    'rectangular': ({'length': 1.2, 'width': 8e-3, 'thickness': 1e-3, **SOLID}, Rod.rectangular)}
+
+
+def described(section, parameters):
+    return rod_of(read_values('copper_wire', [f'rod.section={section}', *(
+        f'rod.{name}={value}' for name, value in parameters.items())])[0])
+
+
+@pytest.mark.parametrize('section', OF_SECTIONS)
+def test_each_parameter_of_a_section_is_that_of_its_rod(section):
+    sizes, make = OF_SECTIONS[section]
+    assert described(section, sizes | MORE) == make(**sizes, **MORE)
+
+
+def test_each_parameter_of_a_stiffness_is_that_of_its_rod():
+    stated = {'length': 1.2, 'mass_per_length': 0.03, 'bending_stiffness': [0.02, 0.03],
+              'torsional_stiffness': 0.015, 'yield_torsion': 4.0}
+    assert described('stiffness', {**stated, 'diameter': 6e-3, 'yield_curvature': [2.0, 3.0],
+                                   **MORE}) == Rod(**stated, radius=3e-3,
+                                                   yield_curvature=(2.0, 3.0), **MORE)
+    one = described('stiffness', {**stated, 'yield_curvature': [2.0, 0.0]})
+    assert one.yield_curvature == (2.0, 1e12)  # 0: never about that axis
+
+
+def test_gravity_and_the_mesh_are_those_of_the_simulator():
+    values, _ = read_values('copper_wire', ['gravity=[0, 1, -3]', 'simulator.n_elements=24',
+                                            'simulator.n_terms=7'])
+    rod = rod_of(values)
+    assert direct_of(values) == DirectSimulator(rod, gravity=(0, 1, -3), n_elements=24, n_terms=7,
+                                                basis='chebyshev')
+    values |= {'simulator.basis': 'local'}
+    assert direct_of(values) == DirectSimulator(rod, gravity=(0, 1, -3), n_elements=24,
+                                                basis='local')
+    values |= {'simulator.accuracy': 1e-3}
+    assert direct_of(values) == DirectSimulator(rod, gravity=(0, 1, -3), accuracy=1e-3,
+                                                basis='local')
+
+
+def test_each_spread_and_limit_is_that_of_its_name():
+    values, _ = read_values('copper_wire')
+    given = {name: 1e-3 * k for k, name in enumerate(
+        (one for one in values if one.startswith('spread.')), start=1)}
+    spread = spread_of(values | given)
+    assert {f'spread.{item.name}': getattr(spread, item.name) for item in fields(spread)} == given
+    given = {f'threading.{item.name}': 0.1 * k for k, item in enumerate(fields(Limits), start=1)}
+    limits = limits_of(values | given)
+    assert {f'threading.{one.name}': getattr(limits, one.name) for one in fields(limits)} == given

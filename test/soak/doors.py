@@ -27,7 +27,7 @@ from rcl_interfaces.srv import (
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from type_description_interfaces.srv import GetTypeDescription
 from visualization_msgs.msg import MarkerArray
@@ -42,6 +42,8 @@ TOPICS = {
     '~/task_goal': (PoseStamped, REQUEST, Odd.pose_stamped),
     '~/task_goals': (Goals, REQUEST, Odd.goals),
     '~/obstacles': (MarkerArray, REQUEST, Odd.markers),
+    '~/enable': (Bool, qos_profile_sensor_data, lambda odd, faults: Bool(
+        data=odd.one_of((True, False)))),
     '~/observed_points': (PointCloud2, qos_profile_sensor_data, Odd.cloud),
     'joint_states': (JointState, qos_profile_sensor_data, Odd.joint_state),
     'robot_description': (String, LATCHED, Odd.text),
@@ -101,7 +103,7 @@ SERVICES = {
     **{f'~/{name}': (Trigger, plain(Trigger)) for name in ('cancel', 'execute', 'identify',
                                                            'replan', 'reset')},
     **{f'~/{name}': (GetPlan, a_plan) for name in ('plan_threading', 'plan_two_cutouts',
-                                                   'predict_shape')},
+                                                   'predict_shape', 'execute_plan')},
     '~/change_state': (ChangeState, a_transition),
     '~/get_state': (GetState, plain(GetState)),
     '~/get_available_states': (GetAvailableStates, plain(GetAvailableStates)),

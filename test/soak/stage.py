@@ -139,8 +139,8 @@ class Stage:
         for messages in (self.commands, client.executions):
             drain(messages)
         end = monotonic() + PROOF
-        while not (answer := client.trigger('execute')).success:  # the robot is on its way
-            assert answer.message and monotonic() < end, answer.message
+        while (answer := client.execute(path))[0]:  # the robot is on its way
+            assert answer[1] and monotonic() < end, answer[1]
             sleep(0.1)
         speeds = [np.linalg.norm([v.x, v.y, v.z]) for v in (
             point.velocities[0].linear for point in timed.points)]

@@ -129,11 +129,12 @@ def test_what_was_not_looked_at_is_nan_and_named(plan, whole):
     report = replay(DIRECT, unsized)
     assert set(report.not_looked_at) == {
         'clearance', 'max_tracking_error', 'swing', 'arrival', 'departure', 'dynamic_clearance',
-        'dynamic_contact_force', 'duration', 'step', 'workspace_margin', 'mode_margin'}
+        'dynamic_contact_force', 'duration', 'step', 'workspace_margin', 'mode_margin',
+        'bend_margin', 'dynamic_bend_margin'}
     assert all(np.isnan(getattr(report, name)) for name in report.not_looked_at)
     assert report.trajectory is None and not report.safe
     report = whole
-    assert report.not_looked_at == ()
+    assert report.not_looked_at == ('bend_margin', 'dynamic_bend_margin')  # there is no limit
     assert report.workspace_margin == pytest.approx(min(
         3 - np.abs(gripper.position).max() for gripper in plan.grippers))
     assert 0 < report.max_tracking_error < report.swing < 2e-2
@@ -144,7 +145,8 @@ def test_what_was_not_looked_at_is_nan_and_named(plan, whole):
 
 @pytest.fixture(scope='module')
 def way(plan):
-    return InverseSimulator(DIRECT).approach(ROUND, plan, Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1)))
+    return InverseSimulator(DIRECT).approach(ROUND, plan, Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1)),
+                                             standoff=0.05)
 
 
 def test_a_start_phase_in_motion_is_judged_by_swing_and_clearance(way):
@@ -154,7 +156,7 @@ def test_a_start_phase_in_motion_is_judged_by_swing_and_clearance(way):
     assert report.converged
     assert np.isnan([report.position_error, report.misalignment, report.max_tracking_error]).all()
     assert set(report.not_looked_at) == {'position_error', 'misalignment', 'max_tracking_error',
-                                         'arrival',
+                                         'arrival', 'bend_margin', 'dynamic_bend_margin',
                                          'workspace_margin', 'mode_margin'}
     assert 0.01 < report.swing < 0.5  # it swings by centimeters, whatever it passes
     assert report.dynamic_clearance < report.clearance
@@ -190,6 +192,8 @@ def test_a_motion_that_touches_or_fails_is_not_safe(plan, good):
     for change, said in (({'contact_force': 0.2}, 'touches something, with 0.2 N'),
                          ({'position_error': 0.009}, 'misses by 0.009 m'),
                          ({'clearance': -0.001}, '0.001 m in the sheet'),
+                         ({'bend_margin': -0.1}, 'bent by 0.1 1/m more'),
+                         ({'contact_lost': 0.1}, 'loses a contact that the plan keeps, 10.00%'),
                          ({'converged': False}, 'could not be simulated')):
         other = pickle.loads(pickle.dumps(calm))
         object.__setattr__(other, 'motion', replace(calm.motion, **change))
@@ -225,6 +229,44 @@ def test_a_contact_plan_begins_in_its_own_first_shape():
             (DIRECT, None)):
         other = replay(simulator, held, initial=initial)
         assert other.deviation > 0.1 and not other.converged
+
+
+@pytest.fixture(scope='module')
+def slide():
+    """Return a simulator of a wire with a bend limit over a bar, and a plan that slides along."""
+    wire = replace(WIRE, max_bend_curvature=8.0)
+    over = DirectSimulator(wire, basis='local', n_elements=24, obstacles=[BAR])
+    return over, InverseSimulator(over).slide_contact(
+        Pose((0.5, 0, 0.72), (0, 0, 0, 1)), [0.7, 0.65, 0.6])
+
+
+def test_a_contact_that_is_lost_in_motion_is_not_safe(slide):
+    over, _ = slide
+    plan = InverseSimulator(over).slide_contact(Pose((0.5, 0, 0.72), (0, 0, 0, 1)),
+                                                [0.7, 0.65, 0.6], condition='least_force')
+    hasty = Trajectory(plan, tolerance=np.inf)
+    report = replay(over, plan, trajectory=hasty)
+    times = np.linspace(0, hasty.duration, 101)  # the same, looked at by itself
+    motion = over.simulate(hasty.at(times)[0], times[1], plan.shapes[0])
+    parted = np.mean([not shape.contacts for shape in motion.shapes[1:]])
+    assert 0.1 < parted < 1  # while it swings on afterwards as well
+    assert 0.1 < report.contact_lost < 1 and 'loses a contact' in report.reason
+    assert report.dynamic_bend_margin < report.bend_margin < 8.0
+
+
+def test_a_range_of_friction_is_validated_where_it_is_stated(slide):
+    over, plan = slide
+    report = replay(over, plan, limits=Limits())
+    assert report.safe and report.contact_lost == 0
+    assert np.isnan(report.largest_friction) and 'largest_friction' in report.not_looked_at
+    report = replay(over, plan, trajectory=report.trajectory, friction=0.3)
+    assert report.safe and report.largest_friction == 0.3
+    assert 'largest_friction' not in report.not_looked_at
+    # glued to the bar, the wire does not follow
+    stuck = replay(over, plan, trajectory=report.trajectory, friction=50.0)
+    assert not stuck.safe and stuck.largest_friction == 50.0
+    with pytest.raises(InvalidTask, match='friction = -1'):
+        replay(over, plan, friction=-1.0)
 
 
 def test_the_deviation_is_that_of_the_shapes(plan):

@@ -11,7 +11,7 @@ The penalties, their values and derivatives: `inverse.solvers.penalty_function`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -26,6 +26,7 @@ from dlo_planner.model.checks import flag, instance, integer, number, shown
 from dlo_planner.model.computed import figure
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.requirements import STABILITY
 from dlo_planner.progress import OnProgress, Progress
 
 # What counts as zero, all per rad and per length of the DLO:
@@ -50,7 +51,8 @@ class PenaltyResult(Value):
     iterations : int
         Equilibria computed.
     converged : bool
-        The slope is practically zero for what the penalties are, and the shape is an equilibrium.
+        The slope is practically zero for what the penalties are, and the shape is an equilibrium
+        that stands: its stability is at least 3e-4, or what the requirements of a plan say.
     """
 
     gripper: Pose
@@ -137,8 +139,12 @@ class _Penalties:
 
 
 def least_penalty(simulator: DirectSimulator, task: PenaltyTask, start: Pose,
-                  initial: Shape | None, progress: Progress) -> PenaltyResult:
-    """Return the PenaltyResult of a PenaltyTask whose search begins at the Pose `start`."""
+                  initial: Shape | None, progress: Progress,
+                  stability: float = STABILITY) -> PenaltyResult:
+    """Return the PenaltyResult of a PenaltyTask whose search begins at the Pose `start`.
+
+    It is converged with that `stability` at least.
+    """
     if simulator.strains != 'components':
         raise InvalidTask(f'simulator.strains = {simulator.strains!r}: expected \'components\', '
                           'whose sensitivities guide the search')
@@ -149,7 +155,8 @@ def least_penalty(simulator: DirectSimulator, task: PenaltyTask, start: Pose,
     _check_lengths(task.penalties, simulator.rod.length)
     most = task.max_iterations
     function = PenaltyFunction(simulator, list(task.penalties), start, initial, progress, most)
-    return (_least_squares if function.squares_only else _least_number)(function, most)
+    found = (_least_squares if function.squares_only else _least_number)(function, most)
+    return found if found.shape.stability >= stability else replace(found, converged=False)
 
 
 def judged_penalties(penalties: object) -> list[Penalty]:

@@ -57,10 +57,13 @@ class Minimize(Task):
         ------
         NotConverged
             The search did not converge.
+        Infeasible
+            It ended at a shape that breaks a demand, or hardly stands.
         """
         instance('context', context, PlanContext)
         result = self.result(context)
-        if not result.converged:
+        hardly = result.shape.stability < context.requirements.stability  # the builder refuses it
+        if not (result.converged or hardly and result.shape.converged):
             raise NotConverged(f'penalties: the search ended with a slope of {result.slope:.3g} '
                                f'after {result.iterations} iterations', result.shape)
         builder = context.builder([0.0])
@@ -71,4 +74,4 @@ class Minimize(Task):
         """Return the PenaltyResult, converged or not."""
         instance('context', context, PlanContext)
         return least_penalty(context.simulator, self, instance('start', context.start, Pose),
-                             context.initial, context.progress)
+                             context.initial, context.progress, context.requirements.stability)

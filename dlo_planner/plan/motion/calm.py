@@ -122,7 +122,8 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
     """Return the quickest TimeLaw found that keeps `tolerance` (m) according to the response.
 
     The one that comes nearest to that, if none does. `begins` are the states of the cases at the
-    beginning, None: at rest. `check` is called before each trial; it may raise.
+    beginning, None: at rest. `check` is called before each step of a
+    trial; it may raise.
     """
     begins = task.rest if begins is None else begins
     candidates = sorted(_candidates(task, tolerance, begins, check),
@@ -130,8 +131,8 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
     best, least = None, np.inf
     for law, shifted in _trials(candidates, tolerance):
         check()
-        kept = _within_limits(task, law, begins, shifted)
-        used = predicted(task, kept, begins)
+        kept = _within_limits(task, law, begins, shifted, check)
+        used = predicted(task, kept, begins, check)
         if best is None or used < least:
             best, least = kept, used
         if used <= tolerance:
@@ -153,7 +154,7 @@ def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
                 break
             sets.append([TimeLaw(*rates, np.array(windows))
                          for windows in _windows(task.response)])
-        known.append([predicted(task, law, begins) for law in sets[len(known)]])
+        known.append([predicted(task, law, begins, check) for law in sets[len(known)]])
     return [one for pair in zip(sets, known, strict=False) for one in zip(*pair, strict=True)]
 
 
@@ -177,11 +178,12 @@ def _trials(candidates: Iterable[tuple[TimeLaw, float]],
     yield from ((calmer[k], True) for k in some)
 
 
-def _within_limits(task: LegTask, law: TimeLaw, begins: Sequence[Floats], shifted: bool) -> TimeLaw:
+def _within_limits(task: LegTask, law: TimeLaw, begins: Sequence[Floats], shifted: bool,
+                   check: Callable[[], None]) -> TimeLaw:
     """Return a TimeLaw that keeps the limits, with the shift that helps most if it is `shifted`."""
     law = smoothed(task.leg, task.limits, law.parameters, law.rates, law.windows)
     for _ in range(_ROUNDS if shifted else 0):
-        shift = compensated(task, law, begins)
+        shift = compensated(task, law, begins, check)
         if shift is None:
             break
         used = (shift.most[1:] / task.limits.sizes[:, 0]).max() + most_used(
@@ -192,23 +194,30 @@ def _within_limits(task: LegTask, law: TimeLaw, begins: Sequence[Floats], shifte
     return law
 
 
-def predicted(task: LegTask, law: TimeLaw, begins: Sequence[Floats] | None = None) -> float:
+def predicted(task: LegTask, law: TimeLaw, begins: Sequence[Floats] | None = None,
+              check: Callable[[], None] = lambda: None) -> float:
     """Return the largest deviation that counts, in m; half of it where the stiffness is wrong.
 
-    See `Case.deviation`. `begins` are the states at the beginning, None: at rest.
+    See `Case.deviation`. `begins` are the states at the beginning, None: at rest; `check` as for
+    `calm_law`.
     """
-    return max(case.deviation(law, begin)[0] / case.allowed for case, begin in zip(
-        task.cases, task.rest if begins is None else begins, strict=True))
+    worst = 0.0
+    for case, begin in zip(task.cases, task.rest if begins is None else begins, strict=True):
+        check()
+        worst = max(worst, case.deviation(law, begin)[0] / case.allowed)
+    return worst
 
 
-def margin(task: LegTask, law: TimeLaw, allowed: float) -> float:
+def margin(task: LegTask, law: TimeLaw, allowed: float,
+           check: Callable[[], None] = lambda: None) -> float:
     """Return by which part all frequencies may be off, up or down, until `allowed` (m) is passed.
 
-    Until more than `allowed` (m) is predicted; at most _MOST_OFF.
+    Until more than `allowed` (m) is predicted; at most _MOST_OFF. `check` as for `calm_law`.
     """
     tried = np.arange(1, _TRIED + 1) * (_MOST_OFF / _TRIED)
     for k, part in enumerate(tried):
         for off in (1 - part, 1 + part):
+            check()
             case = Case(task.response.faster(off), task.holes, task.last, 1.0)
             if case.deviation(law, case.response.rest)[0] > allowed:
                 return float(tried[k - 1]) if k else 0.0

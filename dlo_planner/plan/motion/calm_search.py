@@ -12,12 +12,18 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.errors import Infeasible
+from dlo_planner.errors import DeadlineExceeded, Infeasible
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.surface import Surface
 from dlo_planner.plan.motion.calm import LegTask, calm_law, margin, predicted
-from dlo_planner.plan.motion.in_motion import InMotion, in_motion, least_clearance, step_error
+from dlo_planner.plan.motion.in_motion import (
+    InMotion,
+    in_motion,
+    least_clearance,
+    step_error,
+    unplanned,
+)
 from dlo_planner.plan.motion.leg_tasks import leg_tasks
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import TimedPath
@@ -30,11 +36,14 @@ _SLOWEST = 16.0     # times as long as the limits ask for: slower is no motion a
 _ROUNDS = 7         # of aiming lower
 _SPARE = 0.9        # part of the tolerance that is aimed at again
 _TOUCHED = 2.0      # times the tolerance: what a touch that is not planned counts as
+# statuses of a Trajectory
+COMPLETE = 'complete'
+DEADLINE = 'calm, but not all is known of it: the deadline came first'
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class CalmSearch:
-    """Looks for the fastest laws with which a plan's DLO stays calm.
+    """Looks for the fastest laws with which a plan's DLO stays calm, round by round.
 
     Attributes
     ----------
@@ -50,6 +59,8 @@ class CalmSearch:
     obstacles : tuple of obstacle
         Obstacles from which the DLO has to stay away.
     progress : Progress
+    rounds : int or None
+        How many laws are simulated at most. If None, _ROUNDS.
     """
 
     plan: Plan
@@ -59,6 +70,11 @@ class CalmSearch:
     begin: Shape
     obstacles: tuple[Obstacle, ...]
     progress: Progress
+    rounds: int | None = None
+
+    def __post_init__(self) -> None:
+        self._rounds, self._aim, self._slower = 0, self.tolerance, 1.0
+        self._missed_by = _Missed()
 
     @cached_property
     def _simulators(self) -> list[DirectSimulator]:
@@ -69,17 +85,24 @@ class CalmSearch:
         return [self.simulator, self.simulator.with_rod(replace(rod, damping=0.0))]
 
     @cached_property
+    def _free(self) -> DirectSimulator:
+        """The simulator, without the obstacles that the DLO is not meant to touch."""
+        if unplanned(self.simulator, self.plan):
+            return self.simulator.without_obstacles()
+        return self.simulator
+
+    @cached_property
     def _first(self) -> Shape:
         """The Shape at the beginning, in equilibrium."""
         begin = self.begin
         if begin.far_end is not None:
             return begin
-        return self.simulator.solve(begin.gripper, begin)
+        return self._free.solve(begin.gripper, begin)
 
     @cached_property
     def _tasks(self) -> Sequence[LegTask | None]:
         """A LegTask for each leg, None for a dwell."""
-        return leg_tasks(self.simulator, self.plan, self.fastest.path, self.fastest.limits,
+        return leg_tasks(self._free, self.plan, self.fastest.path, self.fastest.limits,
                          self._first, self.progress.check)
 
     @cached_property
@@ -88,32 +111,54 @@ class CalmSearch:
         return least_clearance(self.plan, self.obstacles, Surface.of(self.simulator.rod),
                                self.plan.shapes)
 
-    def run(self) -> tuple[TimedPath, InMotion, float]:
-        """Return the TimedPath, its InMotion, and the part by which frequencies may be off."""
-        aim, slower = self.tolerance, 1.0
-        what, least, duration = '', np.inf, np.inf
-        for _ in range(_ROUNDS):
-            timed, known = self._timed(aim, slower)
-            motions = self._moved(timed)
-            motion = _worst(motions)
-            name, used = self._used(motion)
-            if used <= 1:
-                return timed, self._with_error(timed, motions), self._margin(timed, motion)
-            if not what or used < least:
-                what, least, duration = name, used, timed.duration
-            if timed.duration > _SLOWEST * self.fastest.duration:
-                break
-            # lower than what this way seemed to keep: else the same one would be found again
-            kept = max((one for one in known if one <= aim), default=aim)
-            aim = kept * max(min(_SPARE / used, _SPARE), 0.25)
-            slower *= np.sqrt(2) if used < 4 else 2.0
-        if what == 'contact':
-            raise Infeasible('limits: in motion the DLO touches what the plan does not', len(
-                self.plan) - 1, what, float((least - 1) * self.tolerance), self.plan)
-        raise Infeasible(
-            f'limits: the DLO is not calm: {what} in motion, {least * self.tolerance:.3g} m at '
-            f'best, in {duration:.3g} s: expected at most {self.tolerance:.3g} m',
-            len(self.plan) - 1, what, float((least - 1) * self.tolerance), self.plan)
+    @property
+    def over(self) -> bool:
+        """Whether no other law is left to be tried."""
+        return self._rounds >= (self.rounds or _ROUNDS) or self._missed_by.slowest > (
+            _SLOWEST * self.fastest.duration)
+
+    def go_on(self, below: float = np.inf) -> Calm | None:
+        """Return what the next laws come to if the DLO stays calm; None if not.
+
+        Laws that take `below` s or longer are not simulated.
+        """
+        timed, known = self._timed(self._aim, self._slower)
+        if timed.duration >= below:
+            return None
+        motions = self._moved(timed)
+        motion = _worst(motions)
+        name, used = self._used(motion)
+        if used <= 1:
+            return Calm(self, timed, motions, _worst([
+                replace(one, error_estimate=np.inf) for one in motions]))
+        missed = self._missed_by
+        if not missed.what or used < missed.least:
+            missed = _Missed(name, used, timed.duration, missed.slowest)
+        # lower than what this way seemed to keep: else the same one would be found again
+        kept = max((one for one in known if one <= self._aim), default=self._aim)
+        self._missed_by = replace(missed, slowest=max(missed.slowest, timed.duration))
+        self._aim = kept * max(min(_SPARE / used, _SPARE), 0.25)
+        self._slower *= np.sqrt(2) if used < 4 else 2.0
+        self._rounds += 1
+        return None
+
+    def refusal(self) -> Infeasible:
+        """Return Infeasible: no law that was tried is calm."""
+        what, least = self._missed_by.what, self._missed_by.least
+        touch = ('loses a contact that the plan keeps' if means_to_touch(self.plan) else
+                 'touches what the plan does not')
+        said = (f'limits: in motion the DLO {touch}' if what == 'contact' else
+                f'limits: the DLO is not calm: {self.reached}: expected at most '
+                f'{self.tolerance:.3g} m')
+        return Infeasible(said, len(self.plan) - 1, what, float((least - 1) * self.tolerance),
+                          self.plan)
+
+    @property
+    def reached(self) -> str:
+        """What the best laws so far come to, in words; empty before there are any."""
+        missed = self._missed_by
+        return missed.what and (f'{missed.what} in motion, {missed.least * self.tolerance:.3g} m '
+                                f'at best, in {missed.duration:.3g} s')
 
     def _timed(self, aim: float, slower: float) -> tuple[TimedPath, list[float]]:
         """Return a TimedPath, and the largest deviations of its legs as far as modes tell, m."""
@@ -138,7 +183,17 @@ class CalmSearch:
 
     def _moved(self, timed: TimedPath) -> list[InMotion]:
         return [in_motion(simulator, self.plan, timed, self._first, self.obstacles,
-                          self.progress) for simulator in self._simulators]
+                          self.progress, touched=False) for simulator in self._simulators]
+
+    def assessed(self, calm: Calm) -> Calm:
+        """Return Calm with its error estimate and mode margin, or those that time was left for."""
+        timed, motions = calm.timed, calm.motions
+        try:
+            motion = self._with_error(timed, motions)
+            calm = replace(calm, motion=motion)
+            return replace(calm, mode_margin=self._margin(timed, motion), status=COMPLETE)
+        except DeadlineExceeded:
+            return calm
 
     def _with_error(self, timed: TimedPath, motions: Sequence[InMotion]) -> InMotion:
         """Return the worst of motions by each simulator, the errors of their steps in it."""
@@ -160,7 +215,8 @@ class CalmSearch:
             if motion.clearance <= 0:
                 used['clearance'] = np.fmax(used['clearance'],
                                             1 - motion.clearance / self.tolerance)
-        if motion.contact_force > 0 and not means_to_touch(self.plan):
+        if (motion.contact_force > 0 and not means_to_touch(self.plan)
+                or motion.contact_lost > 0):
             used['contact'] = _TOUCHED
         return max(((name, part) for name, part in used.items() if not np.isnan(part)),
                    key=lambda one: one[1])
@@ -177,7 +233,72 @@ class CalmSearch:
             return np.nan
         worst = max(motion.departure, np.nan_to_num(self._missed(motion)))
         return min(margin(task, law, 2 * self.tolerance * max(
-            1.0, predicted(task, law) / worst)) for task, law in known)
+            1.0, predicted(task, law) / worst), self.progress.check) for task, law in known)
+
+
+@dataclass(frozen=True)
+class _Missed:
+    """What a search came to: the figure that fails least, its part of the tolerance, s, s."""
+
+    what: str = ''
+    least: float = np.inf
+    duration: float = np.inf
+    slowest: float = 0.0
+
+
+@dataclass(frozen=True)
+class Calm:
+    """A motion that is calm.
+
+    Attributes
+    ----------
+    search : CalmSearch
+        CalmSearch that found it.
+    timed : TimedPath
+    motions : list of InMotion
+        InMotion of each simulator.
+    motion : InMotion
+        The worse of them.
+    mode_margin : float
+        Part by which frequencies may be off, nan: not known.
+    status : str
+        COMPLETE, or what is not known of it.
+    """
+
+    search: CalmSearch
+    timed: TimedPath
+    motions: list[InMotion]
+    motion: InMotion
+    mode_margin: float = np.nan
+    status: str = DEADLINE
+
+
+def quickest(searches: Sequence[CalmSearch]) -> Calm:
+    """Return the quickest calm motion that one of several searches finds, for plans of one task.
+
+    Where the deadline comes first, the quickest one until then.
+
+    Raises
+    ------
+    Infeasible
+        None is found: of the first search.
+    DeadlineExceeded
+        The deadline is over before there is one.
+    """
+    best: Calm | None = None
+    try:
+        while best is None:
+            left = [search for search in searches if not search.over]
+            if not left:
+                raise searches[0].refusal()
+            for search in left:
+                best = search.go_on(np.inf if best is None else best.timed.duration) or best
+    except DeadlineExceeded as error:
+        if best is None:
+            reached = next((one.reached for one in searches if one.reached), 'no motion yet')
+            raise DeadlineExceeded(f'{error}: {reached}', error.seconds, error.elapsed) from error
+        return best
+    return best
 
 
 def _worst(motions: Sequence[InMotion]) -> InMotion:

@@ -9,7 +9,7 @@ linear least-squares problem, as the DLO's answer is linear.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,7 +32,8 @@ _PART = 50        # instants in which what is passed weighs as much as the end o
 
 
 def compensated(task: LegTask, law: TimeLaw,
-                begins: Sequence[Floats] | None = None) -> Shift | None:
+                begins: Sequence[Floats] | None = None,
+                check: Callable[[], None] = lambda: None) -> Shift | None:
     """Return the Shift that makes the deviations of a LegTask's DLOs least, None on a short leg.
 
     Parameters
@@ -40,6 +41,8 @@ def compensated(task: LegTask, law: TimeLaw,
     law : TimeLaw
     begins : sequence of ndarray, optional
         (2, m) states of the cases at the beginning. If None, at rest.
+    check : callable, optional
+        Called before each of them; it may raise.
     """
     knots, inner = _knots(law.duration, 2 * np.pi / task.response.rates.min())
     if not inner.size:
@@ -47,6 +50,7 @@ def compensated(task: LegTask, law: TimeLaw,
     basis = BSpline(knots, np.eye(knots.size - DEGREE - 1)[:, inner], DEGREE)
     normal, right = _SMALL**2 * np.eye(3 * inner.size), np.zeros(3 * inner.size)
     for case, begin in zip(task.cases, task.rest if begins is None else begins, strict=True):
+        check()
         rows, own = _answers(case, law, begin, basis)
         normal += rows.T @ rows / case.allowed**2
         right -= rows.T @ own / case.allowed**2

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -20,17 +20,17 @@ from dlo_planner.model.computed import figure
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.surface import Surface
 from dlo_planner.model.value import Value, brief, put
-from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.motion.feed import Feed
 from dlo_planner.plan.motion.inserted import Instants, pushed
+from dlo_planner.plan.motion.nearness import Nearness
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.motion.timed_path import TimedPath
-from dlo_planner.plan.passing import held_after, worst_miss
+from dlo_planner.plan.passing import contact_lost, held_after, means_to_touch, worst_miss
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import Progress
 
-_LEAST = ('clearance', 'calm_clearance')  # figures of which the least is the worst
+_LEAST = ('clearance', 'calm_clearance', 'bend_margin')  # figures of which the least is the worst
 _PER_PERIOD = 25      # instants in a period of the DLO's slowest vibration
 _FEWEST, _MOST = 150, 20_000  # instants of a run
 _AT_ONCE = 1e-9       # of a plan's time
@@ -60,14 +60,25 @@ class InMotion(Value):
         The same in the slowest period after the motion's end.
     clearance : float
         Clearance from the sheets around sized cut-outs and from the obstacles given, nan if none.
+        Of a DLO that is free also between the instants: a lower bound where it is not above 0.
     calm_clearance : float
         The same of the DLO that follows the same path slowly.
     contact_force : float
-        Largest force of one contact with the simulator's obstacles, or of the mouth of a bore, N.
+        Largest force of one contact with the simulator's obstacles, N; nan where a bore takes the
+        DLO: friction there, its room and its edge are not looked at. Infinite: not known, of a DLO
+        that touches against its plan.
     duration : float
         Duration of the motion, s.
     step : float
         Step between two instants, s.
+    bend_margin : float
+        Least `Shape.bend_margin`, 1/m; nan of a rod without max_bend_curvature.
+    contact_lost : float
+        Part of the time in which the DLO does not touch what the plan touches; nan if nothing, or
+        only a bore.
+    smooth_bore_force : float
+        Largest force of the mouth of a bore, N, if the bore was as tight as the DLO and without
+        friction: no bound, true bores push and rub many times as much. nan without a bore.
     error_estimate : float
         By how much `position_error` may be wrong, m: the largest `Shape.error_estimate` of the
         plan's shapes that pass a center, for the elements, and of a `Trajectory` what halved steps
@@ -85,6 +96,9 @@ class InMotion(Value):
     duration: float
     step: float
     error_estimate: float = np.nan
+    bend_margin: float = np.nan
+    contact_lost: float = np.nan
+    smooth_bore_force: float = np.nan
 
     def __post_init__(self) -> None:
         put(self, converged=flag('InMotion.converged', self.converged),
@@ -100,7 +114,7 @@ class InMotion(Value):
     @property
     def bound(self) -> float:
         """Distance from the centers inside which the DLO passes, m: with the error estimate."""
-        return float(self.position_error + np.nan_to_num(self.error_estimate))
+        return float(self.position_error + np.nan_to_num(self.error_estimate, posinf=np.inf))
 
     def worse(self, other: InMotion) -> InMotion:
         """Return the worse of both, figure by figure; nan in one of them does not count."""
@@ -112,8 +126,13 @@ class InMotion(Value):
 
 
 def in_motion(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
-              obstacles: tuple[Obstacle, ...], progress: Progress) -> InMotion:
+              obstacles: tuple[Obstacle, ...], progress: Progress, *,
+              touched: bool = True) -> InMotion:
     """Return InMotion of a Plan's DLO.
+
+    A DLO that is not meant to touch the simulator's obstacles moves as without them, and is shown
+    to stay clear of them, at the instants and between. Only if that fails is it simulated in
+    contact.
 
     Parameters
     ----------
@@ -126,29 +145,59 @@ def in_motion(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: S
     obstacles : tuple of obstacle
         Obstacles whose clearance is wanted.
     progress : Progress
+    touched : bool, optional
+        Whether a DLO that touches against the plan is simulated in contact. Else its
+        `contact_force` is infinite: not known.
 
     Raises
     ------
     InvalidTask
         The motion has more than 20000 instants.
+    DeadlineExceeded
+        The deadline is over.
     """
+    around = unplanned(simulator, plan)
+    if not around:
+        return _figures(simulator, plan, timed, first, obstacles, progress)
+    free = _figures(simulator.without_obstacles(), plan, timed, first, obstacles, progress, around)
+    if free.contact_force == 0 or not (touched and free.converged):
+        return free
+    return _figures(simulator, plan, timed, first, obstacles, progress)
+
+
+def unplanned(simulator: DirectSimulator, plan: Plan) -> tuple[Obstacle, ...]:
+    """Return the obstacles of a DirectSimulator that the DLO of a Plan is not meant to touch."""
+    return () if means_to_touch(plan) else simulator.obstacles
+
+
+def _figures(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
+             obstacles: tuple[Obstacle, ...], progress: Progress,
+             around: tuple[Obstacle, ...] = ()) -> InMotion:
+    """Return InMotion; of a DLO that comes near to `around` the contact force is infinite."""
     period = slowest_period(simulator.rod)
     times = np.linspace(0, timed.duration + period, _instants(timed.duration + period, period))
-    grippers, reached = timed.at(times)[0], timed.progress(times)
+    grippers, reached = timed.poses(times), timed.progress(times)
     simulated = _simulated(simulator, plan, Instants(grippers, reached, times[1]), first, progress)
     obstacles = watched(simulator, plan, obstacles)
     passed, anything = any(plan.via_points), bool(plan.sheets or obstacles)
     if simulated is None:
         lost, near = np.inf if passed else np.nan, -np.inf if anything else np.nan
+        limited, touches = simulator.rod.max_bend_curvature is not None, any(
+            shape.contacts for shape in plan.shapes)
         return InMotion(False, lost, np.inf, lost, np.inf, near, near, np.inf, timed.duration,
-                        times[1], lost)
+                        times[1], lost, -np.inf if limited else np.nan, 1.0 if touches else np.nan)
     miss, swing, surface = simulated.position_error, simulated.swing, Surface.of(simulator.rod)
+    bodies = Nearness(plan.sheets, obstacles, surface, progress.check)
+    all_around = Nearness((), around, surface, progress.check)
+    touched = bool(around) and not simulated.least(all_around) > 0
     return InMotion(
         True, miss.max() if passed else np.nan, swing.max(),
         swing[np.argmax(miss > 0)] if passed else np.nan, swing[times >= timed.duration].max(),
-        least_clearance(plan, obstacles, surface, simulated.shapes),
-        least_clearance(plan, obstacles, surface, simulated.calm),
-        simulated.contact_force, timed.duration, times[1], _of_elements(plan))
+        simulated.least(bodies), bodies.least(simulated.calm),
+        np.inf if touched else simulated.contact_force, timed.duration, times[1],
+        _of_elements(plan), min(shape.bend_margin for shape in simulated.shapes),
+        # the first one is given, and may not know its contacts
+        contact_lost(plan, reached[1:], simulated.shapes[1:]), simulated.smooth_bore_force)
 
 
 def step_error(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
@@ -168,7 +217,9 @@ def step_error(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: 
         return 0.0
     count = 2 * round((timed.duration + slowest_period(simulator.rod)) / motion.step) + 1
     times = 0.5 * motion.step * np.arange(count)
-    finer = simulator.simulate(timed.at(times)[0], times[1], first, progress=progress.done)
+    if unplanned(simulator, plan):  # which it was seen to stay away from
+        simulator = simulator.without_obstacles()
+    finer = simulator.simulate(timed.poses(times), times[1], first, progress=progress.done)
     if not finer.converged:
         return np.inf
     missed = float(_misses(plan, timed.progress(times), finer.shapes).max())
@@ -202,7 +253,13 @@ class _Simulated:
     swing : ndarray, shape (n,)
         Swing in m.
     contact_force : float
-        Largest contact force, N.
+        Largest contact force, N; nan in a bore.
+    smooth_bore_force : float
+        See `InMotion`.
+    velocities : ndarray, shape (n, N + 1, 3) or None
+        Velocities of the nodes, m/s; None where the DLO touches something, or gets shorter.
+    step : float
+        Seconds between two instants.
     """
 
     shapes: Sequence[Shape]
@@ -210,13 +267,22 @@ class _Simulated:
     position_error: Floats
     swing: Floats
     contact_force: float
+    smooth_bore_force: float = np.nan
+    velocities: Floats | None = None
+    step: float = 0.0
+
+    def least(self, near: Nearness) -> float:
+        """Return the smallest distance from bodies in m, between the instants too where known."""
+        if self.velocities is None:
+            return near.least(self.shapes)
+        return near.least_between(self.shapes, self.velocities, self.step)
 
     def then(self, other: _Simulated) -> _Simulated:
         """Return this motion and another, which begins at the instant at which this one ends."""
         return _Simulated([*self.shapes, *other.shapes[1:]], [*self.calm, *other.calm[1:]],
                           np.append(self.position_error, other.position_error[1:]),
                           np.append(self.swing, other.swing[1:]),
-                          max(self.contact_force, other.contact_force))
+                          other.contact_force, other.smooth_bore_force)
 
 
 def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
@@ -238,7 +304,7 @@ def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first
     if not outside.converged:
         return None
     swing = np.array([apart(*pair) for pair in zip(outside.shapes, outside.calm, strict=True)])
-    within = _Simulated(outside.shapes, outside.calm, swing, swing, outside.forces.max())
+    within = _Simulated(outside.shapes, outside.calm, swing, swing, np.nan, outside.forces.max())
     return within if before is None else before.then(within)
 
 
@@ -254,7 +320,10 @@ def _without_bore(simulator: DirectSimulator, plan: Plan, instants: Instants, fi
     errors = _misses(plan, instants.u, motion.shapes)
     force = max((contact.force for shape in motion.shapes for contact in shape.contacts),
                 default=0.0)
-    return _Simulated(motion.shapes, calm, errors, swing, force), motion
+    # in contact velocities leap: no cubic polynomials tell what is between
+    velocities = None if simulator.obstacles else motion.velocities
+    return _Simulated(motion.shapes, calm, errors, swing, force,
+                      velocities=velocities, step=instants.dt), motion
 
 
 def watched(simulator: DirectSimulator, plan: Plan,
@@ -276,9 +345,6 @@ def _instants(duration: float, period: float) -> int:
 
 
 def least_clearance(plan: Plan, obstacles: Sequence[Obstacle], surface: Surface,
-                    shapes: Iterable[Shape]) -> float:
+                    shapes: Sequence[Shape]) -> float:
     """Return the least clearance in m of Shapes from a Plan's sheets and obstacles, nan if none."""
-    rooms = [clearance(obstacles, surface, shape) for shape in shapes if obstacles]
-    rooms += [float(hole_clearances(sheet, normal, surface, shape).min())
-              for sheet, normal in plan.sheets for shape in shapes]
-    return float(min(rooms, default=np.nan))
+    return Nearness(plan.sheets, obstacles, surface).least(shapes)

@@ -15,6 +15,7 @@ the coordinates turn with them. A time law is judged with it in milliseconds;
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +30,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.fastest import Bearing
-from dlo_planner.plan.motion.oscillators import Oscillators, vibrated
+from dlo_planner.plan.motion.oscillators import Oscillators, turned, vibrated
 from dlo_planner.plan.motion.time_law import TimeLaw
 
 _PLACES = 17      # on a leg, at least, where modes are known
@@ -79,7 +80,8 @@ class Response:
 
     @classmethod
     def of(cls, simulator: DirectSimulator, leg: Leg, first: Shape,
-           parameters: Floats | None = None) -> Response:
+           parameters: Floats | None = None,
+           check: Callable[[], None] = lambda: None) -> Response:
         """Return the Response on a Leg that begins in the Shape `first`.
 
         Parameters
@@ -87,14 +89,16 @@ class Response:
         simulator : DirectSimulator
         parameters : ndarray, shape (n,), optional
             Parameters of the modes. If None, closer where the modes change fast.
+        check : callable, optional
+            Called before each shape; it may raise.
 
         Raises
         ------
         InvalidTask
             A shape on the leg has no modes.
         """
-        u, shapes, modes = (_places(simulator, leg, first) if parameters is None else
-                            (parameters, *_known(simulator, leg, first, parameters)))
+        u, shapes, modes = (_places(simulator, leg, first, check) if parameters is None else
+                            (parameters, *_known(simulator, leg, first, parameters, check)))
         s = shapes[0].s
         positions = CubicSpline(u, np.array([_on(shape, s) for shape in shapes]))
         masses = node_masses(simulator.rod, s)
@@ -138,13 +142,11 @@ class Response:
         periods = law.duration * self.rates.min() / (2 * np.pi)
         count = int(np.clip(periods * _PER_PERIOD, _FEWEST, _MOST))
         times = np.linspace(0, law.duration, count + 1)
-        u, middle = (law.at(at)[0] for at in (times, 0.5 * (times[1:] + times[:-1])))
+        u, middle = (law.reached(at) for at in (times, 0.5 * (times[1:] + times[:-1])))
         place = np.clip(np.searchsorted(self.parameters, middle) - 1, 0, len(self.turning) - 1)
-        half = 0.5 * np.diff(u)[:, None, None] * self.turning[place]
-        one = np.eye(half.shape[1])
         return Oscillators(times, u, self.between(self.rates, middle),
                            self.between(self.damping, middle),
-                           np.linalg.solve(one + half, one - half))
+                           turned(self.turning, place, 0.5 * np.diff(u)))
 
     def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
@@ -220,8 +222,8 @@ class Response:
         return across, tangents, ahead
 
 
-def _places(simulator: DirectSimulator, leg: Leg,
-            first: Shape) -> tuple[Floats, list[Shape], list[Modes]]:
+def _places(simulator: DirectSimulator, leg: Leg, first: Shape,
+            check: Callable[[], None]) -> tuple[Floats, list[Shape], list[Modes]]:
     """Return parameters (n,), n Shapes and n Modes on a leg, denser where frequencies change fast.
 
     There, as near the loss of stability, all else changes fast, too.
@@ -230,7 +232,7 @@ def _places(simulator: DirectSimulator, leg: Leg,
     u = np.append(leg.pieces(parts)[0], leg.knots[-1])
     left = _HALVINGS
     while True:
-        shapes, modes = _known(simulator, leg, first, u)
+        shapes, modes = _known(simulator, leg, first, u, check)
         rates = np.array([one.frequencies[:_SLOWEST] for one in modes])
         change = np.abs(np.diff(rates, axis=0))
         far = (change > _CHANGE * np.maximum(rates[1:], rates[:-1])).any(axis=1)
@@ -240,11 +242,11 @@ def _places(simulator: DirectSimulator, leg: Leg,
         u = np.sort(np.append(u, 0.5 * (u[:-1] + u[1:])[far]))
 
 
-def _known(simulator: DirectSimulator, leg: Leg, first: Shape,
-           u: Floats) -> tuple[list[Shape], list[Modes]]:
+def _known(simulator: DirectSimulator, leg: Leg, first: Shape, u: Floats,
+           check: Callable[[], None]) -> tuple[list[Shape], list[Modes]]:
     """Return n Shapes and n Modes on a leg at the parameters u (n,)."""
     poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
-    shapes = simulator.track(poses, initial=first)
+    shapes = simulator.track(poses, lambda *_: check(), first)
     return shapes, list(modes_along(shapes, _MODES))
 
 

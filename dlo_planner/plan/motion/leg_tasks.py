@@ -42,7 +42,7 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
     first : Shape
         Shape at the beginning, at rest.
     check : callable
-        Called before each leg; it may raise.
+        Called before each shape on a leg; it may raise.
     """
     quick, bore = _quick(simulator), held_after(plan)
     wrong = [_Wrong(quick, factor) for factor in _WRONG]
@@ -56,13 +56,13 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
             continue
         try:
             shape = shape or quick.solve(first.gripper, first)
-            response = Response.of(quick, leg, shape)
+            response = Response.of(quick, leg, shape, check=check)
         except InvalidTask:  # a shape without modes: neutral, or in contact with friction
             return [None] * len(path.legs)
         shape = response.shapes[-1]
         tasks.append(LegTask(leg, response, limits, holes_passed(plan, response.parameters),
                              leg is path.legs[-1],
-                             tuple(one.on(response, leg) for one in wrong)))
+                             tuple(one.on(response, leg, check) for one in wrong)))
     return tasks
 
 
@@ -88,7 +88,7 @@ class _Wrong:
             torsional_stiffness=scaled(rod.torsional_stiffness, self.factor)))
         self._shape: Shape | None = None
 
-    def on(self, response: Response, leg: Leg) -> Response:
+    def on(self, response: Response, leg: Leg, check: Callable[[], None]) -> Response:
         """Return the Response on a leg, where that of the DLO as it is given is `response`.
 
         Where such a DLO falls or has no modes, the same with other frequencies.
@@ -97,7 +97,8 @@ class _Wrong:
         try:
             if self._shape is None:
                 self._shape = self._simulator.solve(begin.gripper, begin)
-            wrong = Response.of(self._simulator, leg, self._shape, response.parameters)
+            wrong = Response.of(self._simulator, leg, self._shape, response.parameters,
+                                check)
             if all(shape.converged and not shape.jumped for shape in wrong.shapes):
                 self._shape = wrong.shapes[-1]
                 return wrong

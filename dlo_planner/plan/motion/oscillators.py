@@ -37,6 +37,39 @@ class Oscillators(NamedTuple):
 
 
 @kernel
+def turned(turning: np.ndarray, place: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Return (t, m, m) the rotations (1 + A)^-1 (1 - A) of skew matrices A = half turning[place].
+
+    Gauss elimination without pivots, which never vanish: the symmetric part of 1 + A is 1.
+
+    Args:
+        turning: (n, m, m) skew; place: (t,) indices into it; half: (t,)
+    """
+    modes = turning.shape[1]
+    out = np.empty((half.size, modes, modes))
+    left = np.empty((modes, modes))
+    for t in range(half.size):
+        for i in range(modes):
+            for j in range(modes):
+                one = 1.0 if i == j else 0.0
+                left[i, j] = one + half[t] * turning[place[t], i, j]
+                out[t, i, j] = 2.0 * one - left[i, j]
+        for k in range(modes):
+            for i in range(modes):
+                if i == k:
+                    continue
+                factor = left[i, k] / left[k, k]
+                for j in range(k, modes):
+                    left[i, j] -= factor * left[k, j]
+                for j in range(modes):
+                    out[t, i, j] -= factor * out[t, k, j]
+        for i in range(modes):
+            for j in range(modes):
+                out[t, i, j] /= left[i, i]
+    return out
+
+
+@kernel
 def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: np.ndarray,
              force: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """Return y and y'/w (2, c, t + 1, m) of m oscillators under c sets of forces.

@@ -74,6 +74,12 @@ class TimeLaw(Value):
         out[1:, times != inside] = 0.0
         return out
 
+    def reached(self, times: Floats) -> Floats:
+        """Return u (n,) at times (n,) s."""
+        result: Floats = np.clip(self._progress(np.clip(times, 0, self.duration)),
+                                 *self.parameters[[0, -1]])
+        return result
+
     def slower(self, factor: float) -> TimeLaw:
         """Return the law with the rates before smoothing divided by `factor`, without a shift."""
         return TimeLaw(self.parameters, self.rates / factor, self.windows)

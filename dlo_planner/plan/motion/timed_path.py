@@ -90,6 +90,25 @@ class TimedPath(Value):
                 poses[index] = Pose.from_rotation(*pose)
         return list(poses), speeds, accelerations
 
+    def poses(self, times: ArrayLike) -> list[Pose]:
+        """Return the Poses of `at` alone, in less time.
+
+        Raises
+        ------
+        InvalidTask
+            A time is not a finite number.
+        """
+        which, since = self._split(times)
+        poses = np.empty(since.size, dtype=object)
+        for k in np.unique(which):
+            places, law = np.flatnonzero(which == k), self.laws[k]
+            position, turns = self.path.legs[k].poses(self._progress(k, since[places])[0])
+            if law is not None and law.shift is not None:
+                position = position + law.shift.at(since[places])
+            for index, *pose in zip(places, position, turns, strict=True):
+                poses[index] = Pose.from_rotation(*pose)
+        return list(poses)
+
     def progress(self, times: ArrayLike) -> Floats:
         """Return the plan's times (n,), as in `Plan.times`, that are reached at `times` (n,) s.
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.value import brief, put
-from dlo_planner.plan.motion.calm_search import ROOM, CalmSearch
+from dlo_planner.plan.motion.calm_search import ROOM, CalmSearch, quickest
 from dlo_planner.plan.motion.in_motion import InMotion, watched
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.time_law import TimeLaw
@@ -26,6 +26,8 @@ from dlo_planner.progress import OnProgress, Progress
 
 _TOLERANCE = 1e-3   # m, where no hole has a size
 _SAME = 1e-9        # of the length
+_TRIED = 2          # laws of a plan, of several that are compared
+NOT_SIMULATED = 'not simulated'  # status where the tolerance is infinite
 
 
 class Trajectory(TimedPath):
@@ -60,7 +62,7 @@ class Trajectory(TimedPath):
     progress : callable, optional
         Called as progress(done, total) after each step.
     deadline : float, optional
-        Seconds of computing after which DeadlineExceeded is raised. If None, there is no limit.
+        Seconds of computing after which the search ends. If None, there is no limit.
 
     Attributes
     ----------
@@ -71,6 +73,9 @@ class Trajectory(TimedPath):
     mode_margin : float
         Part by which all natural frequencies may be off, up or down, until the miss is twice the
         tolerance, as far as the modes tell; nan where that is not known.
+    status : str
+        'complete', 'not simulated' with an infinite tolerance, or, of a motion that is calm, that
+        the deadline came before its error estimate (infinite then) and mode margin were known.
 
     Raises
     ------
@@ -78,17 +83,19 @@ class Trajectory(TimedPath):
         An argument makes no sense; the message names it, its value and what would be right.
     Infeasible
         The DLO cannot be made calm within 16 times the fastest duration; the constraint is 'miss',
-        'clearance', 'contact' (a touch that is not planned), 'departure' or 'motion', the amount is
-        in m.
+        'clearance', 'contact' (a touch that is not planned, or a planned one that is lost),
+        'departure' or 'motion', the amount is in m.
     DeadlineExceeded
-        The deadline is over.
+        The deadline is over before a calm motion was found; the message says what was reached.
     """
 
-    PARTS: tuple[str, ...] = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin')
+    PARTS: tuple[str, ...] = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin',
+                              'status')
 
     tolerance: float
     motion: InMotion | None
     mode_margin: float
+    status: str
 
     def __init__(self, plan: Plan, limits: Limits | None = None, *, tolerance: float | None = None,
                  simulator: DirectSimulator | None = None, initial: Shape | None = None,
@@ -102,17 +109,16 @@ class Trajectory(TimedPath):
         if tolerance < np.inf:
             simulator = _simulator(simulator, plan)
             obstacles = watched(simulator, plan, obstacles)
-        path = GripperPath.of(plan)
-        laws = tuple(fastest_law(leg, limits) for leg in path.legs)
-        super().__init__(path, laws, limits)
-        put(self, tolerance=tolerance, motion=None, mode_margin=np.nan)
+        timed = _within_limits(plan, limits, still_to_go)
+        super().__init__(timed.path, timed.laws, limits)
+        put(self, tolerance=tolerance, motion=None, mode_margin=np.nan, status=NOT_SIMULATED)
         if simulator is None or tolerance == np.inf:
             return
-        search = CalmSearch(plan, TimedPath(path, laws, limits), tolerance, simulator,
-                            initial or plan.shapes[0], obstacles, still_to_go)
-        timed, motion, spare = search.run()
-        put(self, motion=motion, mode_margin=spare,
-            **{name: getattr(timed, name) for name in ('laws', 'starts', 'duration')})
+        search = CalmSearch(plan, timed, tolerance, simulator, initial or plan.shapes[0],
+                            obstacles, still_to_go)
+        calm = search.assessed(quickest([search]))
+        put(self, motion=calm.motion, mode_margin=calm.mode_margin, status=calm.status,
+            **{name: getattr(calm.timed, name) for name in ('laws', 'starts', 'duration')})
 
     def __repr__(self) -> str:
         miss = '' if self.motion is None else f'miss {self.motion.position_error:.2g} m'
@@ -120,12 +126,42 @@ class Trajectory(TimedPath):
 
 
 def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits,
-             tolerance: float, motion: InMotion | None, mode_margin: float) -> Trajectory:
+             tolerance: float, motion: InMotion | None, mode_margin: float,
+             status: str) -> Trajectory:
     """Return a saved Trajectory from its attributes, without a search."""
     trajectory = Trajectory.__new__(Trajectory)
     TimedPath.__init__(trajectory, path, laws, limits)
-    put(trajectory, tolerance=tolerance, motion=motion, mode_margin=mode_margin)
+    put(trajectory, tolerance=tolerance, motion=motion, mode_margin=mode_margin, status=status)
     return trajectory
+
+
+def quickest_plan(plans: Sequence[Plan], limits: Limits, tolerance: float | None,
+                  simulator: DirectSimulator, progress: Progress) -> int:
+    """Return the index of the Plan, of several for one task, whose calm motion is the quickest.
+
+    The deadline of `progress` ends the search: the best until then counts.
+
+    Raises
+    ------
+    Infeasible
+        None was made calm by one of its first laws.
+    DeadlineExceeded
+        The deadline is over before there is one.
+    """
+    searches = [CalmSearch(plan, _within_limits(plan, limits, progress),
+                           _tolerance(tolerance, plan), _simulator(simulator, plan),
+                           plan.shapes[0], (), progress, _TRIED) for plan in plans]
+    found = quickest(searches).search
+    return next(k for k, search in enumerate(searches) if search is found)
+
+
+def _within_limits(plan: Plan, limits: Limits, progress: Progress) -> TimedPath:
+    """Return the fastest TimedPath of a Plan within limits, whatever the DLO does."""
+    path, laws = GripperPath.of(plan), []
+    for leg in path.legs:
+        progress.check()
+        laws.append(fastest_law(leg, limits))
+    return TimedPath(path, tuple(laws), limits)
 
 
 def _simulator(simulator: DirectSimulator | None, plan: Plan) -> DirectSimulator:

@@ -79,22 +79,25 @@ def test_what_is_outside_deviates_by_its_inertia_alone(rod):
     assert fast.converged and slow.converged
     assert slow.swing < 0.1 * fast.swing < 1e-4  # inertia: a sixteenth; no noise of cutting anew
     assert fast.position_error == fast.swing  # a DLO in a bore cannot miss it otherwise
-    assert fast.contact_force < 0.02 and fast.departure < 1e-5
+    assert fast.smooth_bore_force < 0.02 and fast.departure < 1e-5
+    assert np.isnan(fast.contact_force)  # a true bore rubs, has room, and an edge
 
 
 def test_the_mouth_bears_the_weight_it_takes_over():
-    assert moved(WEIGHTED).contact_force == pytest.approx(9.81 * 0.05, rel=0.02)
+    assert moved(WEIGHTED).smooth_bore_force == pytest.approx(9.81 * 0.05, rel=0.02)
 
 
 @pytest.mark.parametrize('rod', [WIRE, BENT], ids=['straight', 'bent'])
 def test_from_a_start_pose_of_its_own_it_is_inserted_safely(rod):
     direct, plan = planned(rod)
-    start = InverseSimulator(direct).approach(BORE, plan, Pose((-1.2, 0.2, 1.2), (0, 0, 0, 1)))
+    start = InverseSimulator(direct).approach(BORE, plan, Pose((-1.2, 0.2, 1.2), (0, 0, 0, 1)),
+                                              standoff=0.05)
     way = concatenate(start, plan)
     report = replay(direct, way, limits=Limits())
     assert report.safe and report.tolerance == pytest.approx(0.25 * plan.clearance.min())
     assert report.arrival <= report.max_tracking_error <= report.tolerance < report.swing
-    assert report.departure < 1e-6 and 0 < report.dynamic_contact_force < 0.05
+    assert report.departure < 1e-6
+    assert {'contact_force', 'dynamic_contact_force'} <= set(report.not_looked_at)
     assert 0 < report.dynamic_clearance < report.clearance
     # it stops where the bore takes it
     seam = report.trajectory.path.legs[-1].knots[0]

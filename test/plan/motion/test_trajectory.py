@@ -162,7 +162,7 @@ def test_trajectory_keeps_limits_and_poses(plan):
 def test_it_stops_at_corners(plan):
     inverse = InverseSimulator(DIRECT)
     start = Pose((-1.3, 0.2, 1.1), (0, 0, 0, 1))
-    whole = concatenate(inverse.approach(ROUND, plan, start), plan)
+    whole = concatenate(inverse.approach(ROUND, plan, start, standoff=0.05), plan)
     way = fastest(whole)
     times = np.linspace(0, way.duration, 6001)
     poses, speeds, _ = way.at(times)

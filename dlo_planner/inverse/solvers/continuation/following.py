@@ -21,7 +21,7 @@ from dlo_planner.plan.continuity import excess, refusal_for_leap
 
 LONGEST_STEP = 1 / 16   # of the length
 _SHORTEST_STEP = 1 / 1024
-AHEAD = 4.0             # steps ahead that a trend is believed for
+_AHEAD = 4.0             # steps ahead that a trend is believed for
 _SHARES = 1.0, 0.5, 0.0  # of a roll
 
 
@@ -72,9 +72,14 @@ class Passing(NamedTuple):
         """
         if self.since is None or self.since.shape.s is not self.shape.s:
             return None
-        shape, begun = self.since.shape, self.since.depth
-        ahead = (depth - self.depth) / (self.depth - begun) if self.depth != begun else 0.0
-        return (shape, ahead) if 0.0 < ahead <= AHEAD else None
+        ahead = steps_ahead(self.depth - self.since.depth, depth - self.depth)
+        return (self.since.shape, ahead) if ahead else None
+
+
+def steps_ahead(last: float, step: float) -> float:
+    """Return how many times the last step (m) a step is; 0 if it is not a few times as long."""
+    ahead = step / last if last else 0.0
+    return ahead if 0.0 < ahead <= _AHEAD else 0.0
 
 
 class Condition(Protocol):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shapes that pass one center along a normal, at each depth."""
 
-from itertools import takewhile
+from itertools import pairwise, takewhile
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,12 +10,15 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import TOLERANCE, found_hanging, shape_of
+from dlo_planner.direct.statics import NO_NODES, TOLERANCE, found_hanging, shape_of
 from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.inverse.solvers.continuation.following import AHEAD, LONGEST_STEP, Passing
+from dlo_planner.inverse.solvers.continuation.following import (
+    LONGEST_STEP,
+    Passing,
+    steps_ahead,
+)
 from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes, crossings
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
-from dlo_planner.inverse.solvers.points.coupled import aligned_hanging
 from dlo_planner.inverse.solvers.points.nested import nested_alignment
 from dlo_planner.inverse.solvers.points.onward import aligned_onward
 from dlo_planner.minimize.minimum import Minimum
@@ -115,38 +118,47 @@ def _onward(mesh: Discretization, normal: Floats, before: Passing,
             depths: Floats) -> list[Passing]:
     """Return what `Aligned.onward` does, of a Discretization that hangs freely."""
     shape, length = before.shape, mesh.s[-1]
-    steps = np.diff(depths, prepend=before.depth) / length
-    most, least = without_doubt(steps, length)
+    steps = np.diff(depths, prepend=before.depth)
+    most, least = without_doubt(steps / length, length)
     if not (len(depths) and shape.stability > least):
         return []
     earlier, ahead = before.trend(depths[0]) or (shape, 0.0)
-    with np.errstate(divide='ignore', invalid='ignore'):
-        further = steps[1:] / steps[:-1]
-    further[~((further > 0.0) & (further <= AHEAD))] = 0.0
-    pair = (np.array([one.gripper.rotation for one in (earlier, shape)]),
-            np.array([one.element_strains for one in (earlier, shape)]))
-    freeze(pair)
-    found, shapes, bases, axes, places = aligned_onward(
-        mesh.static, *pair, shape.frames, before.place, np.array([ahead, *further]),
-        *_places(mesh.s, length - depths), np.array(normal), most, least, mesh.sampled, TOLERANCE,
-        _MAX_ITERATIONS)
+    further = [steps_ahead(last, step) for last, step in pairwise(steps.tolist())]
     passings: list[Passing] = []
-    for k in range(found):
-        passing = _passing(mesh, k, shapes, bases[k], axes[k], places[k])
+    for k, passing in enumerate(_searched(
+            mesh, (earlier, shape), (earlier.element_strains, shape.element_strains), before.place,
+            np.array([ahead, *further]), length - depths, normal, shape.gripper.rotation, most,
+            least, mesh.sampled)):
         before = passing._replace(depth=float(depths[k])).after(before)
         passings.append(before)
     return passings
 
 
-def _passing(mesh: Discretization, k: int, shapes: tuple[Floats, ...], base: Floats, axes: Floats,
-             place: Floats) -> Passing:
-    """Return the Passing of a Shape that `aligned_onward` found, the k-th."""
-    strains, frames, positions, wrenches, numbers = shapes
-    elastic, energy, residual, stability, iterations = numbers[:, k].tolist()
-    shape = found_hanging(mesh, pose_of(_ORIGIN, base), (
-        strains[k], frames[k], positions[k], wrenches[k], elastic, energy, residual, stability,
-        int(iterations), 0))
-    return Passing(shape, -place, axes=axes)
+def _searched(mesh: Discretization, shapes: tuple[Shape, Shape], strains: tuple[Floats, Floats],
+              place: Floats, ahead: Floats, s: Floats, normal: Floats, reference: Floats,
+              most: Floats, least: float, nodes: Ints) -> list[Passing]:
+    """Return the Passings that `aligned_onward` finds at arc lengths s (k,), m.
+
+    Parameters
+    ----------
+    shapes, strains
+        The Shape before the last one and the last one, and their strains on the mesh, 1/m.
+    place, ahead, normal, reference, most, least, nodes
+        As of `aligned_onward`.
+    """
+    pair = (np.array([shape.gripper.rotation for shape in shapes]), np.array(strains))
+    freeze(pair)
+    count, found, bases, axes, places = aligned_onward(
+        mesh.static, *pair, shapes[1].frames, place, ahead, *_places(mesh.s, s), np.array(normal),
+        reference, most, least, nodes, TOLERANCE, _MAX_ITERATIONS)
+    passings, (strains, frames, positions, wrenches, numbers) = [], found
+    for k in range(count):
+        elastic, energy, residual, stability, iterations = numbers[:, k].tolist()
+        shape = found_hanging(mesh, pose_of(_ORIGIN, bases[k]), (
+            strains[k], frames[k], positions[k], wrenches[k], elastic, energy, residual, stability,
+            int(iterations), 0))
+        passings.append(Passing(shape, -places[k], axes=axes[k]))
+    return passings
 
 
 def _places(nodes: Floats, s: Floats) -> tuple[Ints, Floats]:
@@ -191,26 +203,26 @@ def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Fl
 def aligned_on(discretization: Discretization, guess: Shape, s: float, normal: Floats,
                reference: Floats, trend: tuple[Shape, float] | None = None) -> Shape | None:
     """Return what `aligned_shape` returns, on a Discretization."""
-    (element,), (fraction,) = (found.tolist() for found in _places(
-        discretization.s, np.array([s])))
-    goal = (element, fraction, np.array(normal), np.array(reference, order='C'),
-            free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
+    reference = np.array(reference, order='C')
+    freeze(reference)
     if discretization.hangs:
         begin = discretization.start_from(guess)
         earlier, ahead = trend or (guess, 0.0)
-        before = earlier.element_strains if trend and discretization.has_nodes(guess.s) else begin
-        # copies, since read-only arrays are another type: kernels call it with others
-        solution, base, converged = aligned_hanging(
-            discretization.static, np.array(guess.gripper.rotation), np.array(begin),
-            np.array(earlier.gripper.rotation), np.array(before),
-            ahead if before is not begin else 0.0, *goal)
-        if not converged:
-            return None
-        return found_hanging(discretization, pose_of(_ORIGIN, base), solution)
+        if not (trend and discretization.has_nodes(guess.s)):
+            earlier, ahead = guess, 0.0
+        before = begin if earlier is guess else earlier.element_strains
+        found = _searched(discretization, (earlier, guess), (before, begin), np.zeros(3),
+                          np.array([ahead]), np.array([s]), normal, reference,
+                          np.full((3, 1), np.inf), -np.inf, NO_NODES)
+        return found[0].shape if found else None
+    (element,), (fraction,) = (found.tolist() for found in _places(
+        discretization.s, np.array([s])))
     system = discretization.system(guess.gripper.rotation)
     q = np.empty((discretization.n_unknowns, 3))
     unknowns_of(system, discretization.strains_from(guess.s, guess.element_strains), q)
-    state, base, residual, _, stability, iterations, converged = aligned_newton(system, q, *goal)
+    state, base, residual, _, stability, iterations, converged = aligned_newton(
+        system, q, element, fraction, np.array(normal), np.array(reference),
+        free_axis(reference, normal), TOLERANCE, _MAX_ITERATIONS)
     if not converged:
         return None
     shape: Shape = shape_of(discretization, Pose.from_rotation(_ORIGIN, base),

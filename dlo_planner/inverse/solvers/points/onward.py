@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Aligned shapes at one depth after another, in one compiled loop, as long as nothing is in doubt.
 
-The same searches as one by one (`coupled.aligned_hanging`). A shape at which the gripper or the DLO
-might leap, or that is hardly stable, ends the loop: who called it looks closer.
+A shape at which the gripper or the DLO might leap, or that is hardly stable, ends the loop: who
+called it looks closer. One depth, without limits, is the search for one shape.
 """
 
 from typing import Any
@@ -24,7 +24,7 @@ from dlo_planner.ritz.rotation import rotation_vector
 @kernel
 def aligned_onward(system: System, bases: Floats, strains: Floats, frames: Floats, place: Floats,
                    ahead: Floats, elements: Ints, fractions: Floats, normal: Floats,
-                   most: Floats, least: float, nodes: Ints, tolerance: float,
+                   reference: Floats, most: Floats, least: float, nodes: Ints, tolerance: float,
                    max_iterations: int) -> tuple[int, tuple[Any, ...], Floats, Floats, Floats]:
     """Find equilibria whose tangents are `normal` inside one element after another.
 
@@ -38,6 +38,9 @@ def aligned_onward(system: System, bases: Floats, strains: Floats, frames: Float
         Of the last one's nodes, and where the gripper is from where the tangent was, m; read-only.
     ahead, elements, fractions : ndarray, shape (k,)
         How many times the change before each search begins ahead, and where tangents are.
+    reference : ndarray, shape (3, 3)
+        Rotation of the gripper since which the first one is not turned freely; read-only. Further
+        ones are not since the one before.
     most : ndarray, shape (3, k)
         By how much the gripper may turn (rad) and move (m), and nodes may turn beside that (rad).
     least : float
@@ -58,11 +61,11 @@ def aligned_onward(system: System, bases: Floats, strains: Floats, frames: Float
     axes, places = np.empty((count, 3, 3)), np.empty((count, 3))
     base, before, axis = bases[1].copy(), bases[0].copy(), np.empty(3)
     u, earlier, here = strains[1].copy(), strains[0].copy(), frames.copy()
-    now, found = place.copy(), 0
+    now, found, since = place.copy(), 0, reference.copy()
     for k in range(count):
-        _free_axis(base, normal, axis)
+        _free_axis(since, normal, axis)
         one, after, converged = aligned_hanging(
-            system, base, u, before, earlier, ahead[k], elements[k], fractions[k], normal, base,
+            system, base, u, before, earlier, ahead[k], elements[k], fractions[k], normal, since,
             axis, tolerance, max_iterations)
         if not converged or not one[7] > least:
             break
@@ -75,7 +78,7 @@ def aligned_onward(system: System, bases: Floats, strains: Floats, frames: Float
         grippers[k], now[:] = after, -places[k]
         all_strains[k], all_frames[k], positions[k], wrenches[k] = one[0], one[1], one[2], one[3]
         _put(one, numbers[:, k])
-        before, base = base, after
+        before, base, since = base, after, after
         earlier, u, here = u, one[0], one[1]
         found += 1
     return (found, (all_strains, all_frames, positions, wrenches, numbers), grippers, axes, places)

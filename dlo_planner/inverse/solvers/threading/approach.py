@@ -70,6 +70,7 @@ def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: S
     demands : PlanRequirements
     """
     cutout, first, standoff = task.cutout, task.first, task.standoff
+    assert standoff is not None  # the task chooses one
     behind = float((cutout.center - start.position) @ cutout.normal)
     back = max(0.0, (1 + _MARGIN) * simulator.rod.length + demands.surface.bound - behind)
     quick = quick_simulator(simulator)

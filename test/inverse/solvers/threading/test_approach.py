@@ -8,13 +8,18 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     CutOut,
+    DeadlineExceeded,
     DirectSimulator,
     Infeasible,
     InvalidTask,
     InverseSimulator,
     Pose,
     Rod,
+    Trajectory,
+    concatenate,
 )
+from dlo_planner.plan.motion.calm_search import CalmSearch
+from dlo_planner.plan.motion.in_motion import InMotion
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0.2, 0.1, 1.0), (1, 0.3, 0)), radius=0.01)
@@ -55,8 +60,8 @@ def test_a_standoff_below_the_dlos_radius(inverse, plan, standoff):
 
 
 def test_it_goes_back_no_farther_than_it_must(inverse, plan):
-    far = inverse.approach(HOLE, plan, Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1)))
-    near = inverse.approach(HOLE, plan, plan.grippers[0])
+    far = inverse.approach(HOLE, plan, Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1)), standoff=0.05)
+    near = inverse.approach(HOLE, plan, plan.grippers[0], standoff=0.05)
     for way, begin in ((far, 1.3), (near, 1.0)):
         back = max((HOLE.center - gripper.position) @ HOLE.normal for gripper in way.grippers)
         assert back < begin + 0.35
@@ -90,3 +95,68 @@ def test_nonsense_is_named(inverse, plan, change, named):
     values = {'cutout': HOLE, 'plan': plan, 'start': Pose((-1.3, 0, 1), (0, 0, 0, 1)), **change}
     with pytest.raises(InvalidTask, match=named):
         inverse.approach(**values)
+
+
+SHORT = Rod(0.3, 0.05, 5e-3, 4e-3, radius=2e-3)
+NOW = Pose((-0.25, 0.0, 1.03), (0, 0, 0, 1))
+
+
+def standoff_of(way, through):
+    """Return the standoff of a plan as a part of the length."""
+    stop, = way.stops
+    return np.linalg.norm(way.grippers[stop].position - through.grippers[0].position) / SHORT.length
+
+
+@pytest.fixture(scope='module')
+def short():
+    """Return an InverseSimulator, and the Plan of a threading."""
+    inverse = InverseSimulator(DirectSimulator(SHORT))
+    hole = CutOut(HOLE.pose, radius=0.01)
+    return inverse, hole, inverse.thread(hole, start=NOW, depths=np.linspace(0, 0.25, 8))
+
+
+def test_without_a_standoff_it_is_the_one_of_the_quickest_calm_motion(short):
+    inverse, hole, through = short
+    parts = (0.05, 0.1, 0.15)
+    seconds = [Trajectory(concatenate(inverse.approach(
+        hole, through, NOW, standoff=part * SHORT.length), through)).duration for part in parts]
+    found = inverse.approach(hole, through, NOW)
+    assert standoff_of(found, through) == pytest.approx(parts[int(np.argmin(seconds))])
+    assert Trajectory(concatenate(found, through)).duration == pytest.approx(min(seconds))
+
+
+def test_where_motion_does_not_tell_the_standoff_is_a_tenth_of_the_length(short, monkeypatch):
+    inverse, hole, through = short
+
+    moved = []
+
+    def never(self, timed):
+        moved.append(timed)
+        return [InMotion(False, *[np.inf] * 10)]
+
+    monkeypatch.setattr(CalmSearch, '_moved', never)
+    way = inverse.approach(hole, through, NOW)
+    assert standoff_of(way, through) == pytest.approx(0.1)
+    assert len(moved) == 6  # it does not look for long
+
+    def late(*_):
+        raise DeadlineExceeded('late', 1.0, 1.0)
+
+    monkeypatch.setattr(CalmSearch, '_moved', late)
+    way = inverse.approach(hole, through, NOW)
+    assert standoff_of(way, through) == pytest.approx(0.1)
+
+
+def test_the_best_until_the_deadline_counts(short, monkeypatch):
+    inverse, hole, through = short
+    go_on, calls = CalmSearch.go_on, []
+
+    def twice(self, *given):
+        calls.append(self)
+        if len(calls) == 2:
+            raise DeadlineExceeded('late', 1.0, 1.0)
+        return go_on(self, *given)
+
+    monkeypatch.setattr(CalmSearch, 'go_on', twice)
+    assert standoff_of(inverse.approach(hole, through, NOW), through) == pytest.approx(0.1)
+    assert len(calls) == 2

@@ -60,6 +60,10 @@ class Cause(IntEnum):
     SHUTDOWN = 413
     NOTHING_TO_CANCEL = 414
     MISS_EXPECTED = 415
+    NOT_ENABLED = 416
+    LIMITS = 417
+    OTHER_PLAN = 418
+    LOOKS_DISAGREE = 419
     INTERNAL = 500
 
 
@@ -110,6 +114,11 @@ MEANINGS = {
     Cause.SHUTDOWN: 'the node ends',
     Cause.NOTHING_TO_CANCEL: '`cancel`, and nothing was planned, proved or executed',
     Cause.MISS_EXPECTED: 'the observed DLO is not inside the cut-out with 95 %: it stops before it',
+    Cause.NOT_ENABLED: '`enable` is not true, or older than `execute.enable_timeout`',
+    Cause.LIMITS: 'the motion would exceed the limits of speed, acceleration or jerk',
+    Cause.OTHER_PLAN: 'another plan has come since: name the one to be executed, by `execute_plan`',
+    Cause.LOOKS_DISAGREE: 'what is seen of the DLO does not agree with what was expected: it '
+                          'stops, and goes back before the cut-out',
     Cause.INTERNAL: 'an error of the node itself; the log has its place',
 }
 

@@ -2,20 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a camera sees of the DLO, made an Estimate of it: the closed loop without ROS.
 
-Gripper poses and clouds of points come with stamps of one clock. A cloud counts as seen where the
-gripper was at its stamp; the faster the gripper moved then, the less it counts.
+Measured gripper poses and clouds of points come with stamps of one clock. A cloud counts as seen
+where the gripper was at its stamp; the faster the gripper moved then, the less it counts. One that
+does not agree with what was expected is not believed; several in a row are a doubt.
 """
 
+from __future__ import annotations
+
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from threading import Condition
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.errors import InvalidTask
+from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
@@ -23,6 +28,7 @@ from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.periods import slowest_period
+from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.plan.plan import Plan
 from dlo_planner.verify.uncertainty import Uncertainty
 
@@ -38,6 +44,11 @@ _SET_BACK = 1.0      # s: a stamp that is so much older than the last
 _GAP, _SAME = 0.5, 1e-3  # s between poses; m and rad by which one is still the same
 _LONGEST_SWING = 2.0 # s
 _NEAR = 12           # poses of which a motion is told
+_UNKNOWN = 0.25      # of how far a DLO is bent in motion: what its simulation does not know
+_SWING_STEP = 0.1    # s
+_BENT = 33           # places along the DLO
+_LASTS = 2.5         # s that a motion is looked at after its end
+_DOUBT = 2           # looks in a row that disagree: fewer are left to chance
 
 
 @dataclass(frozen=True)
@@ -54,6 +65,11 @@ class Seeing:
         Cutout in m, how well the place of a cut-out is known.
     stamps : float
         Stamps in s, by which stamps of clouds may be wrong.
+    robot_position, robot_rotation, robot_way, robot_time : float
+        Error of the robot, m, rad, and how it changes, m, s; see `Observer`.
+    slip_position, slip_rotation : float
+        How far the DLO may slip in the gripper, m along and rad about each axis: what is looked for
+        where looks do not agree any more.
     period : float
         Seconds between two clouds that are looked at.
     correct : bool
@@ -71,10 +87,73 @@ class Seeing:
     sway: float = 5e-4
     cutout: float = 0.0
     stamps: float = 0.02
+    robot_position: float = 2e-4
+    robot_rotation: float = 3e-4
+    robot_way: float = 0.4
+    robot_time: float = np.inf
+    slip_position: float = 5e-3
+    slip_rotation: float = 0.05
     period: float = 0.2
     correct: bool = True
     correction_period: float = 0.5
     largest_correction: float = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Swing:
+    """By how much inertia bends a DLO in a motion of the gripper.
+
+    Attributes
+    ----------
+    dt : float
+        Seconds between the n times from 0 on.
+    bent : ndarray, shape (n, k, 3)
+        Off its rest at k even arc lengths, m, axes of the gripper.
+    period : float
+        Slowest period of the DLO, s.
+    """
+
+    dt: float
+    bent: Floats
+    period: float
+
+    @classmethod
+    def of(cls, way: TimedPath, simulator: DirectSimulator, first: Shape) -> Swing:
+        """Return the Swing of a DLO along a way, at rest in the Shape `first` before.
+
+        Raises
+        ------
+        NotConverged
+            The motion could not be simulated.
+        """
+        count = int(np.ceil((way.duration + _LASTS) / _SWING_STEP)) + 1
+        grippers = way.poses(np.minimum(_SWING_STEP * np.arange(count), way.duration))
+        motion = simulator.simulate(grippers, _SWING_STEP, first)
+        if not motion.converged:
+            raise NotConverged(f'the DLO in motion: {motion.message}')
+        s = np.linspace(0, first.s[-1], _BENT)
+        bent = [(moved.positions_at(s) - still.positions_at(s)) @ moved.gripper.rotation
+                for moved, still in zip(
+                    motion.shapes, simulator.track(grippers, initial=first), strict=True)]
+        return cls(_SWING_STEP, np.array(bent), slowest_period(simulator.rod))
+
+    def at(self, time: float) -> tuple[Floats, float]:
+        """Return `bent` (k, 3) at a time, s, and the largest there was in the period before, m.
+
+        Beyond the table's end it still swings about its rest, who knows how; at plus or minus
+        infinity, long before or after the motion, it is at rest.
+        """
+        if np.isinf(time):
+            return np.zeros_like(self.bent[0]), 0.0
+        if time > self.dt * (len(self.bent) - 1):
+            return np.zeros_like(self.bent[0]), float(
+                np.linalg.norm(self.bent[-int(np.ceil(_LASTS / self.dt)):], axis=2).max())
+        place = float(np.clip(time / self.dt, 0, len(self.bent) - 1))
+        low = min(int(place), len(self.bent) - 2)
+        begin = max(int(low - self.period / self.dt), 0)
+        most = np.linalg.norm(self.bent[begin:low + 2], axis=2).max()
+        share = place - low
+        return (1 - share) * self.bent[low] + share * self.bent[low + 1], float(most)
 
 
 class Observing:
@@ -100,17 +179,20 @@ class Observing:
         self.seeing = seeing
         self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
                                   cutout=seeing.cutout, outliers=seeing.outliers,
-                                  sway=seeing.sway)
+                                  sway=seeing.sway, robot_position=seeing.robot_position,
+                                  robot_rotation=seeing.robot_rotation,
+                                  robot_way=seeing.robot_way, robot_time=seeing.robot_time)
         self._first = self._observer.begin()
         if known is not None and known.names == self._first.names:
             self._first = replace(self._first, covariance=known.covariance)
         self._lock = Condition()
+        self._swing: tuple[Swing, Callable[[float], float]] | None = None
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)  # (stamp, Pose)
         self.reset()
 
     @property
     def estimate(self) -> Estimate:
-        """The newest Estimate: the prior before anything was seen."""
+        """The newest Estimate of looks that agree: the prior before anything was seen."""
         return self._estimate
 
     @property
@@ -118,10 +200,65 @@ class Observing:
         """Median distance of the points of the last look from the DLO as it is estimated, m."""
         return self._off
 
+    @property
+    def surprise(self) -> float:
+        """`Estimate.surprise` of the last look, whether it was believed or not."""
+        return self._surprise
+
+    @property
+    def doubted(self) -> bool:
+        """Whether the last looks do not agree with the estimate: it is no more to be relied on."""
+        return self._disagreeing >= _DOUBT
+
+    def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
+        """Return by how much a DLO in a known motion is off its rest, and was at most; or None.
+
+        (k, 3), m, world axes, at a stamp (s), in a Pose of the gripper; and what it was at most in
+        the period before, m.
+        """
+        known = self._swing
+        if known is None:
+            return None
+        swing, time_at = known
+        bent, most = swing.at(time_at(stamp))
+        return (bent @ gripper.rotation.T, most) if most else None
+
+    @property
+    def seen(self) -> float:
+        """Stamp of the last look that agreed, s; minus infinity before the first."""
+        return self._seen
+
+    @property
+    def looked(self) -> float:
+        """Stamp of the last look, whether it agreed or not, s; minus infinity before the first."""
+        return self._last
+
     def reset(self) -> None:
         """Forget what was seen since it began."""
         with self._lock:
-            self._estimate, self._last, self._off = self._first, -np.inf, np.nan
+            self._begin(self._first)
+
+    def reopen(self) -> None:
+        """Take the DLO as one that may have slipped in the gripper; what it is like stays known."""
+        with self._lock:
+            seeing = self.seeing
+            self._begin(self._observer.reopened(self._estimate, seeing.slip_position,
+                                                seeing.slip_rotation))
+
+    def _begin(self, estimate: Estimate) -> None:
+        self._estimate, self._last, self._off = estimate, -np.inf, np.nan
+        self._surprise, self._disagreeing, self._seen = np.nan, 0, -np.inf
+        self._swing = None
+
+    def moves(self, swing: Swing, time_at: Callable[[float], float]) -> None:
+        """Take in how the DLO bends in a motion that begins; `time_at`: stamp -> its time, s."""
+        self._swing = swing, time_at
+
+    def hole(self, stated: Floats, seen: Floats) -> None:
+        """Take in where the center of a cut-out was seen; see `Observer.see_cutout`."""
+        with self._lock:
+            if self.seeing.cutout:
+                self._estimate = self._observer.see_cutout(self._estimate, stated, seen)
 
     def gripper(self, stamp: float, pose: Pose) -> None:
         """Take in where the gripper frame was at a stamp (s).
@@ -141,7 +278,7 @@ class Observing:
         return abs(stamp - self._last) >= self.seeing.period
 
     def look(self, stamp: float, points: Floats) -> Estimate:
-        """Return the Estimate after one more cloud.
+        """Return the Estimate after one more cloud; if that does not agree, the one before.
 
         Parameters
         ----------
@@ -169,22 +306,29 @@ class Observing:
                               f'which gripper poses are known: {span}')
         stamps, poses = zip(*known, strict=True)
         _judge_gap(stamps, poses, stamp)
-        speed, acceleration = self._moving(stamps, poses, stamp)
+        sway, late = self._own(stamps, poses, stamp)
+        gripper = gripper_at(stamps, poses, stamp)
+        moving, bent = self.bent(stamp, gripper), None
+        if moving is not None:
+            bent, sway = moving[0], float(np.hypot(self.seeing.sway, _UNKNOWN * moving[1]))
         chosen = np.unique(np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(
             int))
-        seen = Observation(gripper_at(stamps, poses, stamp), points[chosen])
-        noise, sway = self._weighed(len(chosen), speed, acceleration)
-        after = self._observer.update(estimate, seen, noise=noise, sway=sway)
-        off = self._off_it(after, seen)
+        seen = Observation(gripper, points[chosen])
+        elapsed = max(stamp - self._seen, 0.0) if np.isfinite(self._seen) else 0.0
+        after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway, late=late,
+                                      bent=bent)
+        off = self._off_it(after if after.agrees else estimate, seen)
         with self._lock:
             if self._estimate is not estimate:  # it was reset meanwhile
                 return self._estimate
             self._last, self._off = stamp, off
-            if after.converged:
-                self._estimate = after
+            self._surprise = after.surprise if after.converged else np.inf
+            self._disagreeing = 0 if after.agrees else self._disagreeing + 1
+            if after.agrees:
+                self._estimate, self._seen = after, stamp
         if not after.converged:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
-        return after
+        return self._estimate
 
     def _off_it(self, estimate: Estimate, seen: Observation) -> float:
         shape = estimate.shape(seen.gripper)
@@ -193,20 +337,19 @@ class Observing:
         nodes = shape.positions_at(np.linspace(0, 1, _SAMPLED) * shape.s[-1])
         return _median_distance(seen.points - estimate.camera_bias, nodes)
 
-    def _moving(self, stamps: Sequence[float], poses: Sequence[Pose],
-                stamp: float) -> tuple[float, float]:
-        """Return the speed, m/s, and the largest acceleration during the last swing, m/s^2."""
-        rod = self._observer.uncertain.simulator.rod
+    def _own(self, stamps: Sequence[float], poses: Sequence[Pose],
+             stamp: float) -> tuple[float, Floats]:
+        """Return the sway, m, and how the gripper moves while the stamp may be wrong (6,).
+
+        Inertia bends the DLO like a part of its weight, by the acceleration in the last swing.
+        """
+        seeing, rod = self.seeing, self._observer.uncertain.simulator.rod
         times = np.arange(stamp, stamp - min(slowest_period(rod), _LONGEST_SWING), -_ABOUT)
         found = [motion_at(stamps, poses, time, rod.length) for time in times]
-        return found[0][0], max(acceleration for _, acceleration in found)
-
-    def _weighed(self, count: int, speed: float, acceleration: float) -> tuple[float, float]:
-        """Return noise and sway (m) of a look: more of both in motion."""
-        seeing, length = self.seeing, self._observer.uncertain.simulator.rod.length
-        late = np.sqrt(count) * seeing.stamps * max(speed - _STILL, 0.0)
-        bent = _SAG * length * max(acceleration - _EVEN, 0.0) / _WEIGHT
-        return float(np.hypot(seeing.noise, late)), float(np.hypot(seeing.sway, bent))
+        acceleration = max(one.acceleration for one in found)
+        bent = _SAG * rod.length * max(acceleration - _EVEN, 0.0) / _WEIGHT
+        moves = found[0].twist * (found[0].speed > _STILL)
+        return float(np.hypot(seeing.sway, bent)), seeing.stamps * moves
 
 
 def _judge_gap(stamps: Sequence[float], poses: Sequence[Pose], stamp: float) -> None:
@@ -251,16 +394,32 @@ def _median_distance(points: Floats, nodes: Floats) -> float:
     return float(np.median(np.linalg.norm(near, axis=2).min(axis=1)))
 
 
+class Motion(NamedTuple):
+    """How a body moves.
+
+    Attributes
+    ----------
+    speed, acceleration : float
+        M/s, m/s^2, of a DLO's far end at most.
+    twist : ndarray, shape (6,)
+        Angular velocity, rad/s, and velocity, m/s, world axes.
+    """
+
+    speed: float
+    acceleration: float
+    twist: Floats
+
+
 def motion_at(stamps: Sequence[float] | Floats, poses: Sequence[Pose], stamp: float,
-              length: float) -> tuple[float, float]:
-    """Return about how fast a body moves, m/s, and with what acceleration, m/s^2.
+              length: float) -> Motion:
+    """Return about how a body moves.
 
     A parabola is laid through what is known near that time; the far end of a DLO of this `length`
     (m) counts, where the body turns.
     """
     low, high = np.searchsorted(stamps, (stamp - _ABOUT, stamp + _ABOUT))
     if high - low < 3:
-        return 0.0, 0.0
+        return Motion(0.0, 0.0, np.zeros(6))
     near = np.unique(np.linspace(low, high - 1, min(high - low, _NEAR)).astype(int))
     times = np.array([stamps[k] - stamp for k in near])
     last = poses[near[-1]].rotation
@@ -268,4 +427,5 @@ def motion_at(stamps: Sequence[float] | Floats, poses: Sequence[Pose], stamp: fl
     rows = np.hstack([[poses[k].position for k in near], length * turns])
     fit = np.polynomial.polynomial.polyfit(times, rows, 2)
     sizes = np.linalg.norm(fit.reshape(3, 2, 3), axis=2).sum(axis=1)
-    return float(sizes[1]), float(2 * sizes[2])
+    return Motion(float(sizes[1]), float(2 * sizes[2]),
+                  np.concatenate([fit[1, 3:] / length, fit[1, :3]]))

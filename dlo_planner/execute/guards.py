@@ -32,6 +32,8 @@ class Guards:
         Whether `cancel` lets the motion run out, or ends it at once.
     longest_pause : float
         Seconds between two commands: after a longer one the rest is another motion.
+    enable_timeout : float
+        Enable timeout in s: age of the last word that the gripper may move; 0: none is asked for.
     """
 
     path_position: float = 0.02
@@ -44,6 +46,20 @@ class Guards:
     incoming_command_timeout: float = 0.1
     decelerate_on_cancel: bool = True
     longest_pause: float = 0.5
+    enable_timeout: float = 0.0
+
+    def barred(self, enabled: 'Enabled | None', now: float) -> str:
+        """Return in words why the gripper may not move at `now` s, '' if it may."""
+        limit = self.enable_timeout
+        if not limit:
+            return ''
+        expected = f'expected true on ~/enable, execute.enable_timeout = {limit:g} s old at most'
+        if enabled is None:
+            return f'enable: nothing came: {expected}'
+        if not enabled.value:
+            return f'enable: it is false: {expected}'
+        age = now - enabled.arrived
+        return f'enable: the last one is {age:.3g} s old: {expected}' if age > limit else ''
 
     @property
     def patience(self) -> float:
@@ -75,3 +91,18 @@ class Heard:
     age: float = 0.0
     deviation: float = np.nan
     stamp: float | None = None
+
+
+@dataclass(frozen=True)
+class Enabled:
+    """What was heard of whether the gripper may move.
+
+    Attributes
+    ----------
+    value : bool
+    arrived : float
+        Arrived in s, steady.
+    """
+
+    value: bool
+    arrived: float

@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the closed loop does when something goes wrong: wire of 1.5 mm, holes of 5 mm radius.
+
+python -m benchmarks.cell_trust [--cases nominal slip ...] [--seeds 0:100] [--jobs 2]
+                                [--output trust.json]
+
+Each seed is a task of its own (hole and start), a DLO, gripper, sheet and damping of its own that
+differ from what is stated, and its own moment and direction of what happens, see
+`dlo_planner.cell.cases`. The driver is the same in all cases and is not told which it is: it knows
+the standard deviations of what is unknown and of a camera without second cable or blind spells.
+"""
+
+import argparse
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from time import perf_counter, process_time
+from traceback import format_exc
+from typing import Any
+
+import numpy as np
+
+from benchmarks import report
+from dlo_planner.cell.camera import BAD
+from dlo_planner.cell.cases import CASES, NOMINAL, case
+from dlo_planner.cell.closed import Looking
+from dlo_planner.cell.drivers import Driver
+from dlo_planner.cell.run import Outcome, run
+from dlo_planner.cell.tasks import draw_task
+from dlo_planner.cell.truth import VERY_UNCERTAIN
+
+DLO, RADIUS = 'wire 1.5', 5e-3
+HEADS = ['case', 'runs', 'happened', 'clean', 'refused before the sheet', 'in it', 'touched',
+         'rammed', 'missed', 'errors', 'covered', 'largest miss [mm]', 'promised there [mm]',
+         'CPU [s]']
+
+
+def driven(name: str, seed: int, driver: Driver | None = None) -> dict[str, Any]:
+    """Return what came of a case and a seed, as what JSON can hold.
+
+    Parameters
+    ----------
+    name : str
+        Name in CASES.
+    seed : int
+    driver : callable, optional
+        Driver. If None, the one of the closed loop.
+    """
+    disturbances, camera = case(name, seed)
+    if driver is None:
+        driver = Looking.knowing(VERY_UNCERTAIN, BAD, robot_position=NOMINAL.robot_position,
+                                 robot_rotation=NOMINAL.robot_rotation)
+    began = process_time()
+    error, outcome = '', Outcome(seed, '')
+    try:
+        outcome = run(draw_task(seed, DLO, RADIUS), driver, seed=seed, unknowns=VERY_UNCERTAIN,
+                      disturbances=disturbances, camera=camera)
+    except Exception:  # a fault of the driver or the cell: one run of hundreds, which is told
+        error = format_exc()
+    times = [one.time for one in (*disturbances.slips, *disturbances.bumps)]
+    return {'case': name, 'seed': seed, 'event_s': times[0] if times else None,
+            'happened': all(time < outcome.time for time in times),
+            'cpu_s': round(process_time() - began, 2), 'error': error, **said(outcome)}
+
+
+def said(outcome: Outcome) -> dict[str, Any]:
+    """Return an Outcome as what JSON can hold."""
+    numbers = {name: getattr(outcome, name) for name in ('depth', 'miss', 'promised', 'force',
+                                                          'time')}
+    return {**{name: value if np.isfinite(value) else None for name, value in numbers.items()},
+            **{name: getattr(outcome, name) for name in ('threaded', 'clean', 'touched', 'rammed',
+                                                         'covered', 'refused', 'phase')}}
+
+
+def ended(one: dict[str, Any]) -> str:
+    """Return in a few words what came of a run."""
+    if one['error']:
+        return one['error'].strip().splitlines()[-1]
+    how = 'clean' if one['clean'] else 'rammed' if one['rammed'] else (
+        'touched' if one['touched'] else one['refused'] or 'missed')
+    return how if one['covered'] is not False else f'{how}, by more than promised'
+
+
+def line(name: str, found: list[dict[str, Any]]) -> list[str]:
+    """Return the row of a case under HEADS."""
+    def count(*names: str) -> int:
+        return sum(all(one[name] for name in names) for one in found)
+
+    judged = [one for one in found if one['covered'] is not None]
+    worst = max(judged, key=lambda one: one['miss'], default={'miss': None, 'promised': None})
+    missed = sum(not any(one[how] for how in ('threaded', 'refused', 'touched', 'error'))
+                 for one in found)
+    return [name, str(len(found)), str(count('happened')), str(count('clean')),
+            str(count('refused') - count('refused', 'depth')), str(count('refused', 'depth')),
+            str(count('touched')), str(count('rammed')), str(missed), str(count('error')),
+            f'{sum(one["covered"] for one in judged)} of {len(judged)}',
+            *('-' if worst[key] is None else f'{1e3 * worst[key]:.2f}'
+              for key in ('miss', 'promised')),
+            f'{np.mean([one["cpu_s"] for one in found]):.1f}']
+
+
+def table(found: list[dict[str, Any]]) -> str:
+    """Return the rows of all cases in Markdown, and below it in what the driver refused."""
+    by_case = {name: [one for one in found if one['case'] == name] for name in CASES}
+    rows = report.markdown(HEADS, [line(name, of_it) for name, of_it in by_case.items() if of_it])
+    causes = Counter((one['case'], one['phase'], one['refused'].split(':')[0])
+                     for one in found if one['refused'])
+    return rows + ''.join(f'\n* {name}: {count} refused in "{phase}", {cause}'
+                          for (name, phase, cause), count in sorted(causes.items()))
+
+
+def all_driven(names: list[str], seeds: range, jobs: int) -> Iterator[dict[str, Any]]:
+    """Yield what comes of all cases and seeds, as they are done."""
+    if jobs == 1:
+        yield from (driven(name, seed) for seed in seeds for name in names)
+        return
+    # a fresh start: a fork could take over locks of threads that it has not
+    with ProcessPoolExecutor(jobs, get_context('spawn')) as executor:
+        for future in as_completed([executor.submit(driven, name, seed)
+                                    for seed in seeds for name in names]):
+            yield future.result()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run what was asked for; return 1 if anything was rammed, or a run ended in an error."""
+    options = _parser().parse_args(arguments)
+    seeds, began, found = range(*map(int, options.seeds.split(':'))), perf_counter(), []
+    for one in all_driven(options.cases, seeds, options.jobs):
+        found.append(one)
+        print(f'{len(found)} of {len(seeds) * len(options.cases)} in {perf_counter() - began:.0f} '
+              f's: {one["case"]} {one["seed"]}: {ended(one)}', flush=True)
+        if options.output:
+            options.output.write_text(json.dumps({'machine': report.machine(), 'runs': sorted(
+                found, key=lambda run: (run['case'], run['seed']))}, indent=1, allow_nan=False))
+    print(table(found))
+    return int(any(one['rammed'] or one['error'] for one in found))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog='benchmarks.cell_trust',
+                                     description=__doc__.splitlines()[0])
+    parser.add_argument('--cases', nargs='+', choices=list(CASES), default=list(CASES),
+                        metavar='CASE', help=f'of {", ".join(CASES)}; default: all')
+    parser.add_argument('--seeds', default='0:100', help='from:to (default: %(default)s)')
+    parser.add_argument('--jobs', type=int, default=2, help='processes (default: %(default)s)')
+    parser.add_argument('--output', type=Path, help='JSON, rewritten after each run')
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

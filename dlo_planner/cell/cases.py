@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What may go wrong in the cell, by name: disturbances and a camera, drawn by seeds.
+
+In each the robot is not quite where it measures, follows late, and the sheet rubs; in most of them
+something else happens.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from dlo_planner.cell.camera import BAD, Camera
+from dlo_planner.cell.disturbances import Bump, Disturbances, Slip
+from dlo_planner.model.checks import choice, integer
+
+# 0.5 mm and 0.1 degrees rms across its way: 0.35 mm and 1.25 mrad along and about each axis,
+# another one in each pose; and the wandering one, twice as much in time
+NOMINAL = Disturbances(0.35e-3, 1.25e-3, lag=0.03, friction=0.3)
+_WHEN = 2.0, 20.0     # s, between which something happens: on the way, at the standoff, in the hole
+_PUSHED = 0.01        # m
+_BLIND = 0.3          # of the time
+_SECOND = 0.2         # of the points
+
+
+def case(name: str, seed: int) -> tuple[Disturbances, Camera]:
+    """Return the Disturbances and the Camera of a case in CASES and a seed, always the same.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
+    """
+    choice('name', name, CASES)
+    return CASES[name](np.random.default_rng(
+        [integer('seed', seed, minimum=0, maximum=2**31), 80]))
+
+
+def _nominal(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
+    return NOMINAL, BAD
+
+
+def _slip(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
+    return _slipped(rng, 2e-3, np.radians(1.0)), BAD
+
+
+def _small_slip(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
+    return _slipped(rng, 0.5e-3, np.radians(0.29)), BAD
+
+
+def _slipped(rng: np.random.Generator, back: float, turn: float) -> Disturbances:
+    """Return a slip back, with a turn about any axis."""
+    when, axis = rng.uniform(*_WHEN), rng.standard_normal(3)
+    return replace(NOMINAL, slips=(Slip(when, back, turn * axis / np.linalg.norm(axis)),))
+
+
+def _bump(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
+    """Return a push of the free end or the middle in any direction."""
+    bump = Bump(rng.uniform(*_WHEN), _PUSHED, rng.standard_normal(3), float(rng.choice((0.5, 1.0))))
+    return replace(NOMINAL, bumps=(bump,)), BAD
+
+
+def _wandering(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
+    return replace(NOMINAL, robot_position=0.0, robot_rotation=0.0, wander_position=0.7e-3,
+                   wander_rotation=2.5e-3), BAD
+
+
+def _hidden(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
+    return NOMINAL, replace(BAD, blind=_BLIND)
+
+
+def _second_cable(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
+    return NOMINAL, replace(BAD, second_cable=_SECOND)
+
+
+CASES: dict[str, Callable[[np.random.Generator], tuple[Disturbances, Camera]]] = {
+    'nominal': _nominal, 'slip': _slip, 'small slip': _small_slip, 'bump': _bump,
+    'wandering': _wandering, 'hidden': _hidden, 'second cable': _second_cable}

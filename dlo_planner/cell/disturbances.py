@@ -1,0 +1,272 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What happens to the cell during a run, which neither the planner nor the robot knows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import direction, instance, items, number, vector
+from dlo_planner.model.value import Value, put
+
+_SLIPS = 0.05            # s, in which a DLO slips
+_SINES = 8               # of which a wandering consists
+_WAVES = 16              # of which an error that depends on the pose consists
+_REACH = 0.4             # m of the gripper's way in which that changes: half the reach of a robot
+_LEVER = 0.25            # m, by which a turn counts as a way
+_SLOWEST, _FASTEST = 0.05, 0.3  # Hz, of these
+_AHEAD = 0.5             # periods of a vibration after a push, in which its peak is looked for
+_PUSH = 241              # times at which it is looked for
+_APART = 1e-9            # of a square: a critically damped oscillator would be 0 / 0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Slip(Value):
+    """The DLO slips in the grip, smoothly within 50 ms, and stays there.
+
+    Attributes
+    ----------
+    time : float
+        Time at which it begins, s.
+    back : float
+        By how much the DLO moves back, against the x axis of the gripper, m.
+    turn : ndarray, shape (3,)
+        Rotation vector by which it turns, axes of the gripper, rad.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
+    """
+
+    time: float
+    back: float = 0.0
+    turn: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        put(self, time=number('Slip.time', self.time, minimum=0),
+            back=number('Slip.back', self.back), turn=vector('Slip.turn', self.turn, 3))
+        super().__post_init__()
+
+    def share(self, time: float) -> float:
+        """Return which part of it has happened at a time in s, 0 to 1."""
+        x = min(max((time - self.time) / _SLIPS, 0.0), 1.0)
+        return x**3 * (10 - 15 * x + 6 * x**2)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bump(Value):
+    """Something pushes the DLO for a while.
+
+    The force rises and falls as sin^2. It is so large that the place which is pushed would move by
+    `displacement` at most if nothing else happened, by the small vibrations about the shape in
+    which the DLO is when it begins.
+
+    Attributes
+    ----------
+    time : float
+        Time at which it begins, s.
+    displacement : float
+        Displacement in m, the largest.
+    direction : ndarray, shape (3,)
+        Direction of the force, world axes; of any length; only its part across the DLO counts.
+    place : float
+        Place that is pushed, as a part of the length.
+    duration : float
+        Duration of the force, s.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
+    """
+
+    time: float
+    displacement: float = 0.01
+    direction: Floats = (0.0, 1.0, 0.0)  # type: ignore[assignment]
+    place: float = 1.0
+    duration: float = 0.4
+
+    def __post_init__(self) -> None:
+        put(self, time=number('Bump.time', self.time, minimum=0),
+            displacement=number('Bump.displacement', self.displacement, minimum=0),
+            direction=direction('Bump.direction', self.direction),
+            place=number('Bump.place', self.place, above=0, maximum=1),
+            duration=number('Bump.duration', self.duration, above=0))
+        super().__post_init__()
+
+    def profile(self, time: float) -> float:
+        """Return the force at a time in s over its largest."""
+        x = (time - self.time) / self.duration
+        return float(np.sin(np.pi * x) ** 2) if 0 < x < 1 else 0.0
+
+    def response(self, frequencies: Floats, lag: float) -> Floats:
+        """Return how oscillators of unit mass answer its `profile` while it pushes and after.
+
+        Parameters
+        ----------
+        frequencies : ndarray, shape (n,)
+            Angular frequencies of the oscillators without damping, rad/s, ascending.
+        lag : float
+            Their damping in proportion to their stiffness, s, above 0.
+
+        Returns
+        -------
+        ndarray, shape (n, k)
+            Displacements in s^2 at k times, until half a period of the slowest after its end.
+        """
+        times = np.linspace(0, self.duration + _AHEAD * 2 * np.pi / frequencies[0], _PUSH)
+        begun = _switched_on(frequencies, lag, self.duration, times)
+        # sin^2 that goes on, less the same from its end on
+        return begun - _switched_on(frequencies, lag, self.duration, times - self.duration)
+
+
+def _switched_on(frequencies: Floats, lag: float, period: float, times: Floats) -> Floats:
+    """Return the answer (n, k) to sin^2 of a period from time 0 on: a steady and a free part."""
+    squares, times = frequencies[:, None] ** 2, np.maximum(times, 0)
+    push, half = 2 * np.pi / period, 0.5 * lag * squares
+    swing = 1 / (squares - push**2 + 2j * half * push) * np.ones_like(times)
+    steady = 0.5 * (1 / squares - (swing * np.exp(1j * push * times)).real)
+    begins = 0.5 * (1 / squares - swing.real), -0.5 * (1j * push * swing).real
+    root = np.sqrt(half**2 - squares * (1 + _APART) + 0j)
+    free: Floats = 0.0 * steady
+    for one, other in ((root - half, -root - half), (-root - half, root - half)):
+        size = (other * begins[0] - begins[1]) / (one - other)
+        free += (size * np.exp(one * times)).real
+    answer: Floats = steady + free
+    result: Floats = answer
+    return result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Disturbances(Value):
+    """What happens to the cell during a run; by default nothing.
+
+    Attributes
+    ----------
+    robot_position : float
+        Standard deviation of the robot's error, m along each axis of the gripper: from the measured
+        to the true place. It is a smooth function of the pose, as that of a robot whose links and
+        joints are not quite known, and repeats itself.
+    robot_rotation : float
+        The same of its rotation, rad about each axis.
+    wander_position, wander_rotation : float
+        Roots of the mean squares of a further error that wanders in time, m and rad: a sum of sines
+        of 0.05 to 0.3 Hz.
+    lag : float
+        Lag of each of the two first-order stages by which the robot follows commands, s.
+    friction : float
+        Friction of the sheet; the planner does without.
+    slips : tuple of Slip
+    bumps : tuple of Bump
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
+    """
+
+    robot_position: float = 0.0
+    robot_rotation: float = 0.0
+    wander_position: float = 0.0
+    wander_rotation: float = 0.0
+    lag: float = 0.0
+    friction: float = 0.0
+    slips: tuple[Slip, ...] = ()
+    bumps: tuple[Bump, ...] = ()
+
+    def __post_init__(self) -> None:
+        put(self, **{name: number(f'Disturbances.{name}', getattr(self, name), minimum=0)
+                     for name in ('robot_position', 'robot_rotation', 'wander_position',
+                                  'wander_rotation', 'lag', 'friction')})
+        put(self, slips=items('Disturbances.slips', self.slips, Slip),
+            bumps=items('Disturbances.bumps', self.bumps, Bump))
+        super().__post_init__()
+
+    def draw(self, rng: np.random.Generator) -> 'Course':
+        """Return how the robot errs in one run."""
+        instance('rng', rng, np.random.Generator)
+        return Course(self, rng.uniform(_SLOWEST, _FASTEST, (6, _SINES)),
+                      rng.uniform(0, 2 * np.pi, (6, _SINES)),
+                      rng.standard_normal((6, _WAVES, 9)) / _REACH,
+                      rng.uniform(0, 2 * np.pi, (6, _WAVES)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Course(Value):
+    """The Disturbances of one run; `Disturbances.draw` makes one.
+
+    Attributes
+    ----------
+    disturbances : Disturbances
+    frequencies, phases : ndarray, shape (6, k)
+        Frequencies in Hz and phases in rad, of the sines in which the robot wanders: its place
+        along, its rotation about the axes of the gripper.
+    waves, begins : ndarray, shapes (6, k, 9), (6, k)
+        The error by the pose: wave vectors, 1/m, over place and the first two axes of the gripper,
+        these times 0.25 m; and phases, rad. By the random features of a Gaussian process (Rahimi
+        and Recht 2007).
+    since : float
+        Time from which those of slips and bumps count, s; inf: nothing happens yet.
+    """
+
+    disturbances: Disturbances
+    frequencies: Floats
+    phases: Floats
+    waves: Floats
+    begins: Floats
+    since: float = 0.0
+
+    def push(self, bump: Bump, time: float) -> float:
+        """Return the force of one of its bumps at a time in s over its largest."""
+        return bump.profile(time - self.since)
+
+    def robot_error(self, place: Floats, rotation: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return the robot's shift (3,) in m and rotation vector (3,) in rad in a pose, at a time.
+
+        Parameters
+        ----------
+        place, rotation : ndarray
+            Measured place (3,), m, and rotation (3, 3) of the gripper.
+        time : float
+            Time in s.
+        """
+        of = self.disturbances
+        at = np.concatenate([place, _LEVER * rotation[:, 0], _LEVER * rotation[:, 1]])
+        error = np.zeros(6)
+        for sizes, angles in (
+                ((of.robot_position, of.robot_rotation), self.waves @ at + self.begins),
+                ((of.wander_position, of.wander_rotation),
+                 2 * np.pi * self.frequencies * time + self.phases)):
+            error += np.repeat(sizes, 3) * np.sqrt(2 / angles.shape[1]) * np.sin(angles).sum(axis=1)
+        return error[:3], error[3:]
+
+    def in_grip(self, time: float) -> tuple[float, Floats]:
+        """Return by how much the DLO has moved back, m, and turned (3,), rad, in the grip."""
+        slips = self.disturbances.slips
+        shares = [slip.share(time - self.since) for slip in slips]
+        return (sum(share * slip.back for share, slip in zip(shares, slips, strict=True)),
+                sum((share * slip.turn for share, slip in zip(shares, slips, strict=True)),
+                    np.zeros(3)))
+
+    def held(self, place: Floats, rotation: Floats, time: float) -> tuple[Floats, Floats]:
+        """Return place (3,) and rotation (3, 3) of the beginning of the DLO.
+
+        Parameters
+        ----------
+        place, rotation : ndarray
+            Place (3,) and rotation (3, 3) of the gripper that would be without disturbances.
+        time : float
+            Time in s.
+        """
+        shift, turn = self.robot_error(place, rotation, time)
+        back, about = self.in_grip(time)
+        place = place + rotation @ shift
+        rotation = rotation @ Rotation.from_rotvec(turn).as_matrix()
+        return (place - back * rotation[:, 0],
+                rotation @ Rotation.from_rotvec(about).as_matrix())
+
+
+UNDISTURBED = Disturbances()

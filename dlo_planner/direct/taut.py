@@ -1,0 +1,282 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A DLO that is nearly taut between its grips: a mesh that shows how it bends, and a first shape.
+
+Where the grips are almost a length apart, the DLO is a string under tension, whose sag takes up
+what is left of the length, and bends only next to clamps, over l = sqrt(EI / tension): there
+tan(angle / 4) decays like exp(-s / l) (the elastica of infinite length, Love 1927, art. 262), and
+takes 2 l (1 - cos(angle / 2)) of the length. From the first shape Newton's method needs a few
+steps; from the straight DLO it would have to find the tension, which grows beyond all bounds.
+"""
+
+from __future__ import annotations
+
+from math import acos, cos, exp, log, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.history import History
+from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.pose import Pose
+from dlo_planner.ritz.rotation import turn_between
+
+_TAUT = 10.0    # l in the length: with so many tension decides
+_SURELY, _SLACK = 1e-9, 0.05  # of the length: slack that is looked at
+_BISECTIONS, _STEPS = 40, 15
+_CLOSE = 1e-3   # of the slack: how well the first shape ends where the far end is held
+_ELEMENT, _GROWTH = 0.4, 0.2  # elements next to clamps: of l; longer by so much of their distance
+_ROUGH = 0.8    # of l: elements that are longer are too long
+_APART = 0.3    # of an element: the least distance of two nodes
+_POINT, _POINTS = 0.15, 40  # of l, in the length: where the string is added up
+_DIFFERENCE = 1e-6
+
+
+class Span(NamedTuple):
+    """What keeps a nearly taut DLO in its grips.
+
+    Attributes
+    ----------
+    tension : float
+        About, N.
+    bends : tuple of float
+        l at the gripper and at the far end, m; infinite where it is not clamped.
+    way : ndarray, shape (3,)
+        Unit vector from the gripper to the far end.
+    slack : float
+        Length less distance, m.
+    """
+
+    tension: float
+    bends: tuple[float, float]
+    way: Floats
+    slack: float
+
+
+def span_of(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> Span | None:
+    """Return the Span of a DLO in its grips; None where it is not nearly taut, or out of reach."""
+    away = far_end.pose.position - gripper.position
+    length, distance = float(mesh.s[-1]), sqrt(away @ away)
+    slack = length - distance
+    if far_end.grip == 'sleeve' or not _SURELY * length < slack < _SLACK * length:
+        return None
+    way = away / distance
+    stiff = [float(mesh.bare.stiffness[end, 1:].mean()) for end in (0, -1)]
+    angles = [0.0 if tangent is None else acos(max(-1.0, min(1.0, float(way @ tangent))))
+              for tangent in _clamps(mesh, gripper, far_end)]
+    parts = [2 * sqrt(one) * (1 - cos(angle / 2))
+             for one, angle in zip(stiff, angles, strict=True)]
+    across = _pulls(mesh)
+    across = across - np.outer(across @ way, way)
+    sag = 0.5 * float(mesh.bare.lengths @ (across * across).sum(axis=1))
+    tension = _tension(sag, sum(parts), slack)
+    if not tension * length**2 > _TAUT**2 * max(stiff):
+        return None
+    bends = [sqrt(one / tension) if angle else np.inf
+             for one, angle in zip(stiff, angles, strict=True)]
+    return Span(tension, (bends[0], bends[1]), way, slack)
+
+
+def _tension(sag: float, bend: float, slack: float) -> float:
+    """Return T in N where sag / T^2 + bend / sqrt(T) = slack."""
+    if sag == 0.0:
+        return (bend / slack)**2
+    least = log(max(sqrt(sag / slack), (bend / slack)**2))
+    most = least + log(4.0)  # with four times as much either part is at most half
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (least + most)
+        if sag * exp(-2 * middle) + bend * exp(-0.5 * middle) > slack:
+            least = middle
+        else:
+            most = middle
+    return exp(most)
+
+
+def _clamps(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> list[Floats | None]:
+    """Return the tangents (3,) at both ends; None where it is free to turn."""
+    return [None if mesh.surroundings.pinned else gripper.rotation[:, 0],
+            None if far_end.grip == 'pinned' else far_end.pose.rotation[:, 0]]
+
+
+def _pulls(mesh: Discretization) -> Floats:
+    """Return (N, 3) the force in each element, N, less its mean: what dead loads make of it."""
+    beyond = -np.cumsum(mesh.bare.load.pull[:0:-1], axis=0)[::-1]
+    pulls: Floats = beyond - mesh.bare.lengths @ beyond / mesh.s[-1]
+    return pulls
+
+
+def bent_mesh(mesh: Discretization, gripper: Pose, far_end: FarEnd,
+              basis: str) -> Discretization:
+    """Return a Discretization whose elements can bend as they have to next to clamps; or `mesh`.
+
+    Parameters
+    ----------
+    mesh : Discretization
+    basis : str
+        Of the finer one.
+    """
+    span = span_of(mesh, gripper, far_end)
+    if span is None:
+        return mesh
+    s, length = mesh.s, mesh.s[-1]
+    begin, end = (_from_clamp(bend, h) for bend, h in
+                  zip(span.bends, (s[1], length - s[-2]), strict=True))
+    if begin.size + end.size == 2:
+        return mesh
+    inner = s[(s > begin[-1] + _APART * s[1] * (begin.size > 1))
+              & (s < length - end[-1] - _APART * (length - s[-2]) * (end.size > 1))]
+    s = np.concatenate([begin, inner[(inner > 0) & (inner < length)], length - end[::-1]])
+    return Discretization(mesh.surroundings, with_breaks(s, mesh.surroundings.breaks), basis,
+                          mesh.n_terms)
+
+
+def _from_clamp(bend: float, longest: float) -> Floats:
+    """Return (n,) nodes, from 0 on, that follow a bend until elements are `longest` (m)."""
+    nodes = [0.0]
+    if longest > _ROUGH * bend:
+        while (step := _ELEMENT * bend + _GROWTH * nodes[-1]) < longest:
+            nodes.append(nodes[-1] + step)
+    return np.array(nodes)
+
+
+def first_shape(mesh: Discretization, gripper: Pose, far_end: FarEnd,
+                history: History) -> tuple[Pose, Floats, History] | None:
+    """Return gripper, strains (N, 3) and the past of a DLO near its shape; None if not nearly taut.
+
+    The gripper is turned to its beginning if that is pinned. The past has the forces of the far
+    end's grip. All torsion is that which the clamps need, as near to the natural one as they allow.
+
+    Parameters
+    ----------
+    history : History
+        History on this mesh.
+    """
+    span = span_of(mesh, gripper, far_end)
+    if span is None:
+        return None
+    string = _String(mesh, gripper, far_end, span)
+    force = string.force()
+    if force is None:
+        return None
+    tangents = string.tangents(force, mesh.s)
+    base = gripper.rotation
+    if mesh.surroundings.pinned:
+        base = _turned(base[:, 0], tangents[0]) @ base
+        gripper = Pose.from_rotation(gripper.position, base)
+    frames = _carried(base, tangents)
+    torsion = np.zeros(mesh.s.size)
+    if far_end.grip == 'clamped':
+        natural = float(mesh.natural[:, 0] @ mesh.bare.lengths)
+        missing = float(turn_between(frames[-1], far_end.pose.rotation) @ tangents[-1])
+        missing += 2 * np.pi * round((natural - missing) / (2 * np.pi))
+        soft = np.cumsum(mesh.bare.lengths / mesh.bare.stiffness[:, 0])
+        torsion[1:] = missing * soft / soft[-1]
+    frames = frames @ Rotation.from_rotvec(torsion[:, None] * [1.0, 0.0, 0.0]).as_matrix()
+    turns = Rotation.from_matrix(frames[:-1].transpose(0, 2, 1) @ frames[1:]).as_rotvec()
+    strains = turns / mesh.bare.lengths[:, None]
+    moment = frames[-1] @ (mesh.bare.stiffness[-1] * (strains[-1] - mesh.natural[-1]))
+    last = force + string.pulls[-1] + mesh.bare.load.pull[-1]
+    rows = far_end.held
+    held = -(rows[:, :3] @ moment / mesh.lever + rows[:, 3:] @ last)
+    return gripper, strains, history.leaving(hold=held)
+
+
+class _String:
+    """Tangents of a string under dead loads, that turns into its clamps, by its mean force."""
+
+    def __init__(self, mesh: Discretization, gripper: Pose, far_end: FarEnd, span: Span) -> None:
+        self.pulls, self._span, self._length = _pulls(mesh), span, float(mesh.s[-1])
+        self._middles = 0.5 * (mesh.s[1:] + mesh.s[:-1])
+        self._stiffness = mesh.bare.stiffness[:, 1:].mean(axis=1)
+        self._clamps = _clamps(mesh, gripper, far_end)
+        self._away = far_end.pose.position - gripper.position
+        ends = [_spread(bend, self._length) for bend in span.bends]
+        s = np.concatenate([ends[0], self._length - ends[1][-2::-1]])
+        self._points = np.sort(np.append(s, 0.5 * (s[1:] + s[:-1])))
+        h = np.diff(s)
+        self._weights = np.zeros(self._points.size)  # Simpson's
+        self._weights[:-1:2] += h / 6
+        self._weights[1::2] += 2 * h / 3
+        self._weights[2::2] += h / 6
+
+    def tangents(self, force: Floats, s: Floats) -> Floats:
+        """Return (n, 3) unit vectors at s (n,), m, where the mean force is `force` (3,), N."""
+        along = force + np.column_stack([np.interp(s, self._middles, pull)
+                                         for pull in self.pulls.T])
+        tension = np.sqrt((along * along).sum(axis=1))
+        tangents: Floats = along / tension[:, None]
+        rate = np.sqrt(tension / np.interp(s, self._middles, self._stiffness))
+        passed = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(s))])
+        for clamp, before, at in ((self._clamps[1], passed[-1] - passed, -1),
+                                  (self._clamps[0], passed, 0)):
+            if clamp is None:
+                continue
+            turn = turn_between(np.eye(3), _turned(along[at] / tension[at], clamp))
+            angle = sqrt(turn @ turn)
+            if angle > 0:
+                left = 4 * np.arctan(np.tan(angle / 4) * np.exp(-before))
+                tangents = Rotation.from_rotvec(np.outer(left / angle, turn)).apply(tangents)
+        return tangents
+
+    def force(self) -> Floats | None:
+        """Return (3,) the mean force, N, with which it spans its way; None if none is found."""
+        way = self._span.way
+        across = np.linalg.svd(way[None])[2][1:]
+
+        def force_of(x: Floats) -> Floats:
+            result: Floats = exp(x[0]) * (way + x[1:] @ across)
+            return result
+
+        def left(x: Floats) -> Floats:
+            end = self._weights @ self.tangents(force_of(x), self._points)
+            slack = max(self._length - float(end @ way), 1e-300)
+            return np.append(log(slack / self._span.slack), across @ (end - self._away))
+
+        x = np.array([log(self._span.tension), 0.0, 0.0])
+        for _ in range(_STEPS):
+            off = left(x)
+            if abs(off[0]) < _CLOSE and abs(off[1:]).max() < _CLOSE * self._span.slack:
+                return force_of(x)
+            slope = np.column_stack([(left(x + step) - off) / _DIFFERENCE
+                                     for step in _DIFFERENCE * np.eye(3)])
+            step = np.linalg.solve(slope, -off)
+            x = x + step / max(1.0, abs(step[0]), 2 * abs(step[1:]).max())
+        return None
+
+
+def _spread(bend: float, length: float) -> Floats:
+    """Return (n,) points from an end of the DLO to its middle, near ones in its bend, m."""
+    points, most = [0.0], length / _POINTS
+    while points[-1] < 0.5 * length:
+        points.append(points[-1] + min(most, _POINT * min(bend, length) + _GROWTH * points[-1]))
+    spread: Floats = 0.5 * length / points[-1] * np.array(points)
+    return spread
+
+
+def _turned(one: Floats, other: Floats) -> Floats:
+    """Return (3, 3) the least rotation that takes a unit vector (3,) to another."""
+    axis = np.cross(one, other)
+    sine, cosine = sqrt(axis @ axis), float(one @ other)
+    if sine < 1e-12:
+        axis, sine = np.linalg.svd(one[None])[2][1], 0.0 if cosine > 0 else 1e-12
+        axis = sine * axis
+    angle = np.arctan2(sine, cosine)
+    result: Floats = Rotation.from_rotvec(axis * (angle / sine if sine else 0.0)).as_matrix()
+    return result
+
+
+def _carried(base: Floats, tangents: Floats) -> Floats:
+    """Return (n, 3, 3) frames, from `base` on, that turn no more than their tangents (n, 3) do."""
+    axes = np.cross(tangents[:-1], tangents[1:])
+    sines = np.sqrt((axes * axes).sum(axis=1))
+    cosines = (tangents[:-1] * tangents[1:]).sum(axis=1)
+    scale = np.divide(np.arctan2(sines, cosines), sines, out=np.ones_like(sines),
+                      where=sines > 0)
+    frames = [_turned(base[:, 0], tangents[0]) @ base]
+    for turn in Rotation.from_rotvec(scale[:, None] * axes).as_matrix():
+        frames.append(turn @ frames[-1])
+    return np.array(frames)

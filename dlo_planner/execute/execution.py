@@ -1,0 +1,487 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The motion that is executed, as a machine without ROS: what is commanded now, and when it ends.
+
+Time is that of a steady clock, in s. A machine does not change: `tick` returns the next one.
+
+Commands are the poses of the motion at even times, a period apart, whenever a tick comes: a robot
+that takes them one by one, or by the stamps that it was told, follows the motion as it was proved.
+
+With a horizon the motion goes on by the clock of the stamps, whether the machine is late or not: a
+robot that was told the coming time with stamps (`ahead.told`) does not wait for this machine.
+Without one, a robot follows each command as it comes, and a late command delays the motion.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dlo_planner.execute.ahead import Ahead, grippers_ahead
+from dlo_planner.execute.causes import Cause
+from dlo_planner.execute.guards import Enabled, Guards, Heard
+from dlo_planner.execute.limiter import Limiter, used
+from dlo_planner.execute.stopping import Rising, accelerate, decelerate
+from dlo_planner.identify.steering import Steered
+from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.timed_path import TimedPath
+
+_UNWATCHED = Guards(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True, 0.0)
+# phases of what is not at its end
+ACTIVE = ('running', 'settling', 'stopping', 'waiting')
+_OFTEN = 0.2  # of the horizon, after which a robot is told the coming time again
+_LEAD = 0.1   # s until a robot hears that it has to stop
+_REMEMBERED = 1.0  # s, for which it is known what was commanded when
+_LATE = 0.25  # s without a command after which a robot that waits for one stands still
+_LONGER = 1.0, 1.4, 2.0, 2.8  # times as long as a correction is blended in
+_WIDEST = 5.0  # s, of its windows
+_CORRECTED = 0.98  # of the limits, which a motion that is corrected may use
+_COARSE = 4   # periods, in which what is blended in changes little
+_SEEN = 3     # commands before the next one that tell its jerk
+EXACT = 1 + 1e-3  # of a limit: differences of rounded numbers
+
+
+@dataclass(frozen=True)
+class Execution:
+    """One motion along a TimedPath, from its first command to rest.
+
+    Attributes
+    ----------
+    way : TimedPath
+        TimedPath of the gripper frame.
+    back : Pose
+        Pose of the tool frame in the gripper frame.
+    frame_id : str
+        In which commands are given.
+    guards : Guards
+    period : float
+        Seconds between two ticks.
+    horizon : float
+        Seconds of the coming motion that a robot is told; 0: each command as it comes.
+    limits : Limits or None
+        Limits of all that goes out. If None, those of the way.
+    phase : str
+        'running', 'settling' (the end is commanded, the gripper is on its way there), 'stopping'
+        (it decelerates), 'stopped', 'succeeded'; 'waiting': others go on with it, see
+        `ThreadingLoop`, and it does not move by itself.
+    done : float
+        Done in s along the way that are commanded; negative on the way to its beginning.
+    command : Pose or None
+        Pose of the tool frame, the command of now; None before the first one.
+    sending : Pose or None
+        Pose of the tool frame that goes out by itself after this tick; None: none does.
+    ahead : Ahead or None
+        What a robot was told last of the coming time, with a horizon.
+    cause : Cause
+        Why it stops or has stopped.
+    reason : str
+        Why it stops or has stopped.
+    refusal : str
+        Why the last correction is not executed, '' if it is.
+    """
+
+    way: TimedPath | Steered
+    back: Pose
+    frame_id: str
+    guards: Guards = field(default_factory=Guards)
+    period: float = 0.02
+    horizon: float = 0.0
+    limits: Limits | None = None
+    phase: str = 'running'
+    done: float = 0.0
+    command: Pose | None = None
+    sending: Pose | None = None
+    ahead: Ahead | None = None
+    cause: Cause = Cause.DONE
+    reason: str = ''
+    begin: float = 0.0        # s, `done` at its first command
+    refusal: str = ''
+    limiter: Limiter | None = None  # None before the first command
+    pace: tuple[float, ...] = ()    # `done` in the coming periods, where time does not run evenly
+    rising: Rising | None = None    # where it begins to
+    since: float = 0.0        # s since the end
+    last: float | None = None  # time of the last tick
+    beat: float | None = None  # time at which the last command was due
+    heard: Heard | None = None
+    silent: float = np.inf    # s, age of `heard`; in ticks that were late a period counts
+    enabled: Enabled | None = None
+    stamp: float | None = None  # s on the clock of the stamps, at which `done` is reached
+    past: tuple[tuple[float, float], ...] = ()  # (`stamp`, `done`) of the last ticks
+    trail: tuple[float, ...] = ()  # `done` of the last commands, whose jerk the next one tells
+    single: 'Execution | None' = None  # with a horizon: the same motion without one
+    sent: float = 0.0         # s of the way that a robot was told, with a horizon
+    told: float = -np.inf     # stamp at which it was told last
+    told_of: str = ''         # phase of which it was told then
+    tellings: int = 0         # how often it was told
+    shaken: float = 0.0       # m by which late commands have moved the gripper against its motion
+
+    @property
+    def kept(self) -> Limits:
+        """Limits of all that goes out."""
+        return self.way.limits if self.limits is None else self.limits
+
+    @property
+    def active(self) -> bool:
+        """Whether it is not at its end."""
+        return self.phase in ACTIVE
+
+    def stop(self, cause: Cause, reason: str, at_once: bool = False) -> 'Execution':
+        """Return the execution that decelerates, for the first reason that was given.
+
+        Parameters
+        ----------
+        cause : Cause
+        reason : str
+            In words.
+        at_once : bool, optional
+            Whether the last command is the end.
+        """
+        if self.phase not in ('running', 'settling', 'waiting'):
+            return self
+        named = replace(self, cause=cause, reason=reason, since=0.0)
+        if at_once or self.command is None or self.phase in ('settling', 'waiting'):
+            return replace(named, phase='stopped')
+        lead = int(np.ceil(_LEAD / self.period - 1e-9)) if self.horizon else 0
+        return replace(named, phase='stopping', pace=tuple(map(float, decelerate(
+            self.way, self.done, self.kept, self.period, lead, self.rising))))
+
+    @property
+    def led(self) -> list[Pose]:
+        """Poses of the gripper frame to which a robot is led now, empty before the first command.
+
+        With a horizon, one that follows the coming time, and one that follows single commands: that
+        stops earlier. Where a command was held back by the limits, that is not where `command` is.
+        """
+        if self.command is None:
+            return []
+        command = self.command.compose(self.back.inverse())
+        if self.horizon:
+            return [command, *([] if self.single is None else self.single.led)]
+        return [command if self.limiter is None or self.limiter.pose is None else self.limiter.pose]
+
+    @property
+    def ends_at_once(self) -> bool:
+        """Whether a robot that was told the coming time has to be told that there is none."""
+        canceled = self.phase == 'stopped' and self.cause == Cause.CANCELED
+        return canceled and not self.pace and self.sent > self.done
+
+    def canceled(self) -> 'Execution':
+        """Return the execution after `cancel`."""
+        return self.stop(Cause.CANCELED, 'canceled', not self.guards.decelerate_on_cancel)
+
+    def tick(self, now: float, heard: Heard | None = None, stamp: float | None = None,
+             enabled: Enabled | None = None) -> 'Execution':
+        """Return the execution with its next command.
+
+        However late it is called, without a horizon the motion goes on by one period at most: it
+        stands still meanwhile, and does not leap. Where the gripper has come to rest by that, it
+        begins again from rest. With a horizon the motion goes on by what has passed, if the robot
+        was told so much.
+
+        Parameters
+        ----------
+        now : float
+            Now in s.
+        heard : Heard, optional
+            The last gripper pose.
+        stamp : float, optional
+            Now in s on the clock of the stamps. If None, that is the steady clock.
+        enabled : Enabled, optional
+            What was heard last of whether the gripper may move.
+        """
+        if not self.active:
+            return self
+        stamp = now if stamp is None else stamp
+        waited = 0.0 if self.last is None else max(now - self.last, 0.0)
+        timed, steps, turned_back = self._due(stamp if self.horizon else now)
+        paused = self._paused(steps * self.period if self.horizon else waited)
+        if paused:
+            return replace(self, phase='stopped', last=now, sending=None,
+                           cause=self.cause or Cause.PAUSED, reason=self.reason or paused)
+        timed = replace(timed, last=now, heard=heard, enabled=enabled, sending=None,
+                        silent=self._silence(heard, now, min(waited, self.period)))
+        fault = timed.fault(stamp)
+        next_one = timed.stop(*fault) if fault else timed
+        if not self.horizon and waited > max(_LATE, 2.5 * self.period):
+            next_one = next_one._from_rest()
+        next_one = next_one.advanced(steps)
+        if steps or self.stamp is None or turned_back:
+            due = timed.beat if self.horizon else None
+            next_one = next_one._remembered(stamp if due is None else due)
+        return next_one._told(turned_back)._sent(now)
+
+    def _due(self, clock: float) -> tuple['Execution', int, bool]:
+        """Return how many commands are due at a time (s), and whether time was turned back.
+
+        Without a horizon one at most: what is late moves the beat, but for a period that the next
+        ticks catch up.
+        """
+        if self.beat is None:
+            return replace(self, beat=clock), 0, False
+        behind = (clock - self.beat) / self.period
+        if behind < -1:
+            return replace(self, beat=clock), 0, True
+        steps = max(int(np.floor(behind + 0.5)), 0)
+        if self.horizon or steps < 2:
+            return replace(self, beat=self.beat + steps * self.period), steps, False
+        beat = max(self.beat + self.period, clock - self.period)
+        lost = beat - self.beat - self.period
+        return replace(self, beat=beat, shaken=self.shaken + self._moves(lost)), 1, False
+
+    def _from_rest(self) -> 'Execution':
+        """Return the execution of a gripper that has come to rest, because no command came."""
+        if self.limiter is None or self.phase == 'settling':
+            return self
+        if self.phase == 'stopping':
+            return replace(self, phase='stopped')
+        pace = accelerate(self.way, self.done, self.kept, self.period)
+        return replace(self, limiter=self.limiter.at_rest(), pace=tuple(map(float, pace)),
+                       rising=(0, len(pace)))
+
+    def _paused(self, passed: float) -> str:
+        """Return in words why the rest is another motion after so many s, '' if it is not."""
+        limit, name = self.guards.longest_pause, 'longest_pause'
+        if self.horizon:
+            knows_all = self.phase != 'running' or self.sent >= self.way.duration
+            limit, name = 0.0 if knows_all else self.sent - self.done, 'horizon'
+        if not limit or passed <= limit + 1e-9:
+            return ''
+        return (f'no command was sent for {passed:.3g} s: expected execute.{name} = {limit:g} s at '
+                'most')
+
+    def _moves(self, lost: float) -> float:
+        """Return the way in m that the motion goes in `lost` s."""
+        if self.phase != 'running' or lost <= 0:
+            return 0.0
+        return lost * float(np.linalg.norm(self.way.at([self.done])[1][0, :3]))
+
+    def _told(self, anew: bool) -> 'Execution':
+        """Return the execution of which the robot is told more, if it is time to, or anew."""
+        if not self.horizon or self.phase not in ('running', 'stopping') or self.stamp is None:
+            return self
+        news = anew or self.phase != self.told_of
+        if self.stamp - self.told < _OFTEN * self.horizon and not news:
+            return self
+        told = replace(self, told=self.stamp, told_of=self.phase, tellings=self.tellings + 1)
+        if self.phase == 'running':
+            steps = int(np.ceil(self.horizon / self.period - 1e-9))
+            told = replace(told, sent=min(self.done + steps * self.period, self.way.duration))
+        grippers = grippers_ahead(told)
+        before = self.way.poses(self.trail[:-1]) if len(self.trail) > 1 else []
+        if used([*before, *grippers], self.kept, self.period) <= EXACT:
+            return replace(told, ahead=Ahead(
+                self.period * np.arange(len(grippers), dtype=float),
+                [gripper.compose(self.back) for gripper in grippers]))
+        if self.phase == 'running':  # what the robot was told before ends at rest
+            return self.stop(Cause.LIMITS, 'the coming motion exceeds its limits')._told(True)
+        return replace(self, phase='stopped')
+
+    def _sent(self, now: float) -> 'Execution':
+        """Return the execution with what goes out by itself now, within the limits.
+
+        With a horizon that is the motion as it is without one: where this machine is late it is
+        behind, and it comes to rest when this does.
+        """
+        if self.horizon:
+            return self._sent_beside(now)
+        if self.sending is None or self.limiter is None:
+            return self
+        limiter = self.limiter.after(self.sending.compose(self.back.inverse()))
+        assert limiter.pose is not None  # it was given one
+        out = replace(self, limiter=limiter, sending=limiter.pose.compose(self.back))
+        if limiter.rest is None:
+            return out
+        return replace(out, phase='stopping' if limiter.rest else 'stopped',
+                       pace=(out.done,) * len(limiter.rest), cause=self.cause or Cause.LIMITS,
+                       reason=self.reason or 'a command exceeds the limits')
+
+    def _sent_beside(self, now: float) -> 'Execution':
+        single = self.single or Execution(
+            self.way, self.back, self.frame_id, _UNWATCHED, self.period, limits=self.limits,
+            begin=self.begin, done=self.begin)
+        if not single.active:  # it is at rest: at the end that is said again
+            return self if self.phase in ('settling', 'succeeded') else replace(self, sending=None)
+        single = replace(single, way=self.way)
+        if self.phase in ('stopping', 'stopped'):
+            single = single.stop(self.cause, self.reason, self.phase == 'stopped')
+        single = single.tick(now)
+        return replace(self, single=single, sending=single.sending)
+
+    def _remembered(self, stamp: float) -> 'Execution':
+        """Return the execution that has done what it has at a time (s) of the stamps' clock."""
+        kept = (one for one in self.past if stamp - _REMEMBERED < one[0] < stamp)
+        return replace(self, stamp=stamp, past=(*kept, (stamp, self.done)))
+
+    def corrected(self, way: Steered) -> 'Execution':
+        """Return the execution of another way from `free` on, if it leaves room for a stop.
+
+        If it does not, it is blended in over a longer time, where nothing else is being blended in;
+        else the way stays, and `refusal` says why.
+        """
+        last = max((change.since for change in way.changes[:-1]), default=-np.inf)
+        longest = way.trajectory.duration - self.free
+        part = np.inf
+        for longer in _LONGER:
+            windows = longer * way.windows
+            # what was changed before must be over by these windows as well, or it would leap
+            if longer > 1 and (windows.sum() > longest or windows.max() > _WIDEST
+                               or last + windows.sum() > self.free):
+                break
+            slower = way if longer == 1 else replace(way, windows=windows)
+            part = self._part(slower)
+            if part <= _CORRECTED:
+                return replace(self, way=slower, refusal='')
+        return replace(self, refusal=f'it uses {part:.3g} of the limits of speed, acceleration and '
+                       f'jerk: expected {_CORRECTED:g} at most, which leaves room for a stop')
+
+    def _part(self, way: Steered) -> float:
+        """Return the part of the limits that a way uses from `free` on."""
+        blended, period = self.free + way.windows.sum(), self.period
+        soon = np.arange(self.free - _SEEN * period, blended + _SEEN * period, period)
+        later = np.arange(blended, way.duration + _SEEN * period, _COARSE * period)
+        return max(used(way.poses(times), self.kept, step) for times, step in (
+            (soon, period), (later, _COARSE * period)) if len(times) > 1)
+
+    def done_at(self, stamp: float) -> float:
+        """Return s of the way that are done at a time (s) of the stamps' clock, now or before."""
+        if not self.past:
+            return self.done
+        stamps, done = zip(*self.past, strict=True)
+        before = max(float(stamps[0]) - stamp, 0.0)  # what is remembered
+        return max(float(np.interp(stamp, stamps, done)) - before, min(float(done[0]), 0.0))
+
+    @property
+    def free(self) -> float:
+        """From which time of its way on the motion may be changed, s."""
+        return max(self.done, self.sent)
+
+    def advanced(self, steps: int) -> 'Execution':
+        """Return the execution so many commands later."""
+        if self.command is None:
+            first = replace(self, limiter=Limiter(self.kept, self.period), sent=self.done)
+            return first._commanded([self.done]).settled()
+        if self.phase == 'settling':
+            out = replace(self, since=self.since + steps * self.period)
+            return (replace(out, sending=self.command) if steps else out).settled()
+        if self.phase not in ('running', 'stopping') or not steps:
+            return self
+        places = self.places(steps)
+        rising = self.rising and (self.rising[0] + steps, self.rising[1])
+        out = replace(self, pace=self.pace[steps:], done=places[-1],
+                      rising=rising if rising and rising[0] < rising[1] else None)
+        return out._commanded(places).settled()
+
+    def places(self, steps: int) -> list[float]:
+        """Return `done` after each of the coming periods."""
+        known = list(self.pace[:steps])
+        last = known[-1] if known else self.done
+        even = self.period if self.phase == 'running' else 0.0
+        # a clock that leaps asks for more than there is
+        left = int(np.ceil(max(self.way.duration - last, 0.0) / self.period)) + 1 if even else 1
+        more = [last + even * k for k in range(1, min(steps - len(known), left) + 1)]
+        return [min(place, self.way.duration) for place in known + more]
+
+    def _commanded(self, places: list[float]) -> 'Execution':
+        """Return the execution with commands at times along its way, which are due now."""
+        if not places:
+            return self
+        poses = self.way.poses(places)
+        command = poses[-1].compose(self.back)
+        return replace(self, command=command, sending=command,
+                       trail=(*self.trail, *places)[-_SEEN - 1:])
+
+    def settled(self) -> 'Execution':
+        """Return the execution at the end of its way: succeeded, too late, or still waiting.
+
+        Or stopped, where it has come to rest before.
+        """
+        alone = self.single is None or not self.single.active
+        if self.phase == 'stopping' and not self.pace and alone:
+            return replace(self, phase='stopped')
+        if self.phase == 'running' and self.done >= self.way.duration:
+            return replace(self, phase='settling', since=0.0).settled()
+        if self.phase != 'settling':
+            return self
+        guards = self.guards
+        if not (guards.goal_position or guards.goal_angle):
+            return replace(self, phase='succeeded') if alone else self
+        away = self._off(guards.goal_position, guards.goal_angle, 'constraints.goal')
+        if away is None and self.heard is not None and alone:
+            return replace(self, phase='succeeded')
+        if self.since > guards.patience:
+            late = f'{guards.patience:g} s after the end of the motion {away or "no pose came"}'
+            return replace(self, phase='stopped', cause=Cause.GOAL_TOLERANCE, reason=late)
+        return self
+
+    def _gripper(self, done: float) -> Pose:
+        return self.way.poses([done])[0]
+
+    def _pose(self, done: float) -> Pose:
+        return self._gripper(done).compose(self.back)
+
+    def _silence(self, heard: Heard | None, now: float, step: float) -> float:
+        """Return the age of a gripper pose, s.
+
+        Where this machine is late, poses may be as late to be heard: a tick adds a period at most.
+        """
+        if heard is None:
+            return np.inf
+        if heard is not self.heard:
+            return heard.age + min(max(now - heard.arrived, 0.0), self.period)
+        return self.silent + step
+
+    def fault(self, stamp: float) -> tuple[Cause, str] | None:
+        """Return the cause and the reason to stop at a time (s) of the stamps' clock, or None."""
+        guards, heard, age = self.guards, self.heard, self.silent
+        limit = guards.incoming_command_timeout
+        if limit and not age <= limit:
+            came = 'none came' if heard is None else f'the last one is {age:.3g} s old'
+            return (Cause.GRIPPER_POSE_LOST, f'gripper_pose: {came}: expected '
+                    f'incoming_command_timeout = {limit:g} s at most, by its stamp')
+        barred = guards.barred(self.enabled, self.last or 0.0)
+        if barred:
+            return Cause.NOT_ENABLED, barred
+        if self.phase != 'running' or heard is None or self.command is None:
+            return None
+        away = None
+        if guards.path_position or guards.path_angle:
+            away = self._off(guards.path_position, guards.path_angle, 'constraints.path',
+                             self._then(heard, stamp))
+        if away is not None:
+            return Cause.PATH_TOLERANCE, away
+        if guards.path_shape and heard.deviation > guards.path_shape:
+            return (Cause.SHAPE_TOLERANCE, f'the DLO is {heard.deviation:.3g} m from its plan: '
+                    f'expected constraints.path.shape = {guards.path_shape:g} m at most')
+        return None
+
+    def _then(self, heard: Heard, now: float) -> Pose | None:
+        """Return the command of the time at which the gripper was where it was heard.
+
+        So a message that is late is not taken for a robot that is. Without a horizon the last
+        command stands; it counts as far back as `incoming_command_timeout` lets poses be old, and
+        not at all without that guard.
+        """
+        if heard.stamp is None or self.stamp is None or now < self.stamp:
+            return self.command
+        if not self.horizon:
+            oldest = self.stamp - self.guards.incoming_command_timeout
+            return self._pose(self.done_at(max(heard.stamp, oldest)))
+        since = min(heard.stamp, now) - self.stamp  # a robot that knows the coming time went on
+        return self._pose(min(self.done + since, max(self.sent, self.done)) if since > 0
+                          else self.done_at(heard.stamp))
+
+    def _off(self, position: float, angle: float, name: str,
+             command: Pose | None = None) -> str | None:
+        """Return in words how the gripper is off the command; None: it is within tolerances."""
+        heard, command = self.heard, command or self.command
+        if heard is None or command is None:
+            return None
+        away = float(np.linalg.norm(heard.pose.position - command.position))
+        if position and away > position:
+            return (f'the gripper is {away:.3g} m from its command: expected {name}.position = '
+                    f'{position:g} m at most')
+        turned = angle_between(heard.pose.rotation, command.rotation)
+        if angle and turned > angle:
+            return (f'the gripper is turned by {turned:.3g} rad from its command: expected '
+                    f'{name}.angle = {angle:g} rad at most')
+        return None

@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The limits of what goes out: measured on the poses themselves, as a robot receives them.
+
+Start, stops, corrections and what is told ahead are all made by `used`: differences of the poses
+that would be sent, one in each period. The Limiter is the last to see a command.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.motion.limits import Limits
+
+_ROUNDING = 1e-3   # by which part a command may exceed a limit: of differences of rounded numbers
+_CHOICES = 14      # durations of each phase of a stop that are tried
+_TRIED = 60        # stops that are looked at as a whole
+_ENDLESS = 1e9     # stands for a limit that is infinite
+_PARTS = slice(0, 3), slice(3, 6)  # linear, angular
+
+
+def velocities(poses: Sequence[Pose], period: float) -> Floats:
+    """Return (n - 1, 6) the linear and angular velocities between n Poses that are a period apart.
+
+    In m/s and rad/s, world axes.
+    """
+    places = np.array([pose.position for pose in poses])
+    turns = Rotation.from_matrix([pose.rotation for pose in poses])
+    return np.hstack([np.diff(places, axis=0), (turns[1:] * turns[:-1].inv()).as_rotvec()]) / period
+
+
+def used(poses: Sequence[Pose], limits: Limits, period: float) -> float:
+    """Return the largest part of its limits that a stream of Poses uses, one in each period (s).
+
+    Of speed, acceleration and jerk, linear and angular, by differences of the poses.
+    """
+    rates, most = velocities(poses, period), 0.0
+    for row in limits.sizes:
+        most = max(most, *(float((_sizes(rates[:, part]) / limit).max(initial=0.0))
+                           for part, limit in zip(_PARTS, row, strict=True)))
+        rates = np.diff(rates, axis=0) / period
+    return most
+
+
+@dataclass(frozen=True)
+class Limiter:
+    """Lets commands through that keep the limits; from the first one that does not, it stops.
+
+    It stops on the shortest way found on which speed, acceleration and jerk keep the limits, and
+    lets nothing through any more.
+
+    Attributes
+    ----------
+    limits : Limits
+        Limits of the gripper frame.
+    period : float
+        Seconds between two commands.
+    pose : Pose or None
+        The last command that went out, of the gripper frame; None before the first.
+    rates : ndarray, shape (2, 6)
+        Velocity and acceleration with which it did.
+    rest : tuple of Pose or None
+        What is left of the stop; None: there is none.
+    """
+
+    limits: Limits
+    period: float
+    pose: Pose | None = None
+    rates: Floats = field(default_factory=lambda: np.zeros((2, 6)))
+    rest: tuple[Pose, ...] | None = None
+
+    def at_rest(self) -> 'Limiter':
+        """Return the Limiter of a gripper that has come to rest where it was sent last."""
+        return replace(self, rates=np.zeros((2, 6)))
+
+    def after(self, wanted: Pose) -> 'Limiter':
+        """Return the Limiter whose `pose` is the next command: the one that is wanted, if it may.
+
+        Parameters
+        ----------
+        wanted : Pose
+            Pose of the gripper frame, one period after the last.
+        """
+        if self.rest is not None:
+            return replace(self, pose=self.rest[0] if self.rest else self.pose, rest=self.rest[1:])
+        if self.pose is None:
+            return replace(self, pose=wanted)
+        velocity = velocities([self.pose, wanted], self.period)[0]
+        acceleration = (velocity - self.rates[0]) / self.period
+        jerk = (acceleration - self.rates[1]) / self.period
+        if _part(np.stack([velocity, acceleration, jerk]), self.limits) > 1 + _ROUNDING:
+            return replace(self, rest=self._stop()).after(wanted)
+        return replace(self, pose=wanted, rates=np.stack([velocity, acceleration]))
+
+    def _stop(self) -> tuple[Pose, ...]:
+        """Return the Poses on which the gripper comes to rest."""
+        assert self.pose is not None  # a first command is let through
+        ways = [shortest_stop(self.rates[:, part], np.minimum(self.limits.sizes[:, k], _ENDLESS),
+                              self.period) for k, part in enumerate(_PARTS)]
+        steps = max(len(way) for way in ways)
+        rates = np.hstack([np.vstack([way, np.zeros((steps - len(way), 3))]) for way in ways])
+        poses, pose = [], self.pose
+        for rate in self.period * rates:
+            pose = Pose.from_rotation(pose.position + rate[:3], Rotation.from_rotvec(
+                rate[3:]).as_matrix() @ pose.rotation)
+            poses.append(pose)
+        return tuple(poses)
+
+
+def shortest_stop(rates: Floats, most: Floats, period: float) -> Floats:
+    """Return the velocities (n, 3), one in each period, of a short stop within limits.
+
+    Three phases: even jerk, none, even jerk. If none of the stops that are tried keeps the limits,
+    the one that exceeds them least.
+
+    Parameters
+    ----------
+    rates : ndarray, shape (2, 3)
+        Velocity and acceleration with which it begins.
+    most : ndarray, shape (3,)
+        Limits of the sizes of velocity, acceleration, jerk.
+    period : float
+        s.
+    """
+    if not rates.any():
+        return np.zeros((0, 3))
+    longest = 4 * (most[0] / most[1] + most[1] / most[2] + np.sqrt(most[0] / most[2])) / period
+    some = np.unique(np.round(np.geomspace(1, max(longest, 2.0), _CHOICES)).astype(int))
+    phases = np.array(list(product(some, [0, *some], some)))
+    first, middle, last = phases.T[:, :, None]
+    velocity, acceleration = rates
+    jerks = (-velocity / period - acceleration * (first + middle + 0.5 * last - 0.5)) / (
+        0.5 * period * first * (first + last + 2 * middle))
+    ends = -(acceleration / period + first * jerks) / last
+    between = acceleration + first * period * jerks
+    excess = np.max([_sizes(jerks) / most[2], _sizes(ends) / most[2],
+                     _sizes(between) / most[1]], axis=0)
+    order = np.lexsort((phases.sum(axis=1), np.maximum(excess, 1.0)))[:_TRIED]
+    found: list[tuple[float, Floats]] = []
+    for k in order:
+        changes = np.repeat([jerks[k], np.zeros(3), ends[k]], phases[k], axis=0)
+        slopes = acceleration + period * np.cumsum(changes, axis=0)
+        way = velocity + period * np.cumsum(slopes, axis=0)
+        found.append((max(float(excess[k]), float(_sizes(way).max() / most[0]), 1.0), way))
+        if found[-1][0] <= 1.0:
+            break
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _part(rates: Floats, limits: Limits) -> float:
+    """Return the largest part of the limits that velocity, acceleration, jerk (3, 6) use."""
+    return float(np.max([_sizes(rates[:, part]) / limits.sizes[:, k]
+                         for k, part in enumerate(_PARTS)]))
+
+
+def _sizes(rows: Floats) -> Floats:
+    result: Floats = np.linalg.norm(rows, axis=-1)
+    return result

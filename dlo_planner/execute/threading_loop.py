@@ -1,0 +1,646 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A threading with a camera: the strategy of `identify.closed_loop`, carried out.
+
+It looks at rest, plans for the estimated DLO, goes calmly to the standoff, looks again and enters.
+On the way it looks and corrects a few times a second. Where looks come to disagree it stops, goes
+back to the standoff and tries again. It knows no clock, no message and no thread: who drives it
+hands in what is measured, does its `work` (plans, which take seconds) wherever that suits, and asks
+for the command of each period (`tick`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
+from dlo_planner.execute.causes import Cause, cause_of
+from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.guards import Enabled, Guards, Heard
+from dlo_planner.identify.closed_loop import ClosedLoop, Phase
+from dlo_planner.identify.correction import Correction, correct
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.observing import Observing, Swing
+from dlo_planner.identify.steering import Steered
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.tasks import Approach, Thread
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.surface import Surface
+from dlo_planner.plan.assembly import build_plan, concatenate, truncate
+from dlo_planner.plan.clearance import clearance
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.plan.plan import Plan, PlanStatus
+from dlo_planner.plan.waypoint import Waypoint
+
+_FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
+_LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
+_LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
+_WAYPOINTS = 5      # whose miss is predicted, evenly from the entry to the depth
+_MOTION = 0.95      # of the limits
+_MOVED = 1e-4       # m, or of unit vectors: the gripper has left the standoff
+_BACK = 12          # poses on the way back to the standoff
+_TRIED = 200        # times at which it is looked where on its way the gripper stands
+_UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
+
+
+@dataclass(frozen=True)
+class Threading:
+    """What is to be threaded through what.
+
+    Attributes
+    ----------
+    inverse : InverseSimulator
+        Of the DLO as stated, with its obstacles and its workspace.
+    cutout : CutOut
+        With a radius, as stated.
+    depths : ndarray, shape (n,)
+        Depths of the waypoints, m, from 0 on.
+    standoff : float
+        Distance of the free end from the hole at which it looks again, m.
+    limits : Limits
+        Limits of the gripper; motions are made for 0.95 of them, the rest is for corrections.
+    """
+
+    inverse: InverseSimulator
+    cutout: CutOut
+    depths: Floats
+    standoff: float
+    limits: Limits = Limits()
+
+    @property
+    def room(self) -> float:
+        """By how much the DLO may miss the center without touching the rim, m."""
+        radius, rod = self.cutout.radius, self.inverse.simulator.rod
+        if radius is None or not isinstance(rod.radius, float) or radius <= rod.radius:
+            raise InvalidTask(f'cutout.radius = {radius}: expected more than the radius of the '
+                              f'DLO, which has to be one number, not {rod.radius!r}')
+        return radius - rod.radius
+
+    @property
+    def motion_limits(self) -> Limits:
+        """Limits that motions are made for."""
+        return Limits(*map(float, (_MOTION * self.limits.sizes).ravel()))
+
+    @property
+    def tolerance(self) -> float:
+        """By how much the DLO may swing when it has come to rest before the hole, m."""
+        return max(_LEAST_TOLERANCE, _FOR_MOTION * self.room)
+
+    def ways(self, estimate: Estimate, here: Pose, standoff: float) -> tuple[Plan, Plan]:
+        """Return the way to the entry, and on to the depth, in true poses of the estimated DLO.
+
+        Parameters
+        ----------
+        estimate : Estimate
+        here : Pose
+            Measured pose of the gripper.
+        standoff : float
+            Distance of the free end from the hole where the first way stops, m.
+        """
+        known = self.inverse
+        inverse = InverseSimulator(known.simulator.with_rod(estimate.rod),
+                                   workspace=known.workspace,
+                                   allow_plastic=known.requirements.allow_plastic)
+        cutout, start = estimate.moved_cutout(self.cutout), estimate.actual(here)
+        through = inverse.plan(Thread(cutout, self.depths), start=start)
+        return inverse.plan(Approach(cutout, through.shapes[0], standoff), start=start), through
+
+
+class _Motion(NamedTuple):
+    """A motion to rest, the Shape in which it leaves the DLO, and how that swings on the way.
+
+    The poses are true ones, of the gripper by the Estimate with which it was planned.
+    """
+
+    estimate: Estimate
+    trajectory: Trajectory
+    there: Shape
+    swing: Swing
+
+    @property
+    def steered(self) -> Steered:
+        """The motion in poses to be commanded, which can be corrected."""
+        return Steered.of(self.trajectory, self.there, self.estimate.gripper_offset.inverse())
+
+    @property
+    def bound(self) -> float:
+        """By how much motion displaces the DLO in the cut-out at most, m."""
+        return np.nan if self.trajectory.motion is None else self.trajectory.motion.bound
+
+    @property
+    def departure(self) -> float:
+        """By how much the DLO still swings at its end, m."""
+        return np.nan if self.trajectory.motion is None else self.trajectory.motion.departure
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """The way from the standoff to the depth, and what is expected of it.
+
+    Attributes
+    ----------
+    estimate : Estimate
+        By which it was made.
+    bound : float
+        Bound of the miss with 95 %, m, at rest.
+    whole : Plan
+        In true poses.
+    commanded : Plan
+        Its part from the entry on, in poses to be commanded.
+    motion : Motion or None
+        Of the whole. If None, the bound is too large to enter.
+    """
+
+    estimate: Estimate
+    bound: float
+    whole: Plan
+    commanded: Plan
+    motion: _Motion | None
+
+
+def way_to_standoff(task: Threading, estimate: Estimate, here: Pose) -> _Motion:
+    """Return the motion from a measured pose to the standoff."""
+    way, _ = task.ways(estimate, here, task.standoff)
+    return _motion(task, estimate, truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE))
+
+
+def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: float) -> _Entry:
+    """Return the way from a measured pose at the standoff to the depth.
+
+    Parameters
+    ----------
+    task : Threading
+    estimate : Estimate
+    here : Pose
+    most : float
+        Largest bound of the miss with which it may be entered, m.
+    lag : float
+        Seconds from a look until the motion is changed by it; inf: it is not corrected.
+    """
+    way, through = task.ways(estimate, here, 0.0)
+    whole, stated = concatenate(replace(way, stops=()), through), task.cutout.center
+    commanded = replace(
+        through, grippers=tuple(estimate.commanded(pose) for pose in through.grippers),
+        via_points=tuple(tuple((stated, s, normal) for _, s, normal in passes)
+                         for passes in through.via_points))
+    alone = estimate.miss(commanded, looked_at(through)).together
+    tolerance = max(_LEAST_FOR_MOTION * task.room, 0.5 * (task.room - alone))
+    trajectory = Trajectory(whole, task.motion_limits, tolerance=tolerance)
+    motion = _Motion(estimate, trajectory, whole.shapes[-1],
+                     swing_of(trajectory, estimate, whole))
+    way = motion.steered
+    bound = _bound(estimate, commanded, way, way.reached(whole.times[-len(through):]), 0.0, lag)
+    return _Entry(estimate, bound, whole, commanded, None if bound > most else motion)
+
+
+def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose], known: Shape) -> _Motion:
+    """Return the motion through measured poses; the DLO hangs, and leaves the hole freely.
+
+    `known` is its Shape near the first of them.
+    """
+    shapes = estimate.simulator.track([estimate.actual(pose) for pose in poses], initial=known)
+    return _motion(task, estimate, build_plan(
+        [Waypoint(shape) for shape in shapes], np.zeros(len(shapes)), task.limits.sizes[0],
+        PlanStatus.COMPLETE))
+
+
+def _motion(task: Threading, estimate: Estimate, plan: Plan) -> _Motion:
+    trajectory = Trajectory(plan, task.motion_limits, tolerance=task.tolerance)
+    return _Motion(estimate, trajectory, plan.shapes[-1], swing_of(trajectory, estimate, plan))
+
+
+def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:
+    """Return how inertia bends the estimated DLO in a motion along a Plan of true poses."""
+    return Swing.of(trajectory, estimate.simulator, plan.shapes[0])
+
+
+def looked_at(plan: Plan) -> Ints:
+    """Return the indices of some waypoints of a threading, whose miss is predicted."""
+    return np.unique(np.linspace(0, len(plan) - 1, _WAYPOINTS).astype(int))
+
+
+class Aimed(NamedTuple):
+    """A Correction, and what is expected with it and without it.
+
+    Attributes
+    ----------
+    correction : Correction
+    doubts : str
+        Why it must not be executed, '' if it may.
+    bound, bound_before : float
+        Bound of the miss with 95 %, m, at rest: with the correction, and with what is executed now.
+    """
+
+    correction: Correction
+    doubts: str
+    bound: float
+    bound_before: float
+
+
+def aimed_anew(task: Threading, estimate: Estimate, plan: Plan, way: Steered, free: float,
+               reached: Floats, before: Correction | None, largest: float,
+               lag: float) -> Aimed:
+    """Return the rest of a threading, Aimed anew for an estimate.
+
+    Parameters
+    ----------
+    task : Threading
+    estimate : Estimate
+    plan : Plan
+        The threading, in poses to be commanded.
+    way : Steered
+        The motion.
+    free : float
+        From which time of the motion on it may be changed, s.
+    reached : ndarray, shape (n,)
+        Times of the motion at which the plan's waypoints are reached, s.
+    before : Correction or None
+        The Correction before.
+    largest : float
+        By how much a correction may move the gripper, m.
+    lag : float
+        See `way_in`.
+    """
+    first = int(np.searchsorted(reached, free))
+    known = before if before is not None and before.converged else None
+    found = correct(estimate, plan, first, known)
+    return Aimed(found, _doubts(task, found, largest), *(
+        _bound(estimate, plan, one, reached, free, lag)
+        for one in (way.corrected(free, found, reached[first:]), way)))
+
+
+def _bound(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now: float,
+           lag: float) -> float:
+    """Return the bound of the miss with 95 %, m: of what is commanded, which lags what is aimed.
+
+    A look at the gripper in a pose serves the DLO `lag` s later and half the time in which a
+    correction is blended in, by which what changes evenly is late.
+    """
+    chosen = looked_at(plan)
+    seen = way.poses(np.maximum(reached[chosen] - lag - 0.5 * way.windows.sum(), now))
+    grippers = list(plan.grippers)
+    for k, pose in zip(chosen, way.poses(reached[chosen]), strict=True):
+        grippers[k] = pose
+    return estimate.miss(replace(plan, grippers=tuple(grippers)), chosen, seen).together
+
+
+def _doubts(task: Threading, correction: Correction, largest: float) -> str:
+    """Return in words why a Correction must not be executed, '' if it may.
+
+    It is not simulated as a plan is: the gripper has to keep its workspace, and the DLO clear of
+    obstacles, at each waypoint.
+    """
+    if not correction.converged:
+        return 'a waypoint has no stable shape for the DLO as it is estimated'
+    moved = float(np.linalg.norm(correction.offsets[:, 3:], axis=1).max(initial=0.0))
+    if moved > largest:
+        return f'it moves the gripper by {moved:.3g} m: expected {largest:g} m at most'
+    workspace = task.inverse.workspace
+    if workspace is None:
+        return ''
+    name, room = min((workspace.min_margin(pose) for pose in correction.grippers),
+                     key=lambda one: one[1])
+    if room < 0:
+        return f'it moves the gripper {-room:.3g} m beyond {name}'
+    surface = Surface.of(task.inverse.simulator.rod)
+    for index, body in enumerate(workspace.keep_out):
+        room = min(clearance([body], surface, shape) for shape in correction.shapes)
+        if room < 0:
+            return f'it moves the DLO {-room:.3g} m into {type(body).__name__} {index}'
+    return ''
+
+
+class ThreadingLoop:
+    """One threading in a closed loop, see the module.
+
+    What is seen goes to its `observing`, whoever hands it in; what is measured of the gripper to
+    `gripper`.
+
+    Parameters
+    ----------
+    task : Threading
+    observing : Observing
+        Of the DLO as stated.
+    here : Pose
+        Measured pose of the gripper, which stands.
+    tool : Pose, optional
+        Pose of the gripper in the robot's tool frame, in which commands are. If None, the same.
+    guards : Guards, optional
+        When a motion has to end. If None, none but those of the estimate.
+    limits : Limits, optional
+        Limits of all that is commanded, corrections as well. If None, those of the task.
+    look : float, optional
+        Duration of a look at rest, s.
+    period, horizon : float, optional
+        Seconds between two ticks, and that a robot is told ahead, see `Execution`.
+    frame_id : str, optional
+        In which commands are given.
+
+    Attributes
+    ----------
+    observing : Observing
+    execution : Execution or None
+        The motion under way. If None, the gripper stands.
+    last : Execution or None
+        The last motion, which may have ended by the last tick. If None, there was none.
+    aimed : Aimed or None
+        The last correction that was made.
+    refusal : str
+        Why it is not executed, '' if it is.
+    cause, reason : Cause, str
+        Why it stopped.
+    promised : float
+        The largest miss that is expected, m: the 95 % bound of the estimate, what the simulated
+        motion adds, and by how much the DLO may still swing from the motion to the standoff; nan
+        before it enters.
+    """
+
+    def __init__(self, task: Threading, observing: Observing, here: Pose, *,
+                 tool: Pose | None = None, guards: Guards | None = None,
+                 limits: Limits | None = None, look: float = 2.0, period: float = 0.02,
+                 horizon: float = 0.0, frame_id: str = '') -> None:
+        self._task, self.observing, self._here = task, observing, here
+        self._tool = Pose.identity() if tool is None else tool
+        self._loop = ClosedLoop((1 - _LEAST_FOR_MOTION) * task.room, look,
+                                period=observing.seeing.correction_period)
+        self._execution_of = partial(
+            Execution, limits=limits or task.limits, back=self._tool.inverse(), frame_id=frame_id,
+            period=period, horizon=horizon,
+            guards=guards or Guards(path_position=0.0, path_angle=0.0, goal_position=0.0,
+                                    goal_angle=0.0, incoming_command_timeout=0.0))
+        seeing = observing.seeing
+        self._lag = seeing.period + seeing.correction_period + horizon if seeing.correct else np.inf
+        self._heard: Heard | None = None
+        self._enabled: Enabled | None = None
+        self.execution: Execution | None = None
+        self.last: Execution | None = None
+        self.aimed: Aimed | None = None
+        self.refusal = ''
+        self._work: Callable[[], Any] | None = None
+        self._done: Any = None
+        self._entry: _Entry | None = None
+        self._correction: Correction | None = None
+        self._ended = np.inf  # stamp at which the last motion began, had it gone on evenly
+        self._left = 0.0  # m of swing that the motion to the standoff leaves
+        self.promised, self.cause, self.reason = np.nan, Cause.DONE, ''
+
+    @property
+    def phase(self) -> Phase:
+        """What it does now."""
+        return self._loop.phase
+
+    @property
+    def tries(self) -> int:
+        """How often looks came to disagree, or the miss to exceed the room, so far."""
+        return self._loop.tries
+
+    def gripper(self, heard: Heard) -> None:
+        """Take in where the tool frame was measured; `observing` has to be told as well."""
+        self._heard = heard
+        self._here = self._led()
+
+    def _led(self) -> Pose:
+        """Return where the gripper was led to: measured before the first command, no leap after."""
+        measured = self._here if self._heard is None else self._heard.pose.compose(self._tool)
+        return min([] if self.last is None else self.last.led, default=measured, key=lambda pose: (
+            float(np.linalg.norm(pose.position - measured.position))))
+
+    # ---- what takes time ------------------------------------------------------------------------
+
+    @property
+    def work(self) -> Callable[[], Any] | None:
+        """What has to be computed now: a function without side effects, or None.
+
+        It, and its result or what it raises, belong to `finish`.
+        """
+        return self._work
+
+    @property
+    def waits(self) -> bool:
+        """Whether the gripper stands still until `work` is done; else that is a correction."""
+        return self._work is not None and self.execution is None
+
+    def finish(self, work: Callable[[], Any], result: Any) -> None:
+        """Take in the result of a `work`, or the exception that it raised; not if it is over."""
+        if work is self._work:
+            self._work, self._done = None, result
+
+    # ---- commands -------------------------------------------------------------------------------
+
+    def tick(self, time: float, now: float | None = None,
+             enabled: Enabled | None = None) -> Pose | None:
+        """Return the Pose of the tool frame to be commanded now; None: it has ended.
+
+        Parameters
+        ----------
+        time : float
+            Time of the clock of the stamps, s.
+        now : float, optional
+            Time of a steady clock, s. If None, that is the clock of the stamps.
+        enabled : Enabled, optional
+            What was heard last of whether the gripper may move.
+        """
+        done, self._enabled = self._done, enabled
+        if isinstance(done, Exception):  # in motion: a correction, without which it comes to rest
+            self._done = None
+            self.stop(time, cause_of(done), str(done))
+        if not self.waits:
+            self._advance(time, time if now is None else now)
+        ended = self.phase in (Phase.DONE, Phase.STOP)
+        return None if ended else self._here.compose(self._tool.inverse())
+
+    def stop(self, time: float, cause: Cause, reason: str, at_once: bool = False) -> None:
+        """Come to rest, and end there; `at_once`: with the last command."""
+        self.cause, self.reason = self.cause or cause, self.reason or reason
+        if self.execution is None:
+            self._end(self.cause, self.reason, time)
+        else:
+            self.execution = self.execution.stop(cause, reason, at_once)
+
+    def _end(self, cause: Cause, reason: str, time: float) -> None:
+        self.cause, self.reason, self.execution, self._work = cause, reason, None, None
+        self._loop = replace(self._loop, phase=Phase.STOP, since=time)
+
+    def _advance(self, time: float, now: float) -> None:
+        phase = self.phase
+        if phase is Phase.LOOK:
+            self._look(time)
+        elif phase is Phase.PLAN:
+            self._plan(time, self._done)
+        elif phase in (Phase.GO, Phase.ENTER, Phase.RETREAT):
+            self._move(time, now)
+
+    def _look(self, time: float) -> None:
+        """Go on looking, anew where looks disagree, or none came in all the time."""
+        loop = self._loop
+        since = loop.calm if loop.since is not None else time
+        unseen = time - since >= loop.look and self.observing.seen < since
+        doubted = self.observing.doubted
+        if doubted:
+            self.observing.reopen()
+        self._to(loop.advanced(time, doubted=doubted or unseen), time)
+
+    def _plan(self, time: float, done: Any) -> None:
+        task, estimate = self._task, self.observing.estimate
+        self._done = None
+        if not isinstance(done, _Entry | _Motion):
+            self._work = (partial(way_in, task, estimate, self._here, self._loop.room, self._lag)
+                          if self._loop.at_standoff else
+                          partial(way_to_standoff, task, estimate, self._here))
+            return
+        bound = None
+        if isinstance(done, _Entry):
+            self._entry, self._correction, bound = done, None, done.bound
+        loop = self._loop.advanced(time, bound, finished=True, doubted=self.observing.doubted)
+        if isinstance(done, _Motion) and loop.phase is Phase.GO:
+            self._left = done.departure
+            self._go(done)
+        elif loop.phase is Phase.ENTER and isinstance(done, _Entry) and done.motion is not None:
+            self.promised = done.bound + self._left + done.motion.bound
+            self._go(done.motion)
+        self._to(loop, time)
+
+    # ---- motion ---------------------------------------------------------------------------------
+
+    def _go(self, motion: _Motion) -> None:
+        """Begin a motion."""
+        self.execution = self._execution_of(motion.steered)
+        self.observing.moves(motion.swing, self._time_at)
+
+    def _time_at(self, stamp: float) -> float:
+        """Return the time of the motion, s, at a stamp; beyond its end where it has ended."""
+        execution = self.execution  # which another thread may end meanwhile
+        return stamp - self._ended if execution is None else execution.done_at(stamp)
+
+    def _move(self, time: float, now: float) -> None:
+        if self.execution is None:  # back: there is no way back, or it is found
+            done, self._done = self._done, None
+            if not isinstance(done, _Motion):
+                self._to(self._loop.advanced(time, finished=True), time)
+                return
+            self._go(done)
+        if self.phase in (Phase.GO, Phase.ENTER):
+            self._watch(time)
+        assert self.execution is not None  # it was begun
+        execution = self.execution.tick(now, self._heard, time, self._enabled)
+        self.execution = self.last = execution
+        self._here = self._led()
+        if execution.phase == 'stopped':
+            self._stopped(time, execution)
+        elif execution.phase == 'succeeded':
+            self._ended, self.execution = time - execution.way.duration, None
+            # what matters at the standoff is looked at anew
+            self._to(self._loop.advanced(time, np.inf if self.phase is Phase.GO else None,
+                                         finished=True), time)
+
+    def _watch(self, time: float) -> None:
+        """Correct if it is time, and turn back where looks disagree or the miss has grown."""
+        execution = self.execution
+        if execution is None or execution.phase != 'running':
+            return
+        bound, doubted = None, self.observing.doubted
+        if self.phase is Phase.ENTER:
+            bound = self._corrected_bound(time, execution)
+            unseen = time - max(self.observing.seen, self._loop.since or 0.0)
+            doubted = doubted or (unseen > _UNSEEN and self._before_entry(execution))
+        loop = self._loop.advanced(time, bound, doubted=doubted)
+        if loop.phase is Phase.RETREAT:
+            self._to(loop, time)
+            self._work = self._done = None
+            assert self.execution is not None
+            self.execution = self.execution.stop(Cause.MISS_EXPECTED, 'it goes back')
+
+    def _stopped(self, time: float, execution: Execution) -> None:
+        """Find the way back to the standoff, or look where the gripper is; or that is the end."""
+        self.execution = None
+        if self.cause or execution.cause is not Cause.MISS_EXPECTED:  # from outside, or by a guard
+            self._end(self.cause or execution.cause, self.reason or execution.reason, time)
+        elif self._loop.at_standoff and self._entry is not None:
+            assert isinstance(execution.way, Steered)
+            times = np.linspace(0.0, execution.done, _TRIED)
+            off = [np.linalg.norm(pose.position - self._here.position)
+                   for pose in execution.way.poses(times)]
+            since = float(times[int(np.argmin(off))])  # it may be held back by the limits
+            poses = [self._here, *execution.way.poses(np.linspace(since, 0.0, _BACK))[1:]]
+            progress = float(execution.way.progress([execution.done])[0])
+            known = self._entry.whole.shapes[min(int(np.searchsorted(
+                self._entry.whole.times, progress)), len(self._entry.whole) - 1)]
+            if max(np.abs(poses[0].matrix - pose.matrix).max() for pose in poses) > _MOVED:
+                self._work = partial(way_back, self._task, self._entry.estimate, poses, known)
+
+    def _to(self, loop: ClosedLoop, time: float) -> None:
+        """Take the next state of the strategy."""
+        before, self._loop = self._loop, loop
+        if loop.tries > before.tries and loop.phase is not Phase.RETREAT or (
+                before.phase is Phase.RETREAT and loop.phase is Phase.LOOK):
+            self.observing.reopen()
+        if loop.phase is not Phase.STOP or before.phase is Phase.STOP:
+            return
+        if before.phase is Phase.LOOK:
+            self._end(Cause.LOOKS_DISAGREE, 'looks at the DLO do not agree with each other, or '
+                      f'there are none, for {loop.patience:g} s: it swings, or touches something, '
+                      'or the robot is elsewhere than it says', time)
+        elif loop.tries > loop.most_tries:
+            self._end(Cause.LOOKS_DISAGREE, 'looks at the DLO do not agree with what was expected '
+                      f'of it, {loop.tries} times: it slips, swings or touches something, or the '
+                      'robot is elsewhere than it says', time)
+        elif self._entry is not None:
+            self._end(Cause.MISS_EXPECTED, f'the DLO may miss the center by {self._entry.bound:.3g}'
+                      f' m with 95 %: expected {loop.room:.3g} m at most, of the room of '
+                      f'{self._task.room:.3g} m', time)
+
+    # ---- corrections ----------------------------------------------------------------------------
+
+    def _reached(self, way: Steered) -> Floats:
+        """Return the times at which the motion reaches the waypoints from the entry on."""
+        assert self._entry is not None
+        whole, passing = self._entry.whole, self._entry.commanded
+        return way.reached(whole.times[len(whole) - len(passing):])
+
+    def _before_entry(self, execution: Execution) -> bool:
+        assert isinstance(execution.way, Steered)
+        return bool(execution.done < self._reached(execution.way)[0])
+
+    def _corrected_bound(self, time: float, execution: Execution) -> float | None:
+        """Have the rest aimed anew if that is due; return the bound of the miss, before the entry.
+
+        Where the correction must not be executed, that of what is executed.
+        """
+        way, entry, aimed = execution.way, self._entry, self._done
+        assert isinstance(way, Steered) and entry is not None
+        if isinstance(aimed, Aimed):
+            self._done = None
+            reached = self._reached(way)
+            corrected, refusal = execution, aimed.doubts
+            if not refusal and execution.free + way.windows.sum() > way.trajectory.duration:
+                refusal = 'it comes too late to be blended in'
+            if not refusal:
+                corrected = self.execution = execution.corrected(way.corrected(
+                    execution.free, aimed.correction, reached[aimed.correction.first:]))
+                self._correction, refusal = aimed.correction, corrected.refusal
+            self.aimed, self.refusal = aimed, refusal
+            if not self._before_entry(execution):
+                return None
+            bound = aimed.bound if corrected.way is not way else aimed.bound_before
+            moves = 0.0 if entry.motion is None else entry.motion.bound
+            self.promised = max(self.promised, bound + self._left + moves)
+            return bound
+        seen = self.observing.seen > (self._loop.corrected or -np.inf)
+        if self._work is None and seen and self._loop.correction_due(time):
+            self._loop = self._loop.with_correction(time)
+            first = int(np.searchsorted(self._reached(way), execution.free))
+            if first < len(entry.commanded):
+                self._work = partial(aimed_anew, self._task, self.observing.estimate,
+                                     entry.commanded, way, execution.free, self._reached(way),
+                                     self._correction, self.observing.seeing.largest_correction,
+                                     self._lag)
+        return None

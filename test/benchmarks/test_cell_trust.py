@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The table of what the closed loop does when something goes wrong."""
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip('mujoco', reason='the cell needs mujoco (extra `cell`)')
+
+from benchmarks import cell_trust  # noqa: E402
+from dlo_planner import Infeasible, InvalidTask  # noqa: E402
+from dlo_planner.cell.camera import BAD  # noqa: E402
+from dlo_planner.cell.cases import CASES, NOMINAL, case  # noqa: E402
+from dlo_planner.cell.run import Outcome  # noqa: E402
+
+
+def one(name='slip', refused='', **outcome):
+    """Return what came of a run."""
+    return {'case': name, 'seed': 0, 'event_s': 3.0, 'happened': True, 'cpu_s': 2.0, 'error': '',
+            **cell_trust.said(Outcome(0, refused, **outcome))}
+
+
+def test_cases_are_what_is_stated():
+    drawn = {name: [case(name, seed) for seed in range(40)] for name in CASES}
+    assert all(drawn[name] == [case(name, seed) for seed in range(40)] for name in CASES)
+    assert drawn['nominal'] == [(NOMINAL, BAD)] * 40
+    slips = [disturbed.slips[0] for disturbed, _ in drawn['slip']]
+    small = [disturbed.slips[0] for disturbed, _ in drawn['small slip']]
+    for found, back, degrees in ((slips, 2e-3, 1.0), (small, 5e-4, 0.29)):
+        assert {slip.back for slip in found} == {back}
+        turns = np.degrees([np.atleast_1d(slip.turn) for slip in found])
+        assert np.linalg.norm(turns, axis=1) == pytest.approx(np.full(40, degrees))
+        assert turns.min() < 0 < turns.max()
+    bumps = [disturbed.bumps[0] for disturbed, _ in drawn['bump']]
+    assert {(bump.displacement, bump.duration) for bump in bumps} == {(0.01, 0.4)}
+    assert {bump.place for bump in bumps} == {0.5, 1.0}
+    times = [one.time for one in slips + small + bumps]
+    assert 2 <= min(times) < 4
+    assert 18 < max(times) <= 20
+    assert all(d.wander_position == 2 * NOMINAL.robot_position
+               and d.wander_rotation == 2 * NOMINAL.robot_rotation for d, _ in drawn['wandering'])
+    assert {camera.blind for _, camera in drawn['hidden']} == {0.3}
+    assert {camera.second_cable for _, camera in drawn['second cable']} == {0.2}
+    with pytest.raises(InvalidTask, match='name'):
+        case('rain', 0)
+
+
+def test_a_run_says_what_came_of_it():
+    def driver(task):
+        def command(images, time, gripper):
+            if time > 0.1:
+                raise Infeasible('it is too dark', 0, 'miss', 1.0)
+            return task.start
+        command.phase, command.promised = 'look', 1e-3
+        return command
+
+    found = cell_trust.driven('bump', 3, driver)
+    assert found == json.loads(json.dumps(found, allow_nan=False))
+    assert (found['refused'], found['phase']) == ('Infeasible: it is too dark', 'look')
+    assert (found['promised'], found['miss'], found['covered']) == (1e-3, None, None)
+    assert found['time'] == pytest.approx(0.11)
+    assert found['event_s'] == case('bump', 3)[0].bumps[0].time
+    assert not found['happened']
+    assert cell_trust.ended(found) == 'Infeasible: it is too dark'
+
+
+def test_a_run_that_ends_in_an_error_is_told(monkeypatch, capsys):
+    found = cell_trust.driven('nominal', 0, lambda task: 1 / 0)
+    assert found['error'].startswith('Traceback')
+    assert cell_trust.ended(found) == 'ZeroDivisionError: division by zero'
+    row = dict(zip(cell_trust.HEADS, cell_trust.line('nominal', [found]), strict=True))
+    assert (row['errors'], row['clean'], row['missed']) == ('1', '0', '0')
+    monkeypatch.setattr(cell_trust, 'driven', lambda name, seed: found)
+    assert cell_trust.main(['--cases', 'nominal', '--seeds', '0:1', '--jobs', '1']) == 1
+
+
+def test_the_table_counts():
+    fine = {'threaded': True, 'depth': 0.7, 'miss': 1e-3, 'promised': 2e-3}
+    found = [one(**fine), one(**fine), one(**{**fine, 'miss': 3.1e-3}),
+             one(refused='Infeasible: no', phase='look'),
+             one(refused='Infeasible: no', phase='enter', depth=0.1, miss=1e-3, promised=2e-3),
+             one(force=0.5, depth=0.1, miss=4e-3, promised=4.5e-3),
+             one(force=2.0), one(force=np.inf), one(miss=np.nan, depth=0.2)]
+    row = dict(zip(cell_trust.HEADS, cell_trust.line('slip', found), strict=True))
+    assert row == {'case': 'slip', 'runs': '9', 'happened': '9', 'clean': '3',
+                   'refused before the sheet': '1', 'in it': '1', 'touched': '3', 'rammed': '2',
+                   'missed': '1', 'errors': '0', 'covered': '4 of 5', 'largest miss [mm]': '4.00',
+                   'promised there [mm]': '4.50', 'CPU [s]': '2.0'}
+    assert cell_trust.ended(found[2]) == 'clean, by more than promised'
+    assert [cell_trust.ended(found[k]) for k in (5, 6, 8)] == ['touched', 'rammed', 'missed']
+    text = cell_trust.table(found)
+    assert len(text.splitlines()) == 6
+    assert '* slip: 1 refused in "enter", Infeasible' in text
+
+
+def test_what_was_asked_for_is_run(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(cell_trust, 'driven', lambda name, seed: {
+        **one(name, force=2.0 * (seed == 6)), 'seed': seed})
+    asked = ['--cases', 'slip', 'bump', '--jobs', '1', '--output', str(tmp_path / 'trust.json')]
+    assert cell_trust.main([*asked, '--seeds', '4:6']) == 0
+    assert cell_trust.main([*asked, '--seeds', '4:7']) == 1
+    runs = json.loads((tmp_path / 'trust.json').read_text())['runs']
+    assert [(run['case'], run['seed']) for run in runs] == [
+        (name, seed) for name in ('bump', 'slip') for seed in (4, 5, 6)]
+    assert '6 of 6' in capsys.readouterr().out

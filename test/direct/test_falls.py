@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A DLO that loses its hold says so, whatever the step; what a step alone would lose is held."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, fsolve
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod
+
+LEVEL = (0.0, 0.0, 0.0, 1.0)
+
+
+def drawn_back(weight, step):
+    """Return the Shapes of a wire that is lowered over a bar and drawn back by 0.4 m in steps."""
+    rod = Rod(1.0, weight / 9.81, 1.0, 0.75, radius=2e-3)
+    bar = Capsule((0.9, -0.5, -0.05), (0.9, 0.5, -0.05), 0.02)
+    down = [Pose((0, 0, z), LEVEL) for z in np.arange(0.1, -1e-9, -step)]
+    back = [Pose((-step * k, 0, 0), LEVEL) for k in range(1, round(0.4 / step) + 1)]
+    return DirectSimulator(rod, obstacles=[bar]).track(down + back)
+
+
+@pytest.mark.parametrize('weight', [1.2, 3.0])
+@pytest.mark.parametrize('step', [0.02, 0.1, 0.2])
+def test_an_end_that_slips_off_a_bar_falls_and_says_so(weight, step):
+    shapes = drawn_back(weight, step)
+    assert all(shape.converged for shape in shapes)
+    touches = [bool(shape.contacts) for shape in shapes]
+    last = max(k for k, touch in enumerate(touches) if touch)
+    assert [k for k, shape in enumerate(shapes) if shape.jumped] == [last + 1]
+    # it falls where it does in steps of 5 mm, up to a step
+    fine = drawn_back(weight, 0.005)
+    at, = (shape.gripper.position[0] for shape in fine if shape.jumped)
+    assert shapes[last + 1].gripper.position[0] <= at <= shapes[last].gripper.position[0]
+
+
+def test_what_it_hung_on_within_a_step_is_met():
+    # neither before nor after does it touch the bar from which it slips in between
+    rod = Rod(1.0, 0.3, 1.0, 0.75, radius=2e-3)
+    simulator = DirectSimulator(rod, obstacles=[Capsule((0.9, -0.5, 0), (0.9, 0.5, 0), 0.02)])
+    above = simulator.solve(Pose((0, 0, 0.6), LEVEL))
+    below = simulator.solve(Pose((0, 0, -0.8), LEVEL), above)
+    assert not above.contacts and not below.contacts
+    assert below.converged and below.jumped
+
+
+def slip_of_an_elastica(mu, tilt):
+    """Return how far a straight rod can be pressed on a plane until friction mu holds no more."""
+    def end(unknown, pressed):
+        moment, along, up = unknown
+
+        def rates(_, y):  # x along the plane, z up; the angle is from straight down
+            return [np.sin(y[2]), -np.cos(y[2]), y[3], -along * np.cos(y[2]) - up * np.sin(y[2])]
+
+        return solve_ivp(rates, (0, 1), [0, 1 - pressed, tilt, moment], rtol=1e-10,
+                         atol=1e-12).y[:, -1]
+
+    tip = np.sin(tilt)
+    guess = np.array([-2.0, -2.0, 20.0])  # it bows to the side to which it is tilted
+
+    def ratio(pressed):
+        nonlocal guess
+        guess, _, fine, _ = fsolve(lambda u: (end(u, pressed) - [tip, 0, 0, 0])[[0, 1, 3]], guess,
+                                   full_output=True, xtol=1e-11)
+        return abs(guess[1] / guess[2])
+
+    pressed = 0.05
+    while ratio(pressed) < mu:
+        pressed += 0.01
+    return brentq(lambda p: ratio(p) - mu, pressed - 0.01, pressed, xtol=1e-6)
+
+
+@pytest.mark.parametrize('how', [{'basis': 'local', 'n_elements': 64}, {'accuracy': 1e-5}])
+@pytest.mark.parametrize(('mu', 'step'), [(0.3, 0.01), (0.2, 0.01), (0.3, 0.02)])
+def test_a_column_slips_in_the_step_in_which_its_friction_ends(mu, step, how):
+    turn = Rotation.from_euler('y', np.pi / 2 + 1e-3).as_quat()
+    simulator = DirectSimulator(Rod(1.0, 1e-9, 1.0, 0.8), **how,
+                                obstacles=[Plane((0, 0, 0), (0, 0, 1), mu)])
+    shape = simulator.solve(Pose((0, 0, 1.002), turn))
+    expected = slip_of_an_elastica(mu, 1e-3)
+    for pressed in np.arange(0, 0.4, step):
+        before, shape = shape, simulator.solve(Pose((0, 0, 1 - pressed), turn), shape)
+        assert shape.converged
+        if before.contacts and abs(shape.positions[-1, 0] - before.positions[-1, 0]) > 3e-3:
+            break
+    assert shape.jumped
+    assert pressed - step - 0.02 * expected <= expected <= pressed + 0.02 * expected

@@ -1,0 +1,105 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Cables that are nearly taut between their grips, from nothing but the poses of these."""
+
+import numpy as np
+import pytest
+from kirchhoff import true_held_rod
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import DirectSimulator, FarEnd, PointLoad, Pose, Rod
+from dlo_planner.direct import taut
+
+
+def cable(load, **more):
+    """Return a rod of 1 m whose weight is `load` times EI / L^2."""
+    stiffness = 9.81 / load
+    return Rod(1.0, 1.0, stiffness, 0.75 * stiffness, **more)
+
+
+def spans(count, least=1e-4, most=2e-3, tilt=0.5, seed=3):
+    """Yield a gripper, and a far end less than a length away by `least` to `most`, both tilted."""
+    rng = np.random.default_rng(seed)
+    for k in range(count):
+        slack = np.exp(rng.uniform(np.log(least), np.log(most)))
+        way, across = np.linalg.qr(rng.normal(size=(3, 2)))[0].T
+        along = np.column_stack([way, across, np.cross(way, across)])
+
+        def tilted(along=along):
+            turn = rng.normal(size=3)
+            turn *= rng.uniform(0, tilt) / np.linalg.norm(turn)
+            return along @ Rotation.from_rotvec(turn).as_matrix()
+
+        yield (Pose.from_rotation((0.1, -0.2, 0.3), tilted()),
+               FarEnd(Pose.from_rotation((0.1, -0.2, 0.3) + (1 - slack) * way, tilted()),
+                      ('clamped', 'pinned')[k % 2]))
+
+
+@pytest.mark.parametrize('load', [10.0, 100.0, 2000.0])
+def test_nearly_taut_cables_are_found_at_once(load):
+    direct = DirectSimulator(cable(load))
+    for tilt in (0.5, 1.5):
+        for gripper, end in spans(20, tilt=tilt):
+            shape = direct.solve(gripper, far_end=end)
+            assert shape.converged and shape.stability > 0.01, shape
+            # without obstacles, the Newton steps are what it costs; from the straight one: to 1000
+            assert shape.iterations <= 60
+            np.testing.assert_allclose(shape.positions[-1], end.pose.position, atol=1e-9)
+            weight = np.array([0, 0, -9.81])
+            np.testing.assert_allclose(shape.gripper_wrench[:3] + shape.far_wrench[:3], -weight,
+                                       atol=1e-9 * np.abs(shape.far_wrench).max())
+
+
+@pytest.mark.parametrize('load', [10.0, 100.0, 2000.0])
+def test_nearly_taut_cables_against_scipy(load):
+    rod = cable(load)
+    direct = DirectSimulator(rod)
+    for gripper, end in spans(4, seed=8):
+        shape = direct.solve(gripper, far_end=end)
+        true = true_held_rod(rod, shape, tol=1e-6, far_pinned=end.grip == 'pinned')
+        off = np.linalg.norm(true - shape.positions, axis=1).max()
+        assert off < direct.accuracy and off < 10 * shape.error_estimate
+
+
+def test_a_cable_that_is_drawn_taut_ends_where_it_is_found():
+    rod = cable(10.0)
+    direct, tilt = DirectSimulator(rod), Rotation.from_rotvec([0.3, 0.3, 0.0]).as_quat()
+    gripper = Pose((0, 0, 0), tilt * [-1, -1, 1, 1])
+    ends = [FarEnd(Pose((1 - slack, 0, 0), tilt)) for slack in np.geomspace(0.2, 5e-4, 16)]
+    drawn = direct.track([gripper] * 16, far_ends=ends)
+    assert all(shape.converged and not shape.jumped for shape in drawn)
+    assert max(shape.iterations for shape in drawn) <= 12
+    found = direct.solve(gripper, far_end=ends[-1])
+    apart = max(np.linalg.norm(np.subtract(found.at(s).position, drawn[-1].at(s).position))
+                for s in np.linspace(0, 1, 40))
+    assert apart < found.error_estimate + drawn[-1].error_estimate
+
+
+@pytest.mark.parametrize('grip', ['clamped', 'pinned'])
+def test_whatever_acts_on_a_nearly_taut_dlo(grip):
+    rod = cable(100.0, natural_curvature=(2.0, -3.0), natural_twist=3.0, tip_mass=0.5)
+    direct = DirectSimulator(rod, grip=grip, point_loads=[PointLoad((1.0, 3.0, -2.0), s=0.3)])
+    for gripper, end in spans(8):
+        shape = direct.solve(gripper, far_end=end)
+        assert shape.converged, shape
+        if grip == 'pinned':
+            np.testing.assert_allclose(shape.gripper_wrench[3:], 0, atol=1e-6)
+
+
+def test_the_first_shape_is_near(monkeypatch):
+    near = []
+    first_shape = taut.first_shape
+
+    def watched(mesh, gripper, end, history):
+        found = first_shape(mesh, gripper, end, history)
+        near.append((end, found))
+        return found
+
+    monkeypatch.setattr(taut, 'first_shape', watched)
+    direct = DirectSimulator(cable(2000.0))
+    for gripper, end in spans(6):
+        shape = direct.solve(gripper, far_end=end)
+        _, strains, past = near[-1][1]
+        force = -past.left['hold'][-3:]
+        np.testing.assert_allclose(force, shape.far_wrench[:3], rtol=0.05,
+                                   atol=0.05 * np.linalg.norm(force))

@@ -1,0 +1,49 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A threading with a camera in exact time, where nothing is wrong and where something is."""
+
+from dataclasses import replace
+
+from closed_loops import SPREAD
+from threadings_at_rest import KINDS, STATED, World, threaded
+
+from dlo_planner.identify.closed_loop import Phase
+from dlo_planner.identify.observing import Seeing
+
+
+def phases(came):
+    return [line.split(' ', 1)[1] for line in came.log]
+
+
+def test_where_nothing_is_wrong_it_goes_in():
+    came = threaded(0, World(robot=(1e-4, 3e-4)))
+    assert came.clean
+    assert came.tries == 0
+    assert came.miss <= came.promised
+    assert phases(came)[:6] == ['look', 'plan', 'go', 'look', 'plan', 'enter']
+
+
+def test_a_slip_before_the_sheet_is_seen_and_it_tries_again():
+    came = threaded(0, KINDS['slip'])
+    assert came.tries >= 1
+    assert not came.rammed
+    assert 'retreat' in phases(came)
+    assert phases(came).index('retreat') == phases(came).index('enter') + 1
+    assert came.end is Phase.STOP or came.clean
+
+
+def test_a_dlo_that_keeps_swinging_is_not_threaded():
+    came = threaded(2, replace(KINDS['bump'], bump=0.1))
+    assert came.end is Phase.STOP
+    assert came.depth == 0
+    assert came.tries > 3
+    assert 'looks at the DLO do not agree' in came.reason
+
+
+def test_a_robot_that_wanders_too_far_is_not_let_in():
+    seeing = Seeing(SPREAD, 1e-3, 0.5e-3, 0.1, cutout=0.5e-3, period=0.1,
+                    **{**STATED, 'robot_rotation': 5e-3})
+    came = threaded(0, World(), seeing)
+    assert came.end is Phase.STOP
+    assert came.depth == 0
+    assert 'may miss the center' in came.reason

@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What NumPy takes for numbers although nobody means them: durations, dates and bytes."""
+
+from dataclasses import replace
+
+import pytest
+from misuse import MALFORMED
+from specimens import values
+
+from dlo_planner import (
+    DirectSimulator,
+    DloPlannerError,
+    Pose,
+    Rod,
+    Sphere,
+    Thread,
+    Workspace,
+)
+
+ROD = Rod(1.0, 0.1, 0.5, 0.4)
+ODD = ('a duration', 'a date', '3 durations', 'bytearray', 'memoryview', 'a byte', '4 bytes',
+       'rows of bytes', 'a scalar', '3 scalars')
+ASKING = {
+    'Rod.length': lambda odd: replace(ROD, length=odd),
+    'bending_stiffness': lambda odd: replace(ROD, bending_stiffness=odd),
+    'damping': lambda odd: replace(ROD, damping=odd),
+    'natural_curvature': lambda odd: replace(ROD, natural_curvature=odd),
+    'yield_curvature': lambda odd: replace(ROD, yield_curvature=odd),
+    'nodes': lambda odd: replace(ROD, nodes=odd),
+    'Pose.position': lambda odd: Pose(odd, (0, 0, 0, 1)),
+    'Pose.quaternion': lambda odd: Pose((0, 0, 0), odd),
+    'direction': lambda odd: Pose.looking_along((0, 0, 0), odd),
+    'Sphere.center': lambda odd: Sphere(odd, 0.1),
+    'Sphere.radius': lambda odd: Sphere((0, 0, 0), odd),
+    'gravity': lambda odd: DirectSimulator(ROD, gravity=odd),
+    'n_elements': lambda odd: DirectSimulator(ROD, n_elements=odd),
+    'Workspace.lower': lambda odd: Workspace(lower=odd),
+    'breaks': lambda odd: replace(values()['Piecewise'], breaks=odd),
+    'depths': lambda odd: Thread(values()['CutOut'], depths=odd),
+    'forces': lambda odd: replace(values()['HoldContact'], forces=odd),
+    'Plan.times': lambda odd: replace(values()['Plan'], times=odd),
+    'Plan.fraction': lambda odd: replace(values()['Plan'], fraction=odd),
+    'Plan.stops': lambda odd: replace(values()['Plan'], stops=odd),
+    'Shape.energy': lambda odd: replace(values()['Shape'], energy=odd, state=values()[
+        'Shape'].state.forgotten()),
+    's': values()['Shape'].at,
+    'Trajectory times': values()['Trajectory'].progress}
+
+
+@pytest.mark.parametrize('odd', ODD)
+@pytest.mark.parametrize('name', ASKING)
+def test_what_is_no_number_is_refused_by_name(name, odd):
+    with pytest.raises(DloPlannerError, match=name.split('.')[-1].rsplit(' ', maxsplit=1)[-1]):
+        ASKING[name](MALFORMED[odd]())

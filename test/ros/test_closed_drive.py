@@ -1,0 +1,220 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A plan that is executed in a closed loop, in simulated time and without a node."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_loops import Truth
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import CutOut, NotConverged, Pose, Rod, Uncertainty, replay
+from dlo_planner.execute.causes import Cause
+from dlo_planner.execute.guards import Enabled, Heard
+from dlo_planner.execute.limiter import used
+from dlo_planner.identify.observing import Observing
+from dlo_planner.identify.predicted_miss import crossing
+from dlo_planner.ros.closed import closed_loop_of, threading_of
+from dlo_planner.ros.health import Health
+from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.ros.planning import Made, make_plan
+from dlo_planner.ros.proof import proofs
+from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.state import State
+from dlo_planner.ros.store import Store
+
+WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
+HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
+START = Pose.looking_along((-0.36, -0.1, 1.02), (1, 0, 0))
+SPREAD = Uncertainty(0.05, 0.05, 0.02, natural_curvature=0.3, gripper_position=5e-4,
+                     gripper_rotation=3.5e-3)
+VALUES = {**{name: entry.default for name, entry in ENTRIES.items()},
+          'rod.length': 0.3, 'rod.diameter': 1e-3, 'threading.waypoints': 12,
+          'threading.deepest': 0.35, 'threading.standoff': 0.02, 'threading.linear_speed': 0.1,
+          'threading.angular_speed': 1.0, 'cutouts.radius': HOLE.radius, 'observe.noise': 3e-4,
+          'observe.period': 0.1, 'observe.correction_period': 0.3,
+          'observe.largest_correction': 0.05, 'spread.natural_curvature': 0.3,
+          'spread.curvature_variation': 0.0}
+LONGEST = 60.0  # s
+
+
+@pytest.fixture(scope='module')
+def proved():
+    """Return a State whose plan is proved, with a gripper at its beginning."""
+    state = State(build_scene(VALUES), VALUES)
+    plan, _, before = make_plan(state.scene, [HOLE.pose], START, None)
+    state = state.planned(Made(state.scene, plan, before, None))
+    proof = list(proofs(replay, state.scene, plan, before))[-1]
+    assert proof.safe
+    return state.proved(proof).hearing(Heard(START, 0.0))
+
+
+class Cell:
+    """A robot that follows at once, and a camera, in simulated time."""
+
+    def __init__(self, state):
+        self.rng = np.random.default_rng(8)
+        self.truth = Truth.drawn(self.rng, WIRE, SPREAD)
+        self.observing = Observing(state.scene.direct, state.scene.seeing)
+        self.here, self.time, self.sent, self.phases = START, 0.0, [], []
+        started = state.started(0.0)
+        self.drive = closed_loop_of(started, self.observing)
+        self.store, self.health = Store(self.drive.begun(started)), Health()
+
+    @property
+    def state(self):
+        return self.store.state
+
+    def step(self):
+        """Go on by one period; return the Execution."""
+        state = self.store.change(lambda now: now.hearing(Heard(
+            self.here, self.time, 0.0, self.observing.off, self.time)))
+        self.observing.gripper(self.time, self.here)
+        if self.observing.due(self.time):
+            shape = self.truth.shape(self.here)
+            points = shape.positions_at(np.linspace(0, 1, 20) * shape.s[-1])
+            self.observing.look(self.time, points + 3e-4 * self.rng.standard_normal((20, 3)))
+        execution = self.drive.tick(self.store, self.health, self.time, self.time)
+        while self.drive._loop.work is not None:  # in a thread
+            time.sleep(2e-3)
+        self.sent.append(execution.sending)
+        if execution.sending is not None:
+            self.here = execution.sending
+        self.phases += [execution.phase] * (self.phases[-1:] != [execution.phase])
+        self.time += state.scene.period
+        return execution
+
+    def until(self, wanted):
+        """Go on until `wanted(Execution)`; return that."""
+        while not wanted(execution := self.step()):
+            assert self.time < LONGEST
+        return execution
+
+    def part(self):
+        """Return the part of the limits that commands have used: standing still counts."""
+        poses, here = [], START
+        for sent in self.sent:
+            here = here if sent is None else sent
+            poses.append(here)
+        scene = self.state.scene
+        return used([*poses, here, here, here], scene.limits, scene.period)
+
+
+def ended(execution):
+    return not execution.active
+
+
+def test_it_looks_goes_looks_again_and_threads_within_its_limits(proved):
+    cell = Cell(proved)
+    assert cell.state.executing and cell.state.execution.phase == 'waiting'
+    execution = cell.until(ended)
+    assert (execution.phase, execution.cause) == ('succeeded', Cause.DONE), execution.reason
+    motion = ['waiting', 'running', 'settling']
+    assert cell.phases == [*motion, *motion, 'succeeded']  # from the start, from the standoff
+    assert cell.part() < 1.001
+    assert cell.health.report()[2]['corrections'] >= 1
+    assert cell.state.looking.promised < HOLE.radius
+    plan = proved.made.plan
+    center, s, normal = plan.via_points[-1][0]
+    off = np.linalg.norm(crossing(cell.truth.shape(cell.here), center, normal, s)[0])
+    assert off < cell.state.looking.promised
+    assert cell.state.made is proved.made  # it was executed to its end
+
+
+def test_while_it_waits_nothing_is_sent_and_cancel_ends_it_there(proved):
+    cell = Cell(proved)
+    for _ in range(20):
+        assert cell.step().sending is None
+    cell.store.change(State.canceled)
+    execution = cell.step()
+    assert (execution.phase, execution.cause) == ('stopped', Cause.CANCELED)
+    assert not cell.state.executing and cell.state.made is None
+    assert not execution.ends_at_once
+
+
+def test_a_motion_that_is_stopped_from_outside_comes_to_rest(proved):
+    cell = Cell(proved)
+    cell.until(lambda execution: execution.phase == 'running' and execution.done > 0.4)
+    cell.store.change(lambda now: now.stopped(Cause.OBSTACLES_CHANGED, 'a ball'))
+    cell.store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED, 'a ball in the way'))
+    execution = cell.step()
+    assert execution.phase == 'stopping' and execution.sending is not None
+    execution = cell.until(ended)
+    assert (execution.phase, execution.cause) == ('stopped', Cause.OBSTACLES_CHANGED)
+    assert execution.reason == 'a ball in the way'
+    assert cell.part() < 1.001 and cell.state.made is None
+
+
+def test_a_correction_that_fails_lets_the_motion_come_to_rest(proved):
+    cell = Cell(proved)
+    cell.until(lambda execution: execution.phase == 'running' and execution.done > 0.4)
+    cell.drive._loop._done = NotConverged('no shape')
+    execution = cell.until(ended)
+    assert (execution.phase, execution.cause) == ('stopped', Cause.NO_SHAPE)
+    assert cell.part() < 1.001
+
+
+def slipping(proved):
+    """Return a Cell in which the DLO has slipped on the way, at the tick that heard of it."""
+    cell = Cell(proved)
+    cell.until(lambda execution: execution.phase == 'running' and execution.done > 0.3)
+    slip = Pose((-8e-3, 0, 0), Rotation.from_rotvec((0, 0.05, 0)).as_quat())
+    cell.truth = replace(cell.truth, offset=cell.truth.offset.compose(slip))
+    execution = cell.until(lambda execution: cell.state.looking.tries)
+    assert execution.active and execution.sending is not None
+    return cell
+
+
+def test_where_the_dlo_slips_it_looks_and_tries_again(proved):
+    cell = slipping(proved)
+    assert cell.state.execution.phase == 'waiting'  # it comes to rest, and goes on
+    assert cell.state.made is proved.made
+    execution = cell.until(ended)
+    assert execution.phase == 'succeeded', execution.reason
+    assert cell.part() < 1.001
+
+
+def test_what_is_canceled_on_the_way_back_comes_to_rest(proved):
+    cell = slipping(proved)
+    cell.step()
+    cell.store.change(State.canceled)
+    execution = cell.step()
+    assert (execution.phase, execution.cause) == ('stopping', Cause.CANCELED)
+    execution = cell.until(ended)
+    assert (execution.phase, execution.cause) == ('stopped', Cause.CANCELED)
+    assert cell.part() < 1.001 and cell.state.made is None
+
+
+def test_what_is_barred_ends_a_motion(proved):
+    guards = replace(proved.scene.guards, enable_timeout=1.0)
+    scene = replace(proved.scene, guards=guards)
+    state = replace(proved, scene=scene).allowing(Enabled(True, 0.0))
+    cell = Cell(state)  # it was allowed once, and hears no more of it
+    execution = cell.until(ended)
+    assert (execution.phase, execution.cause) == ('stopped', Cause.NOT_ENABLED)
+
+
+def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(proved):
+    started = proved.started(0.0)
+    scene = started.scene
+    observing = Observing(scene.direct, scene.seeing)
+    assert closed_loop_of(started, None) is None
+    blind = Observing(scene.direct, replace(scene.seeing, correct=False))
+    assert closed_loop_of(started, blind) is None
+    made = started.running
+    for narrow in (None, 0.5e-3):
+        other = replace(made, scene=replace(scene, cutout_radius=narrow))
+        assert closed_loop_of(replace(started, running=other), observing) is None
+    two = tuple((*passes, (np.ones(3), *passes[0][1:])) if passes else passes
+                for passes in made.plan.via_points)
+    assert threading_of(replace(made, plan=replace(made.plan, via_points=two))) is None
+    task = threading_of(made)
+    assert np.allclose(task.cutout.center, HOLE.center)
+    assert np.allclose(task.cutout.normal, HOLE.normal)
+    assert task.depths[0] == 0.0 and task.depths[-1] == pytest.approx(0.105)
+    assert (np.diff(task.depths) > 0).all()
+    assert (task.standoff, task.limits) == (0.02, scene.limits)
+    without = replace(made, scene=replace(scene, standoff=-1.0))
+    assert threading_of(without).standoff == pytest.approx(0.015)

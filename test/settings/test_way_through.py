@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The whole way through a cut-out, as parameters ask for it: what is cut or joined is checked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod, Sphere
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.workspace import Workspace
+from dlo_planner.settings.building import direct_of, inverse_of
+from dlo_planner.settings.threading import Present, Wanted, way_through
+from dlo_planner.settings.yaml_files import read_values
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+DIRECT = DirectSimulator(WIRE, n_elements=32)
+HOLE = CutOut(Pose.looking_along((0.3, 0.1, 1.0), (0.95782629, 0.28734789, 0.0)))
+WANTED = Wanted(4, 0.9, Limits(0.1, 0.5), 0.0, 0.0)
+
+
+def way(plan, count=2001):
+    """Return (n, 3) places of the gripper on the path of a plan."""
+    path = GripperPath.of(plan)
+    return path.at(np.linspace(path.times[0], path.times[-1], count))[0]
+
+
+def apart_from(places, *others):
+    """Return the one of some places that is farthest from others, and how far it is, m."""
+    far = np.min([np.linalg.norm(places[:, None] - other[None, ::2], axis=2).min(axis=1)
+                  for other in others], axis=0)
+    return places[np.argmax(far)], far.max()
+
+
+def test_a_plan_that_ends_before_the_sheet_is_checked_again():
+    inverse = InverseSimulator(DIRECT)
+    whole = way_through(inverse, [HOLE], WANTED)
+    cut = replace(WANTED, gripper_clearance=float(
+        (HOLE.center - whole.grippers[-1].position) @ HOLE.normal) + 1e-3)
+    part = way_through(inverse, [HOLE], cut)
+    assert len(part) == 3 < len(whole)
+    place, far = apart_from(way(part), way(whole))  # without its last pose it bulges elsewhere
+    ball = Sphere(place, 0.5 * far)
+    assert far > 1e-3
+    kept = InverseSimulator(DIRECT, workspace=Workspace(keep_out=[ball]))
+    assert len(way_through(kept, [HOLE], WANTED)) == 4
+    with pytest.raises(Infeasible) as refused:
+        way_through(kept, [HOLE], cut)
+    assert refused.value.constraint == 'workspace.keep_out[0]'
+
+
+def test_what_is_joined_is_in_time_by_its_speeds_and_begins_with_the_present_shape():
+    start = Pose.looking_along(HOLE.center - 1.3 * HOLE.normal + (0, 0.2, 0.1), HOLE.normal)
+    wanted = replace(WANTED, standoff=0.05, limits=Limits(0.02, 0.05))
+    inverse = InverseSimulator(DIRECT)
+    plan = way_through(inverse, [HOLE], wanted, Present(start))
+    assert np.allclose(plan.grippers[0].matrix, start.matrix)
+    speeds = plan.velocities
+    assert np.linalg.norm(speeds[:, :3], axis=1).max() < 0.02 * (1 + 1e-9)
+    assert np.linalg.norm(speeds[:, 3:], axis=1).max() < 0.05 * (1 + 1e-9)
+    held = DIRECT.solve(start, far_end=start.position + (0.5, 0.0, 0.0))
+    with pytest.raises(ValueError, match='initial'):  # what is held now is no beginning
+        way_through(inverse, [HOLE], wanted, Present(start, held))
+
+
+def test_obstacles_are_for_the_dlo_and_for_the_gripper():
+    values, _ = read_values('copper_wire', ['workspace.gripper_radius=0.05',
+                                            'workspace.upper=[2, 2, 2]',
+                                            'threading.may_yield=false'])
+    balls = (Sphere((0, 0, 1), 0.1), Sphere((1, 0, 1), 0.1))
+    direct = direct_of(values, balls)
+    inverse = inverse_of(values, direct)
+    assert direct.obstacles == inverse.workspace.keep_out == balls
+    assert inverse.workspace.min_margin(Pose((1.0, 0.0, 1.17), (0, 0, 0, 1))) == (
+        'workspace.keep_out[1]', pytest.approx(0.02))
+    assert inverse.workspace.min_margin(Pose((1.9, 0.0, 0.0), (0, 0, 0, 1))) == (
+        'workspace.upper.x', pytest.approx(0.05))
+    assert not inverse.requirements.allow_plastic
