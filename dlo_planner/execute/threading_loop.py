@@ -197,8 +197,9 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
     trajectory = Trajectory(whole, task.motion_limits, tolerance=tolerance)
     motion = _Motion(estimate, trajectory, whole.shapes[-1],
                      swing_of(trajectory, estimate, whole))
-    way = motion.steered
-    bound = _bound(estimate, commanded, way, way.reached(whole.times[-len(through):]), 0.0, lag)
+    entry = motion.steered
+    reached = entry.reached(whole.times[-len(through):])
+    bound = _bound(estimate, commanded, entry, reached, 0.0, lag)
     return _Entry(estimate, bound, whole, commanded, None if bound > most else motion)
 
 

@@ -161,7 +161,7 @@ class Estimate(Value):
             acting = self.robot.acting
             unit = np.append(self.uncertain.deviations, self.robot.deviations[acting])
             own = np.append(np.arange(n), n + acting)
-            out[np.ix_(own, own)] = self._memory.covariance * np.outer(unit, unit)
+            out[own[:, None], own] = self._memory.covariance * np.outer(unit, unit)
         return out
 
     def robot_change(self, gripper: Pose, seen: Pose | None = None) -> float:

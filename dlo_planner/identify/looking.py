@@ -312,8 +312,10 @@ def _most_likely(away: Floats, rows: Floats, noise: float, scale: float, outlier
         covariance (k, k), scale.
     """
     m, d, k = rows.shape
-    likely, matrix = np.zeros(k), np.zeros((k, k))
-    weights, square, right = np.ones(m), np.empty(m), np.empty(k)
+    likely = np.zeros(k)
+    matrix: Floats = np.zeros((k, k))
+    weights: Floats = np.ones(m)
+    square, right = np.empty(m), np.empty(k)
     median, least = (_MEDIAN_2 if d == 2 else _MEDIAN_3), noise if noise else scale
     used = least
     for turn in range(_TURNS):
@@ -353,7 +355,8 @@ def _most_likely(away: Floats, rows: Floats, noise: float, scale: float, outlier
         if turn > _BY_MEDIAN and np.abs(step).max() < _FOUND:
             break
         likely += step
-    return weights, square, likely, np.linalg.inv(matrix), used
+    matrix[:] = np.linalg.inv(matrix)
+    return weights, square, likely, matrix, used
 
 
 @kernel

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,7 +89,7 @@ class PredictedMiss(Value):
     def covariance(self) -> Floats:
         """Covariances (k, 3, 3) of `off`, m^2."""
         k = np.arange(self.waypoints.size)
-        return cast(Floats, self.joint.reshape(k.size, 3, k.size, 3)[k, :, k])
+        return self.joint.reshape(k.size, 3, k.size, 3)[k, :, k]
 
     @property
     def together(self) -> float:
