@@ -15,7 +15,7 @@ import argparse
 import json
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -37,7 +37,7 @@ from dlo_planner.cell.truth import VERY_UNCERTAIN
 DLO, RADIUS = 'wire 1.5', 5e-3
 HEADS = ['case', 'runs', 'happened', 'clean', 'refused before the sheet', 'in it', 'touched',
          'rammed', 'missed', 'errors', 'covered', 'largest miss [mm]', 'promised there [mm]',
-         'CPU [s]']
+         'struck inside', 'CPU [s]']
 
 
 def driven(name: str, seed: int, driver: Driver | None = None) -> dict[str, Any]:
@@ -65,16 +65,26 @@ def driven(name: str, seed: int, driver: Driver | None = None) -> dict[str, Any]
     times = [one.time for one in (*disturbances.slips, *disturbances.bumps)]
     return {'case': name, 'seed': seed, 'event_s': times[0] if times else None,
             'happened': all(time < outcome.time for time in times),
-            'cpu_s': round(process_time() - began, 2), 'error': error, **said(outcome)}
+            'cpu_s': round(process_time() - began, 2), 'error': error, **said(outcome, times)}
 
 
-def said(outcome: Outcome) -> dict[str, Any]:
-    """Return an Outcome as what JSON can hold."""
+def said(outcome: Outcome, times: Sequence[float] = ()) -> dict[str, Any]:
+    """Return an Outcome as what JSON can hold.
+
+    What was promised at the entry is judged for each stay in the hole in which nothing happened:
+    no promise covers what comes at one of the `times` (s) after it was given.
+    """
+    judged = [stay for stay in outcome.stays if np.isfinite(stay.promised)
+              and not any(stay.begin <= time <= stay.end for time in times)]
     numbers = {name: getattr(outcome, name) for name in ('depth', 'miss', 'promised', 'force',
                                                           'time')}
     return {**{name: value if np.isfinite(value) else None for name, value in numbers.items()},
             **{name: getattr(outcome, name) for name in ('threaded', 'clean', 'touched', 'rammed',
-                                                         'covered', 'refused', 'phase')}}
+                                                         'refused', 'phase')},
+            'stays': [[round(value, 6) for value in (stay.miss, stay.promised)] for stay in judged],
+            'covered': all(stay.miss <= stay.promised for stay in judged) if judged else None,
+            'struck_inside': any(stay.begin <= time <= stay.end for stay in outcome.stays
+                                 for time in times)}
 
 
 def ended(one: dict[str, Any]) -> str:
@@ -92,15 +102,15 @@ def line(name: str, found: list[dict[str, Any]]) -> list[str]:
         return sum(all(one[name] for name in names) for one in found)
 
     judged = [one for one in found if one['covered'] is not None]
-    worst = max(judged, key=lambda one: one['miss'], default={'miss': None, 'promised': None})
+    miss, promised = max([stay for one in judged for stay in one['stays']], default=(None, None))
     missed = sum(not any(one[how] for how in ('threaded', 'refused', 'touched', 'error'))
                  for one in found)
     return [name, str(len(found)), str(count('happened')), str(count('clean')),
             str(count('refused') - count('refused', 'depth')), str(count('refused', 'depth')),
             str(count('touched')), str(count('rammed')), str(missed), str(count('error')),
             f'{sum(one["covered"] for one in judged)} of {len(judged)}',
-            *('-' if worst[key] is None else f'{1e3 * worst[key]:.2f}'
-              for key in ('miss', 'promised')),
+            *('-' if value is None else f'{1e3 * value:.2f}' for value in (miss, promised)),
+            str(count('struck_inside')),
             f'{np.mean([one["cpu_s"] for one in found]):.1f}']
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import repeat
 from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,25 @@ _ROUNDING = 1e-9  # of a number of periods
 _REFUSALS = Infeasible, NotConverged, DeadlineExceeded
 
 
+class Stay(NamedTuple):
+    """A time in which the DLO was in the hole: one, unless the driver turned back in it.
+
+    Attributes
+    ----------
+    begin, end : float
+        Seconds since the beginning of the run.
+    miss : float
+        Largest distance from the center of the hole in it, m.
+    promised : float
+        The largest miss that the driver expected when it began, m; nan if it did not say.
+    """
+
+    begin: float
+    end: float
+    miss: float
+    promised: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Outcome(Value):
     """The outcome of a Task.
@@ -60,13 +80,15 @@ class Outcome(Value):
     time : float
         Duration of the motion, s.
     promised : float
-        The largest miss that the driver expected when the DLO came into the plane of the hole, or
-        at the end if it never did, m; nan if it did not say.
+        The largest miss that the driver expected when the DLO first came into the plane of the
+        hole, or at the end if it never did, m; nan if it did not say.
     chain_error : float
         By how much the extrapolation moved the DLO in the hole, m: the error of the plant's chain
         there; nan with a camera.
     phase : str
         What the driver was at in the end; empty if it does not say.
+    stays : tuple of Stay
+        The times in the hole.
     """
 
     seed: int
@@ -79,6 +101,7 @@ class Outcome(Value):
     promised: float = np.nan
     chain_error: float = np.nan
     phase: str = ''
+    stays: tuple[Stay, ...] = ()
 
     @property
     def touched(self) -> bool:
@@ -97,10 +120,9 @@ class Outcome(Value):
 
     @property
     def covered(self) -> bool | None:
-        """Whether the largest miss was at most what was promised; None if either is unknown."""
-        if np.isnan(self.miss) or np.isnan(self.promised):
-            return None
-        return self.miss <= self.promised
+        """Whether each stay missed by at most what was promised; None if either is unknown."""
+        judged = [stay for stay in self.stays if not np.isnan(stay.promised)]
+        return all(stay.miss <= stay.promised for stay in judged) if judged else None
 
 
 def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHING_UNKNOWN,
@@ -167,7 +189,8 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     threaded = (passage.depth > task.depth - _SHORT * task.rod.length
                 and miss < task.radius and not driven.refused)
     return Outcome(seed, driven.refused, bool(threaded), passage.depth, miss, driven.force,
-                   plant.time, float(driven.promised), moved, str(getattr(command, 'phase', '')))
+                   plant.time, driven.promised, moved, str(getattr(command, 'phase', '')),
+                   tuple(driven.stays))
 
 
 @dataclass
@@ -182,8 +205,10 @@ class _Driven:
         Period -> (2,) coordinates in the plane of the hole, m.
     force : float
         Largest contact force, N.
-    promised : float
-        What was promised last before the first crossing, m.
+    promises : dict
+        First period of a stay in the hole -> what was promised last before it, m.
+    expected : float
+        What was promised last outside the hole, m.
     refused : str
         Why the driver gave up.
     """
@@ -191,13 +216,28 @@ class _Driven:
     poses: list[Pose] = field(default_factory=list)
     crossings: dict[int, Floats] = field(default_factory=dict)
     force: float = 0.0
-    promised: float = np.nan
+    promises: dict[int, float] = field(default_factory=dict)
+    expected: float = np.nan
     refused: str = ''
 
     @property
     def miss(self) -> float:
         """The largest distance from the center, m; nan if the hole was not crossed."""
         return float(max(map(np.linalg.norm, self.crossings.values()), default=np.nan))
+
+    @property
+    def promised(self) -> float:
+        """What was promised of the first stay, or last if there was none, m."""
+        return next(iter(self.promises.values()), self.expected)
+
+    @property
+    def stays(self) -> list[Stay]:
+        """The times in the hole."""
+        begins = [*self.promises, np.inf]
+        return [Stay(PERIOD * begin, PERIOD * max(within), float(max(
+            np.linalg.norm(self.crossings[k]) for k in within)), promised)
+            for (begin, promised), after in zip(self.promises.items(), begins[1:], strict=True)
+            if (within := [k for k in self.crossings if begin <= k < after])]
 
 
 class _Again:
@@ -225,7 +265,7 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
            watch: Callable[[Plant], object] | None, lag: float) -> _Driven:
     """Move the gripper until the command is done, or gives up."""
     driven, arrived, robot = _Driven(), list[Image](), Robot(task.start, lag)
-    told = _told(command, arrived, plant, robot)
+    told, inside = _told(command, arrived, plant, robot), False
     for count in range(int(_LONGEST / PERIOD)):
         if viewer is not None:
             arrived.extend(viewer.images(plant, task.cutout))
@@ -252,8 +292,11 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
             passage = plant.passage(task.cutout)
             if passage.depth > 0:
                 driven.crossings[count] = np.array([passage.y, passage.z])
-        if not driven.crossings:
-            driven.promised = getattr(command, 'promised', np.nan)
+                if not inside:
+                    driven.promises[count] = driven.expected
+            inside = passage.depth > 0
+        if not inside:
+            driven.expected = float(getattr(command, 'promised', np.nan))
     return driven
 
 

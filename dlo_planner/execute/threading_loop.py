@@ -486,9 +486,10 @@ class ThreadingLoop:
         since = loop.calm if loop.since is not None else time
         unseen = time - since >= loop.look and self.observing.seen < since
         doubted = self.observing.doubted
+        loop = loop.advanced(time, doubted=doubted or unseen)
         if doubted:
-            self.observing.reopen()
-        self._to(loop.advanced(time, doubted=doubted or unseen), time)
+            self.observing.reopen(loop.calm)
+        self._to(loop, time)
 
     def _plan(self, time: float, done: Any) -> None:
         task, estimate = self._task, self.observing.estimate

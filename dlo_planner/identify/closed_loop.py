@@ -46,6 +46,8 @@ class ClosedLoop(Value):
         Distance by which the DLO may miss the center, m.
     look : float
         Duration of a LOOK without a doubt, s; the DLO should swing a few times in it.
+    pause : float
+        Time from a doubt in a LOOK until it begins anew, s: what swings takes long to come to rest.
     patience : float
         Duration of a LOOK with doubts after which the phase is STOP, s.
     period : float
@@ -70,7 +72,7 @@ class ClosedLoop(Value):
     tries : int
         How often looks came to disagree, or the bound to exceed the room, so far.
     doubted : float or None
-        Time at which a LOOK was last begun anew, s. If None, it was not.
+        Time at which a LOOK last begins anew, s. If None, it did not.
 
     Raises
     ------
@@ -80,7 +82,8 @@ class ClosedLoop(Value):
 
     room: float
     look: float = 2.0
-    patience: float = 30.0
+    pause: float = 1.0
+    patience: float = 90.0
     period: float = 0.5
     share: float = 0.25
     most_looks: int = 3
@@ -96,6 +99,7 @@ class ClosedLoop(Value):
     def __post_init__(self) -> None:
         put(self, room=number('ClosedLoop.room', self.room, above=0),
             look=number('ClosedLoop.look', self.look, minimum=0),
+            pause=number('ClosedLoop.pause', self.pause, minimum=0),
             patience=number('ClosedLoop.patience', self.patience, minimum=0),
             period=number('ClosedLoop.period', self.period, above=0),
             share=number('ClosedLoop.share', self.share, above=0, maximum=1),
@@ -112,7 +116,7 @@ class ClosedLoop(Value):
 
     @property
     def calm(self) -> float:
-        """Time since which there was no doubt in a LOOK that has begun, s."""
+        """Time since which there was no doubt in a LOOK that has begun, s; it may be to come."""
         assert self.since is not None
         return self.since if self.doubted is None else max(self.since, self.doubted)
 
@@ -162,7 +166,7 @@ class ClosedLoop(Value):
             if doubted and time - since >= state.patience:
                 return state._to(Phase.STOP, time)
             if doubted:
-                return replace(state, doubted=time)
+                return replace(state, doubted=time + state.pause)
             return state._to(Phase.PLAN, time) if time - state.calm >= state.look else state
         if doubted and state.phase is not Phase.RETREAT:
             return state._doubting(time)

@@ -238,17 +238,21 @@ class Observing:
         with self._lock:
             self._begin(self._first)
 
-    def reopen(self) -> None:
-        """Take the DLO as one that may have slipped in the gripper; what it is like stays known."""
+    def reopen(self, stamp: float = -np.inf) -> None:
+        """Take the DLO as one that may have slipped in the gripper; what it is like stays known.
+
+        It is looked at again from a stamp (s) on.
+        """
         with self._lock:
             seeing = self.seeing
             self._begin(self._observer.reopened(self._estimate, seeing.slip_position,
                                                 seeing.slip_rotation))
+            self._resting = stamp
 
     def _begin(self, estimate: Estimate) -> None:
         self._estimate, self._last, self._off = estimate, -np.inf, np.nan
         self._surprise, self._disagreeing, self._seen = np.nan, 0, -np.inf
-        self._swing = None
+        self._swing, self._resting = None, -np.inf
 
     def moves(self, swing: Swing, time_at: Callable[[float], float]) -> None:
         """Take in how the DLO bends in a motion that begins; `time_at`: stamp -> its time, s."""
@@ -275,7 +279,7 @@ class Observing:
 
     def due(self, stamp: float) -> bool:
         """Return whether a cloud of this stamp (s) should be looked at."""
-        return abs(stamp - self._last) >= self.seeing.period
+        return stamp >= self._resting and abs(stamp - self._last) >= self.seeing.period
 
     def look(self, stamp: float, points: Floats) -> Estimate:
         """Return the Estimate after one more cloud; if that does not agree, the one before.

@@ -13,13 +13,15 @@ from benchmarks import cell_trust  # noqa: E402
 from dlo_planner import Infeasible, InvalidTask  # noqa: E402
 from dlo_planner.cell.camera import BAD  # noqa: E402
 from dlo_planner.cell.cases import CASES, NOMINAL, case  # noqa: E402
-from dlo_planner.cell.run import Outcome  # noqa: E402
+from dlo_planner.cell.run import Outcome, Stay  # noqa: E402
 
 
 def one(name='slip', refused='', **outcome):
-    """Return what came of a run."""
+    """Return what came of a run, in which something happened at 3 s."""
+    if 'promised' in outcome:
+        outcome.setdefault('stays', (Stay(10.0, 20.0, outcome['miss'], outcome['promised']),))
     return {'case': name, 'seed': 0, 'event_s': 3.0, 'happened': True, 'cpu_s': 2.0, 'error': '',
-            **cell_trust.said(Outcome(0, refused, **outcome))}
+            **cell_trust.said(Outcome(0, refused, **outcome), [3.0])}
 
 
 def test_cases_are_what_is_stated():
@@ -82,12 +84,13 @@ def test_the_table_counts():
              one(refused='Infeasible: no', phase='look'),
              one(refused='Infeasible: no', phase='enter', depth=0.1, miss=1e-3, promised=2e-3),
              one(force=0.5, depth=0.1, miss=4e-3, promised=4.5e-3),
-             one(force=2.0), one(force=np.inf), one(miss=np.nan, depth=0.2)]
+             one(force=2.0), one(force=np.inf), one(miss=np.nan, depth=0.2),
+             one(**fine, stays=(Stay(2.0, 4.0, 9e-3, 2e-3), Stay(9.0, 12.0, 1e-3, 2e-3)))]
     row = dict(zip(cell_trust.HEADS, cell_trust.line('slip', found), strict=True))
-    assert row == {'case': 'slip', 'runs': '9', 'happened': '9', 'clean': '3',
+    assert row == {'case': 'slip', 'runs': '10', 'happened': '10', 'clean': '4',
                    'refused before the sheet': '1', 'in it': '1', 'touched': '3', 'rammed': '2',
-                   'missed': '1', 'errors': '0', 'covered': '4 of 5', 'largest miss [mm]': '4.00',
-                   'promised there [mm]': '4.50', 'CPU [s]': '2.0'}
+                   'missed': '1', 'errors': '0', 'covered': '5 of 6', 'largest miss [mm]': '4.00',
+                   'promised there [mm]': '4.50', 'struck inside': '1', 'CPU [s]': '2.0'}
     assert cell_trust.ended(found[2]) == 'clean, by more than promised'
     assert [cell_trust.ended(found[k]) for k in (5, 6, 8)] == ['touched', 'rammed', 'missed']
     text = cell_trust.table(found)

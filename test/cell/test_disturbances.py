@@ -17,7 +17,7 @@ from dlo_planner.cell.disturbances import Bump, Disturbances, Slip  # noqa: E402
 from dlo_planner.cell.drivers import PERIOD, OpenLoop  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
 from dlo_planner.cell.robot import nearer  # noqa: E402
-from dlo_planner.cell.run import Outcome, run  # noqa: E402
+from dlo_planner.cell.run import Outcome, Stay, run  # noqa: E402
 from dlo_planner.cell.tasks import Task  # noqa: E402
 from dlo_planner.cell.truth import VERY_UNCERTAIN, Truth, Unknowns  # noqa: E402
 
@@ -267,6 +267,22 @@ def test_the_promise_is_the_one_before_the_hole():
     assert through.covered is False
 
 
+def test_each_stay_in_the_hole_has_its_promise():
+    def driver(task):
+        def command(images, time, gripper):
+            command.promised = 1e-3 if time < 1.5 else 1.0
+            forth = 0.3 * min(time, 2 - min(time, 2.0), 1.0) + 0.3 * max(time - 2, 0.0)
+            return Pose(task.start.position + (forth, 0, 0), (0, 0, 0, 1)) if time < 3.1 else None
+        return command
+
+    outcome = seen(replace(TASK, start=Pose((-0.45, 2e-3, 1.0), (0, 0, 0, 1))), driver)
+    first, second = outcome.stays
+    assert 0 < first.begin < first.end < second.begin < second.end
+    assert [stay.promised for stay in outcome.stays] == [1e-3, 1.0]
+    assert outcome.miss == max(first.miss, second.miss)
+    assert (outcome.promised, outcome.covered) == (1e-3, False)
+
+
 def test_a_wild_motion_is_no_refusal():
     poses = [LEVEL, Pose((1e9, 0, 0), (0, 0, 0, 1)), LEVEL]
     outcome = seen(TASK, OpenLoop(lambda _: poses))
@@ -290,7 +306,8 @@ def test_a_run_has_a_robot_of_its_own_by_its_seed():
 
 def test_what_is_clean_rammed_and_covered():
     def outcome(force=0.0, miss=1e-3, promised=2e-3, threaded=True):
-        return Outcome(0, '', threaded, miss=miss, promised=promised, force=force)
+        return Outcome(0, '', threaded, miss=miss, promised=promised, force=force,
+                       stays=(Stay(1.0, 2.0, miss, promised),) if np.isfinite(miss) else ())
 
     assert outcome().clean
     assert not outcome(threaded=False).clean

@@ -156,12 +156,12 @@ def test_the_strategy_turns_back_where_the_miss_grows_before_the_entry():
 
 
 def test_the_strategy_gives_up_where_looks_keep_disagreeing():
-    loop = ClosedLoop(5e-3, look=1.0, patience=20.0).advanced(0.0)
+    loop = ClosedLoop(5e-3, look=1.0, pause=0.5, patience=20.0).advanced(0.0)
     for time in (0.5, 1.0, 10.0):
-        loop = loop.advanced(time, doubted=True)
-        assert (loop.phase, loop.calm, loop.tries) == (Phase.LOOK, time, 0)  # it begins anew
-    assert loop.advanced(10.9).phase is Phase.LOOK
-    assert loop.advanced(11.0).phase is Phase.PLAN
+        loop = loop.advanced(time, doubted=True)  # it begins anew
+        assert (loop.phase, loop.calm, loop.tries) == (Phase.LOOK, time + 0.5, 0)
+    assert loop.advanced(11.4).phase is Phase.LOOK
+    assert loop.advanced(11.5).phase is Phase.PLAN
     assert loop.advanced(19.9, doubted=True).phase is Phase.LOOK
     assert loop.advanced(20.0, doubted=True).phase is Phase.STOP
     plan = ClosedLoop(5e-3, most_tries=1, phase=Phase.PLAN, since=0.0)

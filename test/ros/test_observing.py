@@ -142,7 +142,8 @@ def test_looks_that_disagree_are_not_believed_and_two_are_a_doubt(rng):
     assert out.doubted
     out.look(6.0, truth.seen(rng, START).points)  # it was something else
     assert not out.doubted
-    out.reopen()
+    out.reopen(6.9)
+    assert [out.due(stamp) for stamp in (6.8, 6.9)] == [False, True]
     for k in range(6):
         out.look(7.0 + 0.2 * k, slipped.seen(rng, START, shape=shape).points)
         assert not out.doubted
