@@ -481,11 +481,12 @@ class ThreadingLoop:
             self._move(time, now)
 
     def _look(self, time: float) -> None:
-        """Go on looking, anew where looks disagree, or none came in all the time."""
+        """Go on looking, anew where looks disagree, it swings, or nothing was seen all the time."""
         loop = self._loop
         since = loop.calm if loop.since is not None else time
         unseen = time - since >= loop.look and self.observing.seen < since
-        doubted = self.observing.doubted
+        swings = time - since >= loop.look and self.observing.swing > self._task.tolerance
+        doubted = self.observing.doubted or swings
         loop = loop.advanced(time, doubted=doubted or unseen)
         if doubted:
             self.observing.reopen(loop.calm)
@@ -507,6 +508,7 @@ class ThreadingLoop:
             self._left = done.departure
             self._go(done)
         elif loop.phase is Phase.ENTER and isinstance(done, _Entry) and done.motion is not None:
+            self._left = max(self._left, self.observing.swing)
             self.promised = done.bound + self._left + done.motion.bound
             self._go(done.motion)
         self._to(loop, time)

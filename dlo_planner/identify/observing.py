@@ -22,6 +22,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.memory import way_between
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.stamped import gripper_at
@@ -48,6 +49,8 @@ _UNKNOWN = 0.25      # of how far a DLO is bent in motion: what its simulation d
 _SWING_STEP = 0.1    # s
 _BENT = 33           # places along the DLO
 _LASTS = 2.5         # s that a motion is looked at after its end
+_LEAST_SWINGS = 3    # looks from which a swing is told
+_OWN = 4.0           # times the median distance: what is farther off is none of the DLO's points
 _DOUBT = 2           # looks in a row that disagree: fewer are left to chance
 
 
@@ -201,6 +204,20 @@ class Observing:
         return self._off
 
     @property
+    def swing(self) -> float:
+        """Amplitude of the free end, m, in the looks that agreed since the gripper stands still.
+
+        That of an even swing with the variance that the noise of the points does not explain; 0
+        below three looks.
+        """
+        with self._lock:
+            ends = np.array(self._ends).reshape(-1, 4)
+        if len(ends) < _LEAST_SWINGS:
+            return 0.0
+        scatter = ((ends[:, :3] - ends[:, :3].mean(axis=0)) ** 2).sum() / (len(ends) - 1)
+        return float(np.sqrt(2 * max(scatter - 3 * ends[:, 3].mean(), 0.0)))
+
+    @property
     def surprise(self) -> float:
         """`Estimate.surprise` of the last look, whether it was believed or not."""
         return self._surprise
@@ -253,6 +270,8 @@ class Observing:
         self._estimate, self._last, self._off = estimate, -np.inf, np.nan
         self._surprise, self._disagreeing, self._seen = np.nan, 0, -np.inf
         self._swing, self._resting = None, -np.inf
+        self._ends: list[tuple[float, ...]] = []  # off their rest, m, and the variance of each
+        self._rest: tuple[Pose, Floats] | None = None
 
     def moves(self, swing: Swing, time_at: Callable[[float], float]) -> None:
         """Take in how the DLO bends in a motion that begins; `time_at`: stamp -> its time, s."""
@@ -321,7 +340,8 @@ class Observing:
         elapsed = max(stamp - self._seen, 0.0) if np.isfinite(self._seen) else 0.0
         after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway, late=late,
                                       bent=bent)
-        off = self._off_it(after if after.agrees else estimate, seen)
+        nodes = self._nodes(after if after.agrees else estimate, seen)
+        off = np.inf if nodes is None else _median_distance(seen.points, nodes)
         with self._lock:
             if self._estimate is not estimate:  # it was reset meanwhile
                 return self._estimate
@@ -330,16 +350,30 @@ class Observing:
             self._disagreeing = 0 if after.agrees else self._disagreeing + 1
             if after.agrees:
                 self._estimate, self._seen = after, stamp
+                if nodes is not None:
+                    self._swung(seen, nodes)
         if not after.converged:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
         return self._estimate
 
-    def _off_it(self, estimate: Estimate, seen: Observation) -> float:
+    def _nodes(self, estimate: Estimate, seen: Observation) -> Floats | None:
+        """Return places of the DLO (k, 3) as the camera would see it; None: no shape is found."""
         shape = estimate.shape(seen.gripper)
         if not shape.converged:
-            return np.inf
-        nodes = shape.positions_at(np.linspace(0, 1, _SAMPLED) * shape.s[-1])
-        return _median_distance(seen.points - estimate.camera_bias, nodes)
+            return None
+        return shape.positions_at(np.linspace(0, 1, _SAMPLED) * shape.s[-1]) + estimate.camera_bias
+
+    def _swung(self, seen: Observation, nodes: Floats) -> None:
+        """Take in where the free end is in a look; a point at s swings by (s / L)^2 of it."""
+        if self._rest is None or way_between(self._rest[0], seen.gripper) > _SAME:
+            self._rest, self._ends = (seen.gripper, nodes), []
+        away, s = _nearest(seen.points, self._rest[1])
+        size = np.linalg.norm(away, axis=1)
+        own = size <= _OWN * np.median(size)
+        share = s[own] ** 2
+        if (weight := float(share @ share)) > 1.0:  # it is seen there
+            end = share @ away[own] / weight
+            self._ends.append((*end.tolist(), self.seeing.noise**2 / weight))
 
     def _own(self, stamps: Sequence[float], poses: Sequence[Pose],
              stamp: float) -> tuple[float, Floats]:
@@ -391,11 +425,22 @@ def deviation(plan: Plan, time: float, points: Floats) -> float:
 
 def _median_distance(points: Floats, nodes: Floats) -> float:
     """Return the median distance of points (n, 3) from the line through nodes (k, 3)."""
+    return float(np.median(np.linalg.norm(_nearest(points, nodes)[0], axis=1)))
+
+
+def _nearest(points: Floats, nodes: Floats) -> tuple[Floats, Floats]:
+    """Return the points (n, 3) less the nearest of the line through nodes (k, 3), and where it is.
+
+    That is a part (n,) of the line's length, whose nodes are evenly spaced.
+    """
     ahead = np.diff(nodes, axis=0)
     off = points[:, None] - nodes[:-1]
-    along = np.einsum('mkj,kj->mk', off, ahead) / np.maximum((ahead**2).sum(axis=1), 1e-300)
-    near = off - np.clip(along, 0, 1)[:, :, None] * ahead
-    return float(np.median(np.linalg.norm(near, axis=2).min(axis=1)))
+    along = np.clip(np.einsum('mkj,kj->mk', off, ahead)
+                    / np.maximum((ahead**2).sum(axis=1), 1e-300), 0, 1)
+    near = off - along[:, :, None] * ahead
+    chosen = np.linalg.norm(near, axis=2).argmin(axis=1)
+    rows = np.arange(len(points))
+    return near[rows, chosen], (chosen + along[rows, chosen]) / len(ahead)
 
 
 class Motion(NamedTuple):
