@@ -34,6 +34,7 @@ from dlo_planner.cell.run import Outcome, run
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.cell.truth import VERY_UNCERTAIN
 
+_REACTION = 1.0  # s before the entry: latency, two looks, coming to rest
 DLO, RADIUS = 'wire 1.5', 5e-3
 HEADS = ['case', 'runs', 'happened', 'clean', 'refused before the sheet', 'in it', 'touched',
          'rammed', 'missed', 'errors', 'covered', 'largest miss [mm]', 'promised there [mm]',
@@ -71,11 +72,13 @@ def driven(name: str, seed: int, driver: Driver | None = None) -> dict[str, Any]
 def said(outcome: Outcome, times: Sequence[float] = ()) -> dict[str, Any]:
     """Return an Outcome as what JSON can hold.
 
-    What was promised at the entry is judged for each stay in the hole in which nothing happened:
-    no promise covers what comes at one of the `times` (s) after it was given.
+    What was promised at the entry is judged for each stay in the hole, unless something happened in
+    it, or too shortly before to be seen and to come to rest: at one of the `times` (s).
     """
-    judged = [stay for stay in outcome.stays if np.isfinite(stay.promised)
-              and not any(stay.begin <= time <= stay.end for time in times)]
+    struck = [any(stay.begin - _REACTION <= time <= stay.end for time in times)
+              for stay in outcome.stays]
+    judged = [stay for stay, hit in zip(outcome.stays, struck, strict=True)
+              if np.isfinite(stay.promised) and not hit]
     numbers = {name: getattr(outcome, name) for name in ('depth', 'miss', 'promised', 'force',
                                                           'time')}
     return {**{name: value if np.isfinite(value) else None for name, value in numbers.items()},
@@ -83,8 +86,7 @@ def said(outcome: Outcome, times: Sequence[float] = ()) -> dict[str, Any]:
                                                          'refused', 'phase')},
             'stays': [[round(value, 6) for value in (stay.miss, stay.promised)] for stay in judged],
             'covered': all(stay.miss <= stay.promised for stay in judged) if judged else None,
-            'struck_inside': any(stay.begin <= time <= stay.end for stay in outcome.stays
-                                 for time in times)}
+            'struck_inside': any(struck)}
 
 
 def ended(one: dict[str, Any]) -> str:

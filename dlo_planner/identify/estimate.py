@@ -167,9 +167,22 @@ class Estimate(Value):
     def robot_change(self, gripper: Pose, seen: Pose | None = None) -> float:
         """Return the variance by which the robot's error at a Pose differs from where it was seen.
 
-        Over the square of its deviations; `seen`: the Pose where the DLO will have been seen last,
-        None: where it was.
+        It is given over the square of the error's deviations.
+
+        Parameters
+        ----------
+        gripper : Pose
+            Measured pose.
+        seen : Pose, optional
+            Measured pose where the DLO will have been seen last. If None, where it was.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense.
         """
+        instance('gripper', gripper, Pose)
+        instance('seen', seen, Pose, optional=True)
         groups = () if self._memory is None else self._memory.groups
         if not groups or not self.robot.repeats:
             return 1.0
@@ -231,8 +244,9 @@ class Estimate(Value):
         InvalidTask
             An argument makes no sense.
         """
+        plan = judged_plan(self, plan)
         chosen = judged_waypoints(plan, waypoints)
         if seen is not None and len(items('seen', seen, Pose)) != len(chosen):
             raise InvalidTask(f'seen has {len(seen)} entries: expected one for each waypoint, '
                               f'{len(chosen)}')
-        return miss_of(self, judged_plan(self, plan), chosen, seen=seen)
+        return miss_of(self, plan, chosen, seen=seen)

@@ -98,14 +98,15 @@ class Observer(Value):
                               number('bias', bias, minimum=0), number('cutout', cutout, minimum=0))
         if not uncertain.size:
             raise InvalidTask(f'uncertainty = {uncertainty!r}: expected a deviation above 0')
+        if not (isinstance(robot_time, float) and robot_time == np.inf):
+            robot_time = number('robot_time', robot_time, above=0)
         put(self, uncertain=uncertain, noise=number('noise', noise, above=0),
             outliers=number('outliers', outliers, minimum=0, below=1),
             sway=number('sway', sway, minimum=0),
             robot=RobotError(np.repeat([number('robot_rotation', robot_rotation, minimum=0),
                                         number('robot_position', robot_position, minimum=0)], 3),
                              number('robot_way', robot_way, above=0),
-                             robot_time if robot_time == np.inf else
-                             number('robot_time', robot_time, above=0)))
+                             robot_time))
         super().__post_init__()
 
     def begin(self) -> Estimate:

@@ -4,7 +4,7 @@
 
 Measured gripper poses and clouds of points come with stamps of one clock. A cloud counts as seen
 where the gripper was at its stamp; the faster the gripper moved then, the less it counts. One that
-does not agree with what was expected is not believed; several in a row are a doubt.
+does not agree with what was expected is not believed; two of the last eight are a doubt.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _BENT = 33           # places along the DLO
 _LASTS = 2.5         # s that a motion is looked at after its end
 _LEAST_SWINGS = 3    # looks from which a swing is told
 _OWN = 4.0           # times the median distance: what is farther off is none of the DLO's points
-_DOUBT = 2           # looks in a row that disagree: fewer are left to chance
+_DOUBT, _OF = 2, 8   # looks that disagree, of the last ones: fewer are left to chance
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ class Observing:
     @property
     def doubted(self) -> bool:
         """Whether the last looks do not agree with the estimate: it is no more to be relied on."""
-        return self._disagreeing >= _DOUBT
+        return sum(self._disagree) >= _DOUBT
 
     def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
         """Return by how much a DLO in a known motion is off its rest, and was at most; or None.
@@ -268,7 +268,8 @@ class Observing:
 
     def _begin(self, estimate: Estimate) -> None:
         self._estimate, self._last, self._off = estimate, -np.inf, np.nan
-        self._surprise, self._disagreeing, self._seen = np.nan, 0, -np.inf
+        self._surprise, self._seen = np.nan, -np.inf
+        self._disagree: deque[bool] = deque(maxlen=_OF)  # whether the last looks did
         self._swing, self._resting = None, -np.inf
         self._ends: list[tuple[float, ...]] = []  # off their rest, m, and the variance of each
         self._rest: tuple[Pose, Floats] | None = None
@@ -347,7 +348,7 @@ class Observing:
                 return self._estimate
             self._last, self._off = stamp, off
             self._surprise = after.surprise if after.converged else np.inf
-            self._disagreeing = 0 if after.agrees else self._disagreeing + 1
+            self._disagree.append(not after.agrees)
             if after.agrees:
                 self._estimate, self._seen = after, stamp
                 if nodes is not None:

@@ -63,13 +63,14 @@ class PredictedMiss(Value):
     def __post_init__(self) -> None:
         waypoints = row('PredictedMiss.waypoints', self.waypoints, least=0, minimum=0,
                         maximum=_MOST)
-        k = 3 * waypoints.size
         parts = {name: results(f'PredictedMiss.{name}', getattr(self, name), shape)
-                 for name, shape in (('off', (None, 3)), ('joint', (k, k)), ('bound', (None,)))}
-        for name, part in ((name, parts[name]) for name in ('off', 'bound')):
-            if len(part) != waypoints.size:
-                raise InvalidTask(f'PredictedMiss.{name} has {len(part)} entries, '
-                                  f'PredictedMiss.waypoints {waypoints.size}: expected as many')
+                 for name, shape in (('off', (None, 3)), ('joint', (None, None)),
+                                     ('bound', (None,)))}
+        for name, count in (('off', 1), ('joint', 3), ('bound', 1)):
+            if {*parts[name].shape[:2 if name == 'joint' else 1]} != {count * waypoints.size}:
+                raise InvalidTask(f'PredictedMiss.{name} has shape {parts[name].shape}, '
+                                  f'PredictedMiss.waypoints {waypoints.size} entries: expected '
+                                  f'{count} for each')
         put(self, waypoints=waypoints.astype(int), **parts)
         super().__post_init__()
 

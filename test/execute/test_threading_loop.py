@@ -42,7 +42,7 @@ def test_a_dlo_that_keeps_swinging_is_not_threaded():
 
 def test_a_robot_that_wanders_too_far_is_not_let_in():
     seeing = Seeing(SPREAD, 1e-3, 0.5e-3, 0.1, cutout=0.5e-3, period=0.1,
-                    **{**STATED, 'robot_rotation': 5e-3})
+                    robot_time=5.0, **{**STATED, 'robot_rotation': 5e-3})
     came = threaded(0, World(), seeing)
     assert came.end is Phase.STOP
     assert came.depth == 0

@@ -140,7 +140,9 @@ def test_looks_that_disagree_are_not_believed_and_two_are_a_doubt(rng):
         assert out.surprise > 1
         assert out.seen == seen
     assert out.doubted
-    out.look(6.0, truth.seen(rng, START).points)  # it was something else
+    for k in range(7):  # it was something else
+        assert out.doubted
+        out.look(6.0 + 0.1 * k, truth.seen(rng, START).points)
     assert not out.doubted
     out.reopen(6.9)
     assert [out.due(stamp) for stamp in (6.8, 6.9)] == [False, True]
