@@ -18,10 +18,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner import Pose
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.ros.door import goals_in, markers_in, pose_in
+from dlo_planner.ros.camera import points_in
+from dlo_planner.ros.door import bodies_in, goals_in, markers_in, pose_in
 from dlo_planner.ros.frames import OneFrame, TfFrames, frames_of
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
+from msg_helpers.clouds import cloud_msg
 from msg_helpers.obstacles import obstacles_after
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
@@ -125,6 +127,37 @@ def test_obstacles_are_transformed(frames):
     np.testing.assert_allclose(box.pose.matrix, expected(), atol=1e-12)
     assert marker.header.frame_id == 'camera'  # what came is not changed
     np.testing.assert_allclose(pose_from_msg(marker.pose).matrix, SEEN.matrix)
+
+
+def test_points_are_transformed_and_left_out_where_they_are_out_of_reach(frames):
+    points = np.array([[0.1, 0.2, 0.3], [-0.4, 0.1, 0.9], [0.0, 0.0, 2 * SCENE.reach]])
+    for frame, there in (('world', points), (
+            'camera', (CAMERA.matrix @ np.column_stack([points, np.ones(3)]).T).T[:, :3])):
+        seen = points_in(SCENE, cloud_msg(points, frame), 'observed_points', frames)
+        np.testing.assert_allclose(seen, there[:2], atol=1e-6)
+
+
+@pytest.mark.parametrize(('pose', 'cause', 'named'), [
+    (Pose((1000.5, 0, 0), (0, 0, 0, 1)), Cause.OUT_OF_REACH, 'workspace.reach = 1000 m'),
+    (None, Cause.INVALID_POSE, 'of length 1')])
+def test_poses_and_obstacles_beyond_any_cell_are_refused(pose, cause, named):
+    msg = pose_stamped_msg(pose or SEEN, 'world')
+    msg.pose.orientation.w *= 1.0 if pose else 1.2
+    marker = Marker(header=msg.header, type=Marker.SPHERE, pose=msg.pose)
+    marker.scale.x = marker.scale.y = marker.scale.z = 0.1
+    with pytest.raises(Refused, match=named) as refused:
+        pose_in(SCENE, msg, 'task_goal')
+    assert refused.value.cause == cause
+    with pytest.raises(Refused, match=named) as refused:
+        bodies_in(SCENE, {}, MarkerArray(markers=[marker]), 'obstacles')
+    assert refused.value.cause == Cause.INVALID_OBSTACLES
+
+
+def test_an_obstacle_that_is_larger_than_any_cell_is_refused():
+    marker = Marker(header=Header(frame_id='world'), type=Marker.CUBE, pose=pose_msg(SEEN))
+    marker.scale.x, marker.scale.y, marker.scale.z = 0.1, 2001.0, 0.1
+    with pytest.raises(Refused, match='scale = .*twice workspace.reach = 1000 m'):
+        bodies_in(SCENE, {}, MarkerArray(markers=[marker]), 'obstacles')
 
 
 def test_a_frame_that_tf_does_not_know_is_refused_with_its_words(frames):

@@ -198,6 +198,7 @@ def test_a_stop_while_it_begins_again_keeps_the_limits():
         times[150:] += 0.3
         robot = Robot(begun()).run(times, {150 + wait: Execution.canceled})
         assert robot.execution.phase == 'stopped'
+        assert robot.execution.limiter.rest is None  # it stops on its way, not by the last resort
         assert largest(robot.commands[149:], LIMITS, PERIOD) <= ROUNDED
 
 
@@ -247,8 +248,9 @@ def test_a_command_that_exceeds_the_limits_is_not_sent():
     assert max(pose.position[1] for pose in robot.commands) < 5e-3
 
 
-def test_what_exceeds_the_limits_is_not_told():
-    robot = Robot(begun(leaping(), 1.0)).run(regular(12))
+@pytest.mark.parametrize('by', [1e-2, 1e-4])  # leaps; and a jerk that is too large by three
+def test_what_exceeds_the_limits_is_not_told(by):
+    robot = Robot(begun(leaping(by=by), 1.0)).run(regular(12))
     assert (robot.execution.phase, robot.execution.cause) == ('stopped', Cause.LIMITS)
     for stream in (robot.commands, robot.told):
         assert largest(stream, LIMITS, PERIOD) <= ROUNDED
@@ -271,6 +273,26 @@ def test_the_shortest_stop_keeps_the_limits_where_that_is_possible(seed):
     for n, size in enumerate(most):
         rows = np.diff(stream, n, axis=0) / period**n
         assert np.linalg.norm(rows, axis=1).max() <= (1 + 1e-6) * size
+
+
+@pytest.mark.parametrize('order', [1, 2, 3])
+@pytest.mark.parametrize('part', [0, 1])
+def test_the_limiter_keeps_each_limit_by_itself(order, part):
+    sizes = 100 * LIMITS.sizes
+    sizes[order - 1, part] = LIMITS.sizes[order - 1, part]
+    limits = Limits(*sizes.ravel())
+    for used_part, passes in ((0.99, True), (1.02, False)):
+        way = np.full(12, used_part * sizes[order - 1, part] * PERIOD**order)
+        for _ in range(order):
+            way = np.cumsum(way)
+        limiter, sent = Limiter(limits, PERIOD), []
+        for x in [0.0, 0.0, 0.0, *way]:
+            place, turn = ((0.0, x, 0.0), np.zeros(3)) if part == 0 else (np.zeros(3), [0, x, 0])
+            limiter = limiter.after(Pose.from_rotation(
+                place, Rotation.from_rotvec(turn).as_matrix()))
+            sent.append(limiter.pose)
+        assert (limiter.rest is None) is passes
+        assert largest(sent, limits, PERIOD, rests=(True, False)) <= ROUNDED
 
 
 def test_the_limiter_lets_nothing_through_after_it_has_stopped():

@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 from closed_loops import DEPTHS, NOISE, SPREAD, START, WIRE, Truth, plan_of
 
-from dlo_planner import DirectSimulator, InvalidTask, Limits, Pose, Rod, Trajectory
+from dlo_planner import (
+    DirectSimulator,
+    InvalidTask,
+    Limits,
+    Pose,
+    Rod,
+    Trajectory,
+    Uncertainty,
+)
 from dlo_planner.identify.observing import Observing, Seeing, Swing, motion_at
+from dlo_planner.ros.camera import observing_of
 from dlo_planner.ros.identifying import identified, told
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
@@ -213,6 +222,17 @@ def test_terms_add_up(rng):
 def test_terms_that_are_no_pairs_are_refused():
     with pytest.raises(InvalidTask, match='rod.natural_curvature_terms'):
         build_scene(parameters(**{'rod.natural_curvature_terms': [0.1, 0.2, 0.3]}))
+
+
+def test_poses_before_the_first_cloud_are_of_the_tool_frame(rng):
+    tool = Pose.looking_along((0.0, 0.1, 0.02), (1.0, 0.3, 0.2))
+    scene = replace(build_scene(parameters(**COPPER)), tool=tool)
+    there = START.compose(tool.inverse())
+    out = observing_of(scene, [(0.0, there), (10.0, there)], None)
+    looked(out, Truth.drawn(rng), rng, looks=1)
+    assert out.off < 3e-3
+    certain = replace(scene, seeing=Seeing(Uncertainty()))
+    assert observing_of(certain, [], None) is None
 
 
 def test_nothing_uncertain_is_refused():

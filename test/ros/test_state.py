@@ -7,12 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Pose, Sphere, replay
 from dlo_planner.execute.beginning import blending_as
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Heard
+from dlo_planner.execute.guards import Enabled
+from dlo_planner.plan.assembly import truncate
+from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.plan import PlanStatus
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.planning import Made, make_plan
 from dlo_planner.ros.proof import Proof, proofs
@@ -191,6 +196,38 @@ def test_what_is_missing_is_named(proved, spoil, cause, named):
     with pytest.raises(Refused, match=named) as refused:
         ready(spoil(proved), 10.05)
     assert refused.value.cause == cause
+
+
+def test_the_plan_that_is_meant_is_executed_or_none(proved):
+    made = replace(proved.made, stamp=Time(sec=7))
+    state = proved.planned(made).proved(proved.proof)
+    assert ready(state, 10.0) is ready(state, 10.0, Time(sec=7))
+    with pytest.raises(Refused, match='stamped 6.0'):
+        ready(state, 10.0, Time(sec=6))
+    other = replace(made, plan=truncate(made.plan, 4, PlanStatus.PARTIAL), stamp=Time(sec=6))
+    between = state.planned(other).planned(made).proved(proved.proof)
+    with pytest.raises(Refused, match='execute_plan') as refused:
+        ready(between, 10.0)
+    assert refused.value.cause == Cause.OTHER_PLAN
+    assert ready(between, 10.0, Time(sec=7)) is ready(state, 10.0)
+
+
+@pytest.mark.parametrize(('enabled', 'named'), [
+    (None, 'nothing came'), (Enabled(False, 10.0), 'it is false'), (Enabled(True, 9.4), '0.6 s')])
+def test_who_is_not_enabled_does_not_start(proved, enabled, named):
+    scene_ = scene(execute__enable_timeout=0.5)
+    state = replace(proved, scene=scene_, made=replace(proved.made, scene=scene_))
+    assert state.allowing(Enabled(True, 9.6)).started(10.0).executing
+    with pytest.raises(Refused, match=named) as refused:
+        state.allowing(enabled).started(10.0)
+    assert refused.value.cause == Cause.NOT_ENABLED
+
+
+def test_a_motion_beyond_its_limits_is_not_executed(proved):
+    slower = replace(proved.scene, limits=Limits(*(0.9 * proved.scene.motion_limits.sizes).ravel()))
+    with pytest.raises(Refused, match='of its limits') as refused:
+        replace(proved, made=replace(proved.made, scene=slower)).started(10.0)
+    assert refused.value.cause == Cause.LIMITS
 
 
 @pytest.mark.parametrize('age', [0.2, 5.0, -0.2, -60.0, 1.7e9])

@@ -65,6 +65,17 @@ def test_what_is_joined_is_in_time_by_its_speeds_and_begins_with_the_present_sha
         way_through(inverse, [HOLE], wanted, Present(start, held))
 
 
+def test_what_is_joined_is_checked_as_a_whole(monkeypatch):
+    checked = []
+    monkeypatch.setattr(InverseSimulator, 'check', lambda _, plan: checked.append(plan) or plan)
+    start = Pose.looking_along(HOLE.center - 1.3 * HOLE.normal, HOLE.normal)
+    plan = way_through(InverseSimulator(DIRECT), [HOLE], replace(WANTED, standoff=0.05),
+                       Present(start))
+    assert len(plan) > 4
+    assert len(checked) == 1
+    assert checked[0] is plan
+
+
 def test_obstacles_are_for_the_dlo_and_for_the_gripper():
     values, _ = read_values('copper_wire', ['workspace.gripper_radius=0.05',
                                             'workspace.upper=[2, 2, 2]',

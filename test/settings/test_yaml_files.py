@@ -171,6 +171,14 @@ def test_gravity_and_the_mesh_are_those_of_the_simulator():
                                                 basis='local')
 
 
+@pytest.mark.parametrize(('change', 'named'), [
+    ('simulator.accuracy=1e-7', 'parameter simulator.accuracy = 1e-07: expected at least 1e-06 m'),
+    ('gravity=[0, 8e3, -8e3]', 'parameter gravity = .*: expected a length of at most 10000 m/s')])
+def test_sizes_that_would_take_for_ever_are_refused_by_name(change, named):
+    with pytest.raises(InvalidTask, match=named):
+        direct_of(read_values('copper_wire', [change])[0])
+
+
 def test_each_spread_and_limit_is_that_of_its_name():
     values, _ = read_values('copper_wire')
     given = {name: 1e-3 * k for k, name in enumerate(

@@ -1,0 +1,182 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the closed loop commands and promises; what it sees and plans is handed in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_loops import DEPTHS, HOLE, NOISE, SPREAD, START, WIRE, Truth, looked
+
+from dlo_planner import (
+    Box,
+    DirectSimulator,
+    Infeasible,
+    InverseSimulator,
+    Observer,
+    Pose,
+    Steered,
+    Trajectory,
+    Workspace,
+)
+from dlo_planner.execute import threading_loop
+from dlo_planner.execute.causes import Cause
+from dlo_planner.execute.guards import Guards, Heard
+from dlo_planner.execute.threading_loop import Threading, ThreadingLoop, aimed_anew
+from dlo_planner.identify.closed_loop import Phase
+from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.plan.assembly import concatenate, truncate
+from dlo_planner.plan.motion.in_motion import InMotion
+from dlo_planner.plan.motion.trajectory import restored
+from dlo_planner.plan.plan import PlanStatus
+
+SEEING = Seeing(SPREAD, NOISE, robot_rotation=5e-3)
+DIRECT = DirectSimulator(WIRE)
+PERIOD, STANDOFF = 0.05, 0.3
+TOOL = Pose.looking_along((0.02, 0.0, 0.1), (1.0, 0.5, 0.0))
+
+
+def task(**workspace):
+    """Return a Threading within a Workspace."""
+    return Threading(InverseSimulator(DIRECT, workspace=Workspace(**workspace)), HOLE, DEPTHS,
+                     STANDOFF)
+
+
+class Seen:
+    """In place of Observing: what is seen is what a test says."""
+
+    def __init__(self):
+        self.seeing, self.estimate = SEEING, Observing(DIRECT, SEEING).estimate
+        self.doubted, self.seen = False, np.inf
+
+    def reopen(self):
+        """Forget nothing."""
+
+    def moves(self, swing, time_at):
+        """Expect nothing."""
+
+
+@pytest.fixture(scope='module')
+def ways():
+    """Return the way to the standoff, on to the entry, and through."""
+    estimate = Seen().estimate
+    way, through = task().ways(estimate, START, STANDOFF)
+    stop = way.stops[0]
+    there = truncate(way, stop + 1, PlanStatus.COMPLETE)
+    on, _ = task().ways(estimate, there.grippers[-1], 0.0)
+    return there, replace(on, stops=()), through
+
+
+def moving(plan, bound, departure):
+    """Return a motion along a plan that was simulated with these figures."""
+    way = Trajectory(plan, task().motion_limits, tolerance=np.inf)
+    figures = InMotion(True, bound, 0.0, 0.0, departure, np.inf, np.inf, 0.0, 1.0, 0.01)
+    timed = restored(way.path, way.laws, way.limits, 1e-3, figures, np.nan, '')
+    return threading_loop._Motion(Seen().estimate, timed, plan.shapes[-1], None)
+
+
+class Cell:
+    """A loop whose plans are there at once, and a robot that follows at once."""
+
+    def __init__(self, ways, **options):
+        there, on, through = ways
+        whole = concatenate(on, through)
+        self.plans = [moving(there, 2e-3, 3e-4), threading_loop._Entry(
+            Seen().estimate, 1e-3, whole, through, moving(whole, 4e-4, 0.0))]
+        self.seen, self.time = Seen(), 0.0
+        self.tool = options.get('tool', Pose.identity())
+        self.here = START.compose(self.tool.inverse())
+        self.loop = ThreadingLoop(task(), self.seen, START, look=0.1, period=PERIOD, **options)
+
+    def step(self):
+        """Go on by one period."""
+        self.loop.gripper(Heard(self.here, self.time, stamp=self.time))
+        self.here = self.loop.tick(self.time) or self.here
+        if self.loop.waits and self.plans and self.loop.phase is Phase.PLAN:
+            self.loop.finish(self.loop.work, self.plans.pop(0))
+        self.time += PERIOD
+
+    def until(self, wanted):
+        """Go on until `wanted()`."""
+        while not wanted():
+            assert self.time < 120
+            self.step()
+        return self
+
+    def entering(self):
+        """Go on until it enters."""
+        return self.until(lambda: self.loop.phase is Phase.ENTER and self.loop.execution)
+
+
+def test_what_motion_and_the_standoff_add_is_promised(ways):
+    assert Cell(ways).entering().loop.promised == pytest.approx(1e-3 + 3e-4 + 4e-4)
+
+
+@pytest.mark.parametrize('what', ['doubted', 'unseen'])
+def test_where_looks_disagree_or_fail_it_comes_to_rest_before_the_hole(ways, what):
+    cell = Cell(ways).entering()
+    begun = cell.time
+    if what == 'doubted':
+        cell.until(lambda: cell.time > begun + 1.0)
+        cell.seen.doubted = True
+    else:
+        cell.seen.seen = begun
+    cell.until(lambda: cell.loop.execution is None)
+    assert (cell.loop.phase, cell.loop.last.phase) == (Phase.RETREAT, 'stopped')
+    assert (ways[2].grippers[0].position - cell.here.position) @ HOLE.normal > 0.02
+
+
+def test_the_tool_is_between_what_is_measured_and_the_dlo(ways):
+    cell = Cell(ways, tool=TOOL)
+    before = cell.here
+    cell.step()
+    np.testing.assert_allclose(cell.here.matrix, before.matrix, atol=1e-12)
+    cell.until(lambda: cell.loop.last is not None and cell.loop.last.phase == 'succeeded')
+    np.testing.assert_allclose(cell.here.compose(TOOL).matrix, ways[0].grippers[-1].matrix,
+                               atol=1e-6)
+
+
+def test_a_robot_that_does_not_follow_ends_it(ways):
+    cell = Cell(ways, guards=Guards(path_position=0.01, incoming_command_timeout=0.5))
+    cell.until(lambda: cell.loop.execution)
+    for _ in range(40):
+        cell.loop.gripper(Heard(START, cell.time, stamp=cell.time))
+        cell.loop.tick(cell.time)
+        cell.time += PERIOD
+    assert (cell.loop.phase, cell.loop.cause) == (Phase.STOP, Cause.PATH_TOLERANCE)
+
+
+def test_a_way_is_planned_within_the_workspace():
+    below = task(upper=(2.0, 2.0, float(START.position[2]) - 0.01))
+    with pytest.raises(Infeasible) as refused:
+        below.ways(Seen().estimate, START, STANDOFF)
+    assert refused.value.constraint == 'workspace.upper.z'
+
+
+def aimed(ways, most=0.05, lag=0.0, estimate=None, **workspace):
+    through = ways[2]
+    way = Steered.of(Trajectory(through, tolerance=np.inf), through.shapes[-1])
+    return aimed_anew(task(**workspace), estimate or Seen().estimate, through, way, 0.5,
+                      way.reached(through.times), None, most, lag)
+
+
+def test_a_correction_keeps_workspace_obstacles_and_its_largest_size(ways, monkeypatch):
+    found = aimed(ways)
+    assert found.doubts == ''
+    last = found.correction.grippers[-1].position
+    assert 'beyond workspace.upper.x' in aimed(ways, upper=last + (-1e-3, 1, 1)).doubts
+    tip = found.correction.shapes[-1].positions[-1]
+    box = Box(Pose(tip, (0, 0, 0, 1)), (0.02, 0.02, 0.02))
+    assert 'm into Box 0' in aimed(ways, keep_out=[box]).doubts
+    correct = threading_loop.correct
+    monkeypatch.setattr(threading_loop, 'correct', lambda *given: replace(
+        one := correct(*given), offsets=one.offsets + 0.02))
+    assert 'it moves the gripper by' in aimed(ways, most=0.03).doubts
+    assert aimed(ways, most=0.05).doubts == ''
+
+
+def test_what_a_robot_errs_after_a_look_is_in_the_expected_miss(ways, rng):
+    observer = Observer(DIRECT, SPREAD, noise=NOISE, robot_rotation=0.02)
+    estimate = looked(Truth.drawn(rng), observer, rng, ways[0].grippers[-1], looks=3)
+    bounds = [aimed(ways, lag=lag, estimate=estimate).bound for lag in (0.0, 0.7, 1.4)]
+    assert (np.diff(bounds) > 0.01 * bounds[0]).all()
