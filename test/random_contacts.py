@@ -181,7 +181,8 @@ def outcome(rod, obstacle, contact, s, how):
     """Return 'held', 'confirmed', or what is wrong; and the CPU time of planning, s."""
     direct = DirectSimulator(rod, obstacles=[obstacle], **how)
     plain = DirectSimulator(rod, obstacles=[obstacle], basis='local')
-    plan, seconds = timed(lambda: InverseSimulator(direct).hold_contact(contact, s))
+    plan, seconds = timed(lambda: InverseSimulator(direct).hold_contact(
+        contact, s, min_force=0.0))
     if isinstance(plan, Infeasible):
         found = scan(plain, contact, s)
         if found:

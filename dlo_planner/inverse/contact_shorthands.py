@@ -16,9 +16,10 @@ class ContactShorthands(Shorthands):
     """The methods of an InverseSimulator that are short for a task with a contact."""
 
     def hold_contact(self, contact: Pose, s: float, *, condition: str | None = 'least_energy',
-                     forces: ArrayLike | None = None, start: Pose | None = None,
-                     linear_speed: float = 0.1, angular_speed: float = 0.5,
-                     progress: OnProgress = None, deadline: float | None = None) -> Plan:
+                     forces: ArrayLike | None = None, min_force: float | None = None,
+                     start: Pose | None = None, linear_speed: float = 0.1,
+                     angular_speed: float = 0.5, progress: OnProgress = None,
+                     deadline: float | None = None) -> Plan:
         """Plan how to hold the DLO in contact with an obstacle (paper, section 5.3, Fig. 16).
 
         Arc length, place and direction at the contact leave the force of contact free: a family of
@@ -37,14 +38,17 @@ class ContactShorthands(Shorthands):
         s : float
             Arc length of the contact, m.
         condition : str or None, optional
-            Which one of the family: 'least_energy' (bending), 'least_force' (a thousandth of weight
-            + EI / L^2, where that can be held and the simulator's discretization tells it from
-            none), 'least_motion' (from `start`), 'largest_clearance' (from the other obstacles;
-            without any, the least energy). If None, a motion through the interval that has the
-            least energy, in order of the force, its steps below 0.12 (rad plus parts of the
-            length).
+            Which one of the family: 'least_energy' (bending), 'least_force' (`min_force`, where
+            that can be held), 'least_motion' (from `start`), 'largest_clearance' (from the other
+            obstacles; without any, the least energy). If None, a motion through the interval that
+            has the least energy, in order of the force, its steps below 0.12 (rad plus parts of
+            the length).
         forces : array_like, shape (n,), optional
             Forces in N: only these are examined. If None, all.
+        min_force : float, optional
+            Least force of the contact, N: what presses less loses it where friction, or the DLO in
+            motion, lifts it. If None, a tenth of weight + EI / L^2. With 0 a thousandth of that
+            is enough.
         start : Pose, optional
             Pose of the gripper before.
         linear_speed, angular_speed, progress, deadline : optional
@@ -59,18 +63,19 @@ class ContactShorthands(Shorthands):
         InvalidTask
             An argument makes no sense, or the contact is not on a surface.
         Infeasible
-            No force is admissible. The constraint is the demand that the best one breaks, or
-            'contact': the amount is how far, in m, the DLO would be in an obstacle, or off the
-            best of these shapes.
+            No force is admissible. The constraint is the demand that the best one breaks
+            ('contact_force': it is below `min_force`), or 'contact': the amount is how far, in m,
+            the DLO would be in an obstacle, or off the best of these shapes.
         """
-        return self._plan(HoldContact(contact, s, condition, forces), start, None,
+        return self._plan(HoldContact(contact, s, condition, forces, min_force), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
 
     @renamed_arguments(way='mode')
     def slide_contact(self, contact: Pose, lengths: ArrayLike, *, condition: str = 'least_motion',
-                      forces: ArrayLike | None = None, start: Pose | None = None,
-                      mode: str = 'aligned', linear_speed: float = 0.1, angular_speed: float = 0.5,
-                      progress: OnProgress = None, deadline: float | None = None) -> Plan:
+                      forces: ArrayLike | None = None, min_force: float | None = None,
+                      start: Pose | None = None, mode: str = 'aligned', linear_speed: float = 0.1,
+                      angular_speed: float = 0.5, progress: OnProgress = None,
+                      deadline: float | None = None) -> Plan:
         """Plan how to draw the DLO over an obstacle, with its direction kept (Fig. 15) or not.
 
         Parameters
@@ -83,7 +88,7 @@ class ContactShorthands(Shorthands):
             As for `hold_contact`; 'least_motion' is from one waypoint to the next, the first one
             has the least energy if there is no `start`. The others choose the first waypoint; each
             further one is the local minimum that is nearest to the one before.
-        forces, start : optional
+        forces, min_force, start : optional
             As for `hold_contact`.
         mode : str, optional
             'aligned': the DLO keeps its place and direction at the contact; 'straight': the gripper
@@ -108,5 +113,5 @@ class ContactShorthands(Shorthands):
             'straight' how far the DLO falls, in m. Or 'contact': how far the arc length that
             touches is from the requested one, in m. Carries the plan up to it.
         """
-        return self._plan(SlideContact(contact, lengths, condition, forces, mode), start, None,
-                          self._with(linear_speed, angular_speed, deadline), progress)
+        return self._plan(SlideContact(contact, lengths, condition, forces, mode, min_force), start,
+                          None, self._with(linear_speed, angular_speed, deadline), progress)

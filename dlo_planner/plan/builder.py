@@ -29,6 +29,8 @@ from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
 
+_LIGHTER = 1e-3  # of a least force: what a mesh makes of it
+
 
 @dataclass(frozen=True)
 class PlanRequirements:
@@ -56,6 +58,11 @@ class PlanRequirements:
         Largest position error of a waypoint, m. If None, any.
     stability : float
         Least stability of a waypoint.
+    min_force : float
+        Least force with which the DLO presses on the obstacle `pressed` at a waypoint, N.
+    pressed : int or None
+        Index of the obstacle that has to be pressed, in the simulator of the shapes. If None, none
+        has to be.
     """
 
     speeds: tuple[float, float]
@@ -67,6 +74,8 @@ class PlanRequirements:
     simulator: DirectSimulator | None = None
     tolerance: float | None = None
     stability: float = -np.inf
+    min_force: float = 0.0
+    pressed: int | None = None
 
     def silent(self, simulator: DirectSimulator | None = None) -> PlanRequirements:
         """Return the same demands for a search, whose steps are not reported.
@@ -109,6 +118,10 @@ class PlanRequirements:
             return ('stability', self.stability - shape.stability, 'the DLO would hardly stay in '
                     f'this shape: stability {shape.stability:.3g}, at least {self.stability:g} is '
                     'required')
+        force = sum(one.force for one in shape.contacts if one.obstacle == self.pressed)
+        if force < (1 - _LIGHTER) * self.min_force:
+            return ('contact_force', self.min_force - force, f'the DLO would press with {force:.3g}'
+                    f' N, at least {self.min_force:.3g} N are required (min_force)')
         overlap = in_itself(shape, self.surface)
         if overlap > 0:
             return ('self_distance', overlap, f'the DLO would lie {overlap:.3g} m in itself: '

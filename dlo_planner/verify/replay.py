@@ -43,6 +43,8 @@ _MAY_BE_LEFT_OUT = ('position_error', 'misalignment', 'bend_margin', 'contact_fo
                     'dynamic_clearance', 'dynamic_contact_force', 'dynamic_bend_margin',
                     'contact_lost', 'largest_friction', 'duration', 'step',
                     'workspace_margin', 'mode_margin')
+_NOT_STATED = ('whether the DLO keeps its contact was not looked at: no friction is stated, by the '
+               'obstacle or as friction= of the replay')
 _OF_CONTACTS = ('contact_lost', 'largest_friction')  # figures of a plan that touches an obstacle
 
 
@@ -80,7 +82,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
     friction : float, optional
         Largest friction that obstacles may have: the plan and its trajectory are validated without
         friction and with this, too, and the report is of the first that is not safe. If None, with
-        that of the simulator's obstacles alone.
+        that of the simulator's obstacles alone; a plan that touches one without friction is then
+        not `safe`, and whether it keeps its contact is not said.
     progress : callable, optional
         Called as progress(done, total) after each step of each of its runs.
     deadline : float, optional
@@ -97,7 +100,8 @@ def replay(simulator: DirectSimulator, plan: Plan, *, obstacles: Iterable[Obstac
     if friction is not None:
         friction = number('friction', friction, minimum=0)
     own = _Replay(simulator, plan, items('obstacles', obstacles, OBSTACLES), limits, tolerance,
-                  trajectory, workspace, initial, Progress(progress, deadline))
+                  trajectory, workspace, initial, Progress(progress, deadline),
+                  friction is not None)
     report = own.report()
     if friction is None:
         return report
@@ -123,6 +127,7 @@ class _Replay:
     workspace: Workspace | None
     initial: Shape | None
     progress: Progress
+    stated: bool  # the friction of all obstacles
 
     def __post_init__(self) -> None:
         clamping('simulator', self.simulator)
@@ -156,6 +161,10 @@ class _Replay:
             except DeadlineExceeded:
                 if not refused:
                     raise
+        if figures['contact_lost'] == 0 and not (self.stated or _all_rub(self.simulator, shapes)):
+            figures['contact_lost'] = np.nan
+            if figures.get('reason') == '':
+                figures['reason'] = _NOT_STATED
         return ValidationReport(**figures, not_looked_at=tuple(
             name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))
             and (name not in _OF_CONTACTS or any(shape.contacts for shape in plan.shapes))))
@@ -208,6 +217,12 @@ class _Replay:
         motion = in_motion(self.simulator, self.plan, trajectory, first, self.obstacles,
                            self.progress, touched=touched)
         return motion if known is None else known.worse(motion)
+
+
+def _all_rub(simulator: DirectSimulator, shapes: Sequence[Shape]) -> bool:
+    """Whether all obstacles of a simulator that Shapes touch have friction: somebody stated it."""
+    return all(simulator.obstacles[one.obstacle].friction > 0
+               for shape in shapes for one in shape.contacts)
 
 
 def _figures_in_motion(trajectory: Trajectory, motion: InMotion, lost: float) -> dict[str, Any]:

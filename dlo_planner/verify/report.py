@@ -60,7 +60,8 @@ class ValidationReport(Reported):
     dynamic_bend_margin : float
         `InMotion.bend_margin`, 1/m.
     contact_lost : float
-        `InMotion.contact_lost`, or the part of the waypoints at rest, whichever is larger.
+        `InMotion.contact_lost`, or the part of the waypoints at rest, whichever is larger; nan
+        where none is lost without friction, and no friction is stated (see `replay`).
     largest_friction : float
         Friction of the obstacles up to which, from none, the report holds; nan: it holds for that
         of the simulator's obstacles alone.

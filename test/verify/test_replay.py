@@ -242,8 +242,9 @@ def slide():
 
 def test_a_contact_that_is_lost_in_motion_is_not_safe(slide):
     over, _ = slide
-    plan = InverseSimulator(over).slide_contact(Pose((0.5, 0, 0.72), (0, 0, 0, 1)),
-                                                [0.7, 0.65, 0.6], condition='least_force')
+    plan = InverseSimulator(over).slide_contact(
+        Pose((0.5, 0, 0.72), (0, 0, 0, 1)), [0.7, 0.65, 0.6], condition='least_force',
+        min_force=0.0)
     hasty = Trajectory(plan, tolerance=np.inf)
     report = replay(over, plan, trajectory=hasty)
     times = np.linspace(0, hasty.duration, 101)  # the same, looked at by itself
@@ -257,10 +258,14 @@ def test_a_contact_that_is_lost_in_motion_is_not_safe(slide):
 def test_a_range_of_friction_is_validated_where_it_is_stated(slide):
     over, plan = slide
     report = replay(over, plan, limits=Limits())
-    assert report.safe and report.contact_lost == 0
-    assert np.isnan(report.largest_friction) and 'largest_friction' in report.not_looked_at
+    assert not report.safe and 'no friction is stated' in report.reason
+    assert np.isnan([report.contact_lost, report.largest_friction]).all()
+    assert {'contact_lost', 'largest_friction'} <= set(report.not_looked_at)
+    # that of the obstacle is a statement
+    rough = replay(over.with_friction(0.2), plan, trajectory=report.trajectory)
+    assert rough.safe and rough.contact_lost == 0 and np.isnan(rough.largest_friction)
     report = replay(over, plan, trajectory=report.trajectory, friction=0.3)
-    assert report.safe and report.largest_friction == 0.3
+    assert report.safe and report.largest_friction == 0.3 and report.contact_lost == 0
     assert 'largest_friction' not in report.not_looked_at
     # glued to the bar, the wire does not follow
     stuck = replay(over, plan, trajectory=report.trajectory, friction=50.0)

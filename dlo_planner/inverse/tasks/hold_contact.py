@@ -32,6 +32,8 @@ class HoldContact(Task):
         'least_energy', 'least_force', 'least_motion', 'largest_clearance'. If None, all.
     forces : ndarray, shape (n,) or None
         Forces in N: only these are examined. If None, all.
+    min_force : float or None
+        Least force of the contact, N. If None, a tenth of weight + EI / L^2.
     """
 
     touches: ClassVar[bool] = True
@@ -40,13 +42,16 @@ class HoldContact(Task):
     s: float
     condition: str | None = 'least_energy'
     forces: Floats | None = None
+    min_force: float | None = None
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, contact: Pose, s: float, condition: str | None = 'least_energy',
-                     forces: ArrayLike | None = None) -> None: ...
+                     forces: ArrayLike | None = None, min_force: float | None = None
+                     ) -> None: ...
 
     def __post_init__(self) -> None:
-        put(self, s=number('s', self.s, above=0), forces=checked_forces(self.forces))
+        put(self, s=number('s', self.s, above=0), forces=checked_forces(self.forces),
+            min_force=checked_least(self.min_force))
         instance('contact', self.contact, Pose)
         if self.condition is not None:
             choice('condition', self.condition, CONDITIONS)
@@ -65,6 +70,11 @@ class HoldContact(Task):
 def checked_forces(forces: object) -> Floats | None:
     """Return the forces (n,) to be examined, N, or None (all)."""
     return None if forces is None else row('forces', forces, most=MOST, above=0)
+
+
+def checked_least(force: object) -> float | None:
+    """Return the least force of a contact, N, or None (of the DLO's own scale)."""
+    return None if force is None else number('min_force', force, minimum=0)
 
 
 def check_obstacles(context: PlanContext) -> None:

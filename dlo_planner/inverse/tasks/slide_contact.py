@@ -12,7 +12,7 @@ from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.contact.hold_and_slide import CONDITIONS, slide_contact
 from dlo_planner.inverse.solvers.contact.straight import slide_straight
 from dlo_planner.inverse.task import MOST, Task
-from dlo_planner.inverse.tasks.hold_contact import check_obstacles, checked_forces
+from dlo_planner.inverse.tasks.hold_contact import check_obstacles, checked_forces, checked_least
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, row
 from dlo_planner.model.pose import Pose
@@ -39,6 +39,8 @@ class SlideContact(Task):
         Forces in N: only these are examined. If None, all.
     mode : str
         'aligned' or 'straight'.
+    min_force : float or None
+        Least force of the contact, N. If None, a tenth of weight + EI / L^2.
     """
 
     touches: ClassVar[bool] = True
@@ -48,14 +50,16 @@ class SlideContact(Task):
     condition: str = 'least_motion'
     forces: Floats | None = None
     mode: str = 'aligned'
+    min_force: float | None = None
 
     if TYPE_CHECKING:  # what may be given
         def __init__(self, contact: Pose, lengths: ArrayLike, condition: str = 'least_motion',
-                     forces: ArrayLike | None = None, mode: str = 'aligned') -> None: ...
+                     forces: ArrayLike | None = None, mode: str = 'aligned',
+                     min_force: float | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         put(self, lengths=row('lengths', self.lengths, most=MOST, above=0),
-            forces=checked_forces(self.forces))
+            forces=checked_forces(self.forces), min_force=checked_least(self.min_force))
         choice('condition', self.condition, CONDITIONS)
         choice('mode', self.mode, tuple(_MODES))
         instance('contact', self.contact, Pose)

@@ -41,8 +41,8 @@ def hold_contact(simulator: DirectSimulator, task: HoldContact, start: Pose | No
                  demands: PlanRequirements) -> Plan:
     """Return the Plan of a HoldContact task; see `InverseSimulator.hold_contact`."""
     s, forces, condition = task.s, task.forces, task.condition
-    builder = PlanBuilder([simulator.rod.length - s], demands)
-    problem = ContactProblem.at(simulator, task.contact, s, demands)
+    problem = ContactProblem.at(simulator, task.contact, s, demands, task.min_force)
+    builder = PlanBuilder([simulator.rod.length - s], problem.demands)
     parts = problem.parts(forces, builder)
     if condition is not None:
         _, shape = _chosen(problem, parts, condition, start, builder)
@@ -57,7 +57,7 @@ def hold_contact(simulator: DirectSimulator, task: HoldContact, start: Pose | No
         shapes = [shape for shape in confirmed if shape is not None]
     if not shapes:
         raise problem.unconfirmed(builder, parts)
-    builder = PlanBuilder([simulator.rod.length - s] * len(shapes), demands)
+    builder = PlanBuilder([simulator.rod.length - s] * len(shapes), problem.demands)
     for shape in shapes:
         builder.add(problem.waypoint(shape))
     return builder.finished()
@@ -67,10 +67,11 @@ def slide_contact(simulator: DirectSimulator, task: SlideContact, start: Pose | 
                   demands: PlanRequirements) -> Plan:
     """Return the Plan of an aligned SlideContact; see `InverseSimulator.slide_contact`."""
     lengths, forces, condition = task.lengths, task.forces, task.condition
-    builder = PlanBuilder([simulator.rod.length - s for s in lengths], demands)
+    problem = ContactProblem.at(simulator, task.contact, lengths[0], demands, task.min_force)
+    builder = PlanBuilder([simulator.rod.length - s for s in lengths], problem.demands)
     before = None
     for s in lengths:
-        problem = ContactProblem.at(simulator, task.contact, s, demands)
+        problem = problem.moved(s)
         parts = problem.parts(forces, builder)
         if before is None:
             force, shape = first_choice(problem, parts, condition, start, builder)
@@ -231,8 +232,7 @@ def _leap(one: tuple[ContactProblem, float], other: tuple[ContactProblem, float]
         return 0.0
     if not halvings:
         return apart
-    halfway = ContactProblem.at(problem.simulator, problem.contact, 0.5 * (problem.s + last.s),
-                                problem.demands)
+    halfway = problem.moved(0.5 * (problem.s + last.s))
     halfway.family.stable = HARDLY_STABLE  # the shapes may be at the very end of an interval
     forces = (float(np.sqrt(force * its)) * part for part in _BESIDE)
     between = next((one for one in forces if halfway.family.merit(one) > 0), None)

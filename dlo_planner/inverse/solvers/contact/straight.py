@@ -39,8 +39,8 @@ def slide_straight(simulator: DirectSimulator, task: SlideContact, start: Pose |
                    demands: PlanRequirements) -> Plan:
     """Return the Plan of a straight SlideContact; see `InverseSimulator.slide_contact`."""
     lengths = task.lengths
-    builder = PlanBuilder([simulator.rod.length - s for s in lengths], demands)
-    problem = ContactProblem.at(simulator, task.contact, lengths[0], demands)
+    problem = ContactProblem.at(simulator, task.contact, lengths[0], demands, task.min_force)
+    builder = PlanBuilder([simulator.rod.length - s for s in lengths], problem.demands)
     parts = problem.parts(task.forces, builder)
     _, shape = first_choice(problem, parts, task.condition, start, builder)
     builder.add(problem.waypoint(shape))

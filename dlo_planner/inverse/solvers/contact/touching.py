@@ -6,7 +6,7 @@
 its confirmation by the direct simulation.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -24,6 +24,7 @@ from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 LEAST, MOST = 1e-3, 30.0  # forces looked at, as parts of the natural ones
+PRESSED = 0.1             # the same: the least one of a plan, where a task states none
 _ELEMENTS = 64            # of the mesh on which a force is chosen
 _MOST_ELEMENTS = 4096
 HARDLY_STABLE = 1e-3     # what counts as stable where nothing is more stable
@@ -43,7 +44,7 @@ class ContactProblem:
     contact : Pose
         Pose on the obstacle's surface: x axis along the DLO, z axis outwards.
     demands : PlanRequirements
-        What the plan has to keep.
+        What the plan has to keep, the least force of the contact among it.
     """
 
     simulator: DirectSimulator
@@ -53,12 +54,22 @@ class ContactProblem:
 
     @classmethod
     def at(cls, simulator: DirectSimulator, contact: Pose, s: float,
-           demands: PlanRequirements) -> Self:
-        """Return the problem of keeping `contact` at the arc length `s`, m."""
-        own = simulator.mesh
-        elements = min(max(own.s.size - 1, 8), 2 * _ELEMENTS)
-        family = ContactFamily(simulator, contact, s, demands.progress.check, elements)
-        return cls(simulator, family, contact, demands)
+           demands: PlanRequirements, min_force: float | None = None) -> Self:
+        """Return the problem of keeping `contact` at the arc length `s`, m.
+
+        Parameters
+        ----------
+        min_force : float or None, optional
+            Least force of the contact, N. If None, a tenth of the DLO's weight + EI / L^2.
+        """
+        family = _family(simulator, contact, s, demands)
+        least = PRESSED * family.scale[0] if min_force is None else min_force
+        return cls(simulator, family, contact,
+                   replace(demands, min_force=least, pressed=family.obstacle))
+
+    def moved(self, s: float) -> Self:
+        """Return the same problem at another arc length, m."""
+        return replace(self, family=_family(self.simulator, self.contact, s, self.demands))
 
     @property
     def s(self) -> float:
@@ -109,7 +120,8 @@ class ContactProblem:
                       and abs(one.s - self.s) < _NEAR * length)
         off = np.linalg.norm(shape.frame_at(self.s)[1] - self.family.place)
         same = abs(reached - force) <= _SAME_FORCE * force and off <= _SAME_PLACE * length
-        return shape if shape.converged and same else None
+        kept = shape.converged and same and self.demands.violation(self.waypoint(shape)) is None
+        return shape if kept else None
 
     def _guess(self, force: float) -> Shape:
         """Return the Shape with this force on a mesh as fine as the simulator's."""
@@ -165,3 +177,9 @@ class ContactProblem:
         """Return Infeasible because the DLO is `reached` elsewhere; the amount is how far, in m."""
         amount = apart(reached, shape)
         return builder.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')
+
+
+def _family(simulator: DirectSimulator, contact: Pose, s: float,
+            demands: PlanRequirements) -> ContactFamily:
+    elements = min(max(simulator.mesh.s.size - 1, 8), 2 * _ELEMENTS)
+    return ContactFamily(simulator, contact, s, demands.progress.check, elements)

@@ -17,7 +17,7 @@ from dlo_planner import (
     Rod,
 )
 from dlo_planner.inverse.solvers.contact.family import STABLE, ContactFamily
-from dlo_planner.inverse.solvers.contact.touching import LEAST, MOST
+from dlo_planner.inverse.solvers.contact.touching import LEAST, MOST, PRESSED
 from dlo_planner.plan.clearance import clearance
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -98,7 +98,7 @@ def test_conditions_choose_the_least_of_all_forces(rod):
     direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[BAR, FLOOR])
     inverse, start = InverseSimulator(direct), Pose((-0.05, 0.02, 0.75), (0, 0, 0, 1))
     many = ContactFamily(direct, TOP, 0.6, lambda: None)
-    forces = np.geomspace(LEAST * many.scale[0], MOST * many.scale[1], 300)
+    forces = np.geomspace(PRESSED * many.scale[0], MOST * many.scale[1], 300)
     shapes = [many.shape(force) for force in forces if many.merit(force) > 0]
     assert 30 < len(shapes) < 300
 
@@ -122,10 +122,10 @@ def test_conditions_choose_the_least_of_all_forces(rod):
 def test_the_family_goes_as_far_as_it_is_stable():
     direct = DirectSimulator(WIRE, basis='local', n_elements=64, obstacles=[BAR])
     inverse = InverseSimulator(direct)
-    plan = inverse.hold_contact(TOP, 0.6, condition=None)
+    plan = inverse.hold_contact(TOP, 0.6, condition=None, min_force=0.0)
     forces = np.array([shape.contacts[0].force for shape in plan.shapes])
     scale = WEIGHT + WIRE.bending_stiffness[0]
-    assert forces[0] == pytest.approx(1e-3 * scale, rel=0.01)
+    assert forces[0] == pytest.approx(LEAST * scale, rel=0.01)
     assert plan.stability[-1] == pytest.approx(STABLE, abs=5e-3)
     assert forces[-1] == pytest.approx(2.5 * WEIGHT, rel=0.02)  # as docs/theory.md says
     held = scan(direct, TOP, 0.6, decades=4, per_decade=6)  # Runge-Kutta and direct simulation
@@ -163,7 +163,7 @@ def test_with_an_accuracy_as_with_elements(rod):
     np.testing.assert_allclose(one.gripper.matrix, other.gripper.matrix, atol=2e-3)
     assert one.elastic_energy == pytest.approx(other.elastic_energy, rel=1e-4)
     forces = [0.05, 0.1]
-    one, other = (inverse.hold_contact(TOP, 0.6, condition=None, forces=forces)
+    one, other = (inverse.hold_contact(TOP, 0.6, condition=None, forces=forces, min_force=0.05)
                   for inverse in (fine, some))
     for k in range(2):
         np.testing.assert_allclose(one.grippers[k].matrix, other.grippers[k].matrix, atol=2e-5)
@@ -208,6 +208,28 @@ def test_random_contacts_are_held_or_refused_rightly():
         assert what in ('held', 'confirmed')
 
 
+def pushes(plan):
+    return np.array([sum(one.force for one in shape.contacts) for shape in plan.shapes])
+
+
+def test_plans_press_by_a_tenth_of_their_own_scale():
+    inverse, scale = planner(), WEIGHT + WIRE.bending_stiffness[0]
+    assert pushes(inverse.hold_contact(TOP, 0.6, condition=None)).min() >= 0.0999 * scale
+    least = inverse.hold_contact(TOP, 0.6, condition='least_force')
+    assert pushes(least)[0] == pytest.approx(0.1 * scale, rel=1e-3)
+    slid = inverse.slide_contact(TOP, [0.65, 0.6], condition='least_force', min_force=0.05)
+    np.testing.assert_allclose(pushes(slid), 0.05, rtol=0.01)
+    with pytest.raises(Infeasible, match='at least 0.05 N') as caught:
+        inverse.hold_contact(TOP, 0.6, forces=[0.01, 0.03], min_force=0.05)
+    assert caught.value.constraint == 'contact_force'
+    assert caught.value.amount == pytest.approx(0.02, rel=1e-3)
+    # going straight towards the bar with the way back, the contact becomes lighter
+    with pytest.raises(Infeasible, match='min_force') as caught:
+        inverse.slide_contact(TOP, [0.6, 0.65, 0.7], mode='straight', forces=[0.12],
+                              min_force=0.11)
+    assert caught.value.constraint == 'contact_force' and caught.value.waypoint > 0
+
+
 def test_what_cannot_be_held_is_refused():
     with pytest.raises(Infeasible, match='contact force') as caught:
         planner().hold_contact(TOP, 0.6, forces=[5 * WEIGHT, 6 * WEIGHT])  # it would fall aside
@@ -219,7 +241,7 @@ def test_what_cannot_be_held_is_refused():
     ({'condition': 'least_motion'}, 'start'),
     ({'contact': Pose((0.5, 0, 0.73), (0, 0, 0, 1))}, 'surface'),
     ({'contact': Pose((0.5, 0, 0.72), (0, 0.1, 0, 0.99))}, 'surface'),
-    ({'forces': [-1.0]}, r'forces\[0\]')])
+    ({'forces': [-1.0]}, r'forces\[0\]'), ({'min_force': -1.0}, 'min_force = -1')])
 def test_nonsense_is_named(change, named):
     with pytest.raises(InvalidTask, match=named):
         planner().hold_contact(**{'contact': TOP, 's': 0.6, **change})

@@ -78,7 +78,8 @@ def test_refusals():
     with pytest.raises(InvalidTask, match='mode'):
         inverse.slide_contact(TOP, LENGTHS, mode='curved')
     with pytest.raises(Infeasible, match='on the straight way') as caught:  # it lifts off the bar
-        inverse.slide_contact(TOP, [0.7, 0.69, 0.3], mode='straight', forces=[2e-3])
+        inverse.slide_contact(TOP, [0.7, 0.69, 0.3], mode='straight', forces=[2e-3],
+                              min_force=0.0)
     error = caught.value
     assert error.constraint == 'contact' and 0 < error.amount < 0.05
     assert error.waypoint == 2 and len(error.plan) == 2
