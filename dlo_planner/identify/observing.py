@@ -48,6 +48,7 @@ _UNKNOWN = 0.25      # of how far a DLO is bent in motion: what its simulation d
 _SWING_STEP = 0.1    # s
 _BENT = 33           # places along the DLO
 _LASTS = 2.5         # s that a motion is looked at after its end
+_FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
 _DOUBT = 2           # looks in a row that disagree: fewer are left to chance
 
 
@@ -255,10 +256,25 @@ class Observing:
         self._swing = swing, time_at
 
     def hole(self, stated: Floats, seen: Floats) -> None:
-        """Take in where the center of a cut-out was seen; see `Observer.see_cutout`."""
+        """Take in where the center of a cut-out was seen; see `Observer.see_cutout`.
+
+        It has no effect where `seeing.cutout` is 0.
+
+        Raises
+        ------
+        InvalidTask
+            It was seen where it cannot be.
+        """
+        seeing = self.seeing
+        if not seeing.cutout:
+            return
+        off = float(np.linalg.norm(seen - stated))
+        most = _FAR * float(np.sqrt(seeing.cutout**2 + seeing.bias**2 + seeing.noise**2))
+        if not off <= most:
+            raise InvalidTask(f'the cut-out was seen {off:.3g} m from where it is stated: expected '
+                              f'{most:.3g} m at most, by observe.cutout = {seeing.cutout:g} m')
         with self._lock:
-            if self.seeing.cutout:
-                self._estimate = self._observer.see_cutout(self._estimate, stated, seen)
+            self._estimate = self._observer.see_cutout(self._estimate, stated, seen)
 
     def gripper(self, stamp: float, pose: Pose) -> None:
         """Take in where the gripper frame was at a stamp (s).
