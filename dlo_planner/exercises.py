@@ -27,8 +27,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.warm_up import warm_up, warm_up_proofs
-from dlo_planner.verify.replay import replay
+from dlo_planner.ros.warm_up import warm_up, warm_up_loop, warm_up_proofs
 from dlo_planner.verify.uncertainty import Uncertainty
 
 _ROD = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))
@@ -65,15 +64,9 @@ def node() -> None:
 
 
 def proofs() -> None:
-    """Do what the process of its proofs may be asked for."""
-    warm_up_proofs(_Here())
-
-
-class _Here:
-    """A Prover without a process."""
-
-    def report(self, **arguments: Any) -> object:
-        return replay(**arguments)
+    """Do what the processes of its proofs and of its closed loop may be asked for."""
+    warm_up_proofs()
+    warm_up_loop()
 
 
 def touching() -> None:

@@ -37,7 +37,8 @@ def planner_here(monkeypatch, context, *arguments, warm_up=lambda: None, **value
         values: of parameters; '__' stands for '.'
     """
     monkeypatch.setattr(planner_node, 'warm_up', warm_up)
-    monkeypatch.setattr(planner_node, 'warm_up_proofs', lambda _: None)
+    for name in ('warm_up_proofs', 'warm_up_loop'):  # of other processes
+        monkeypatch.setattr(planner_node, name, int)
     overrides = [Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]
     node = planner_node.PlannerNode(context=context, parameter_overrides=overrides,
                                     cli_args=['--ros-args', *arguments] if arguments else None)

@@ -27,7 +27,7 @@ KNOWN = {
     'dlo_planner/kernels/linking.py:_get_module_for_linking': 1,
     'dlo_planner/kernels/linking.py:_final_module': 2,
     'dlo_planner/ros/main.py:_exit': 1,
-    'dlo_planner/ros/proving.py:_exit': 1,
+    'dlo_planner/ros/worker.py:_exit': 1,
 }
 
 

@@ -134,7 +134,8 @@ class _Looking:
     def _look(self, image: Image) -> None:
         if not self._observing.due(image.stamp):
             return
-        if image.hole is not None:
-            self._observing.hole(self._cutout.center, image.hole)
-        with suppress(InvalidTask):  # no look at the DLO: it counts as none
+        with suppress(InvalidTask):  # no look at the hole, or at the DLO: it counts as none
+            if image.hole is not None:
+                self._observing.hole(self._cutout.center, image.hole)
+        with suppress(InvalidTask):
             self._observing.look(image.stamp, image.points)

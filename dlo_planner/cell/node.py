@@ -5,8 +5,9 @@
 python -m dlo_planner.cell.node --ros-args -p dlo:='wire 1.5' -p unknown:=much
 
 It follows a planner's `gripper_commands_ahead`, which it takes at their stamps as the controller of
-a robot does, or `gripper_command`. It publishes what a real cell would: the gripper's pose and the
-points of the DLO that its tracker sees. What came of the task is on `~/outcome`.
+a robot does, or `gripper_command`. It publishes what a real cell would: the gripper's pose, the
+points of the DLO that its tracker sees, and with `sees_hole` where that sees the hole. What came of
+the task is on `~/outcome`.
 
 The plant's time is the clock's, from the beginning on: where the machine is late, what is published
 comes late, but nothing else happens than if it were in time. With `clock` the plant's time is on
@@ -80,6 +81,7 @@ _PARAMETERS = {
                  'its camera.'),
     'seed': (0, 'Of what is unknown and of the camera\'s errors.'),
     'damping': (0.005, 'Stated ratio, of the slowest vibration.'),
+    'sees_hole': (False, 'Whether its camera looks at the hole as well.'),
     'clock': (False, 'Whether it publishes its time on /clock, for nodes with use_sim_time.')}
 
 
@@ -111,6 +113,8 @@ class CellNode(Node):
                                                qos_profile_sensor_data)
         self._cloud_out = self.create_publisher(PointCloud2, f'{planner}/observed_points',
                                                 qos_profile_sensor_data)
+        self._hole_out = self.create_publisher(PoseStamped, f'{planner}/observed_cutout',
+                                               _RELIABLE)
         self._shape_out = self.create_publisher(Path, '~/shape', _LATCHED)
         self._cutout_out = self.create_publisher(PoseStamped, '~/cutout', _LATCHED)
         self._clock_out = self.create_publisher(Clock, '/clock', _RELIABLE) if (
@@ -139,6 +143,7 @@ class CellNode(Node):
         sheet = replace(self.task.sheet, friction=disturbances.friction)
         self._plant = Plant(self.task.rod, self.task.start, [sheet], truth=truth, course=course,
                             step=STEP, damping=self._values['damping'] * truth.damping)
+        camera = replace(camera, sees_hole=self._values['sees_hole'])
         self._viewer, self._broken = Viewer(camera, rng), ''
         self._worst: Passage | None = None  # of the largest miss
         self._robot = Robot(self.task.start)
@@ -211,7 +216,11 @@ class CellNode(Node):
         self._pose_out.publish(pose_stamped_msg(plant.measured, _FRAME,
                                                 self._stamped(plant.time)))
         for image in self._viewer.images(plant, self.task.cutout):
-            self._cloud_out.publish(cloud_msg(image.points, _FRAME, self._stamped(image.stamp)))
+            stamp = self._stamped(image.stamp)
+            if image.hole is not None:
+                hole = Pose(image.hole, self.task.cutout.pose.quaternion)
+                self._hole_out.publish(pose_stamped_msg(hole, _FRAME, stamp))
+            self._cloud_out.publish(cloud_msg(image.points, _FRAME, stamp))
 
     @property
     def _next(self) -> float:

@@ -52,6 +52,7 @@ _LASTS = 2.5         # s that a motion is looked at after its end
 _LEAST_SWINGS = 3    # looks from which a swing is told
 _OWN = 4.0           # times the median distance: what is farther off is none of the DLO's points
 _DOUBT, _OF = 2, 8   # looks that disagree, of the last ones: fewer are left to chance
+_FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
 
 
 @dataclass(frozen=True)
@@ -279,10 +280,25 @@ class Observing:
         self._swing = swing, time_at
 
     def hole(self, stated: Floats, seen: Floats) -> None:
-        """Take in where the center of a cut-out was seen; see `Observer.see_cutout`."""
+        """Take in where the center of a cut-out was seen; see `Observer.see_cutout`.
+
+        It has no effect where `seeing.cutout` is 0.
+
+        Raises
+        ------
+        InvalidTask
+            It was seen where it cannot be.
+        """
+        seeing = self.seeing
+        if not seeing.cutout:
+            return
+        off = float(np.linalg.norm(seen - stated))
+        most = _FAR * float(np.sqrt(seeing.cutout**2 + seeing.bias**2 + seeing.noise**2))
+        if not off <= most:
+            raise InvalidTask(f'the cut-out was seen {off:.3g} m from where it is stated: expected '
+                              f'{most:.3g} m at most, by observe.cutout = {seeing.cutout:g} m')
         with self._lock:
-            if self.seeing.cutout:
-                self._estimate = self._observer.see_cutout(self._estimate, stated, seen)
+            self._estimate = self._observer.see_cutout(self._estimate, stated, seen)
 
     def gripper(self, stamp: float, pose: Pose) -> None:
         """Take in where the gripper frame was at a stamp (s).

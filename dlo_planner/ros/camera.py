@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
@@ -26,14 +27,14 @@ from dlo_planner.identify.observing import Observing, Swing, deviation
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.door import named
+from dlo_planner.ros.door import named, pose_in
 from dlo_planner.ros.doubts import bound_of, disagreement, doubts, in_motion, kept_out, unexplained
 from dlo_planner.ros.frames import OneFrame
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.identifying import identified, told
 from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.planning import Made
-from dlo_planner.ros.qos import LATEST
+from dlo_planner.ros.qos import LATEST, REQUEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
 from dlo_planner.view.dlo_items import drawn_radius
@@ -45,7 +46,7 @@ _LONGEST_AGE = 1.0  # s, after which what was seen of the DLO says nothing of it
 
 
 class Camera:
-    """Hears points of the DLO.
+    """Hears points of the DLO, and where its cut-out is seen.
 
     Parameters
     ----------
@@ -73,7 +74,11 @@ class Camera:
         # the plan whose motion is expected, by whom, State.resets
         self._moves_by: tuple[Made | None, Observing | None, int] = None, None, -1
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
+        # center of the cut-out that was seen, as stated; stamp
+        self._hole: tuple[Floats | None, float] = None, -np.inf
         node.create_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST,
+                                 callback_group=seeing)
+        node.create_subscription(PoseStamped, '~/observed_cutout', self._on_cutout, REQUEST,
                                  callback_group=seeing)
         node.create_service(Trigger, '~/identify', self._on_identify, callback_group=identifying)
 
@@ -129,6 +134,29 @@ class Camera:
                 self._correct(state, stamp, observing, estimate)
             else:
                 self._expect(state, observing)
+
+    def _on_cutout(self, msg: PoseStamped) -> None:
+        """Take in where the cut-out of the plan is seen; one that is seen for another begins anew.
+
+        What was seen of the DLO is forgotten with it: the camera's error is one of both.
+        """
+        with self._turn, self._reporter.answering('observed_cutout', told=False):
+            state, stamp = self._store.state, _seconds(msg.header.stamp)
+            seen = pose_in(state.scene, msg, 'observed_cutout', self._frames).position
+            observing, stated = self._observing_of(state), cutout_of(state)
+            if observing is None or stated is None:
+                return
+            if not observing.seeing.cutout:
+                raise Refused(Cause.INVALID_PARAMETER, 'observe.cutout = 0: expected how well the '
+                              'place of the cut-out is known, m, or it has no effect where it is '
+                              'seen')
+            known, when = self._hole
+            if known is not None and (known != stated).any():
+                observing.reset()
+            elif abs(stamp - when) < observing.seeing.period:
+                return
+            self._hole = stated, stamp
+            observing.hole(stated, seen)
 
     def _look(self, observing: Observing, stamp: float, points: Floats) -> Estimate:
         try:
@@ -267,6 +295,15 @@ class Camera:
             outcome.message = told(estimate)
             outcome.values = {name: str(value) for name, value in changed.items()}
         return response
+
+
+def cutout_of(state: State) -> Floats | None:
+    """Return the center of the one cut-out of what is executed or planned, None: there is none."""
+    made = state.running if state.executing else state.made
+    centers = [] if made is None else [one[0] for some in made.plan.via_points for one in some]
+    if not centers or any((center != centers[0]).any() for center in centers):
+        return None
+    return centers[0]
 
 
 def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],

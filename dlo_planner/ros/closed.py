@@ -1,17 +1,18 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A plan is executed in a closed loop: `ThreadingLoop` in real time, its plans in a thread."""
+"""A plan is executed in a closed loop: `ThreadingLoop` in real time, its plans in a process."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from threading import Lock, Thread
 from typing import Any
 
 import numpy as np
 
-from dlo_planner.errors import DloPlannerError
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
@@ -19,12 +20,11 @@ from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.progress import interrupted_by
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.planning import Made
-from dlo_planner.ros.requests import Run
 from dlo_planner.ros.state import Looking, State
 from dlo_planner.ros.store import Store
+from dlo_planner.ros.worker import Worker, persistent
 
 _STANDOFF = 0.05  # of the length, where none is given
 _SAME = 1e-9      # m, and of unit vectors
@@ -53,10 +53,11 @@ def threading_of(made: Made) -> Threading | None:
                      depths, standoff, scene.limits)
 
 
-def closed_loop_of(state: State, observing: Observing | None) -> ClosedLoopDrive | None:
+def closed_loop_of(state: State, observing: Observing | None,
+                   worker: Worker) -> ClosedLoopDrive | None:
     """Return what carries out the plan that was started in a closed loop, or None: it cannot.
 
-    `observing` is of the DLO as stated, None where nobody looks.
+    `observing` is of the DLO as stated, None where nobody looks; `worker` plans.
     """
     made, execution, scene = state.running, state.execution, state.scene
     if observing is None or not observing.seeing.correct or made is None or execution is None:
@@ -69,23 +70,25 @@ def closed_loop_of(state: State, observing: Observing | None) -> ClosedLoopDrive
                          guards=execution.guards, limits=execution.limits,
                          period=execution.period, horizon=execution.horizon,
                          frame_id=execution.frame_id)
-    return ClosedLoopDrive(loop, scene.planning_deadline)
+    return ClosedLoopDrive(loop, worker, scene.planning_deadline)
 
 
 class ClosedLoopDrive:
-    """Ticks a ThreadingLoop, does its work in threads, and keeps the State as it stands.
+    """Ticks a ThreadingLoop, has its work done, and keeps the State as it stands.
 
     Who ends what is executed does so in the State; the next tick tells the loop.
 
     Parameters
     ----------
     loop : ThreadingLoop
+    worker : Worker
+        Does the `work` of it: in this process a plan would hold up the commands.
     deadline : float
         Seconds that one `work` of it may take.
     """
 
-    def __init__(self, loop: ThreadingLoop, deadline: float) -> None:
-        self._loop, self._deadline = loop, deadline
+    def __init__(self, loop: ThreadingLoop, worker: Worker, deadline: float) -> None:
+        self._loop, self._worker, self._deadline = loop, worker, deadline
         self._lock = Lock()  # around the loop
         self._known: Execution | None = None  # what the State was told
         self._last: Execution | None = None   # of the loop, whose command went out
@@ -148,17 +151,17 @@ class ClosedLoopDrive:
         return execution
 
     def _compute(self, work: Callable[[], Any]) -> None:
-        run = Run(self._deadline)
-
-        def check() -> None:
-            if self._loop.work is not work:
-                raise Refused(Cause.PLANNING_CANCELED, 'it is not wanted any more')
-            run.check()
+        def wanted() -> bool:
+            return self._loop.work is work
 
         try:
-            with interrupted_by(check):
-                result = work()
+            result = persistent(partial(self._worker.result, work, wanted, self._deadline))
+        except DeadlineExceeded as error:
+            result = Refused(Cause.PLANNING_DEADLINE, f'no plan was found in {error.elapsed:.3g} s:'
+                             ' expected threading.planning_deadline = '
+                             f'{error.seconds:g} s at most')
         except Exception as error:  # whatever it is, the loop has to end by it
             result = error
-        with self._lock:
-            self._loop.finish(work, result)
+        if result is not None:  # it is still wanted
+            with self._lock:
+                self._loop.finish(work, result)

@@ -28,6 +28,7 @@ from dlo_planner.ros.planning import Made
 from dlo_planner.ros.qos import LATCHED, LATEST, REQUEST
 from dlo_planner.ros.requests import Planning
 from dlo_planner.ros.state import Looking, State
+from dlo_planner.ros.worker import Worker
 from msg_helpers.diagnostics import OK, WARN, status_msg
 from msg_helpers.markers import command_markers
 from msg_helpers.paths import plan_path
@@ -50,6 +51,8 @@ class Drive:
         Planning, which `cancel` ends as well.
     observing : callable
         Takes a Time, returns the Observing of the DLO if it was looked at shortly before; or None.
+    worker : Worker
+        Plans for a closed loop.
     clock : object
         Steady Clock.
     moving, canceling : object
@@ -57,12 +60,12 @@ class Drive:
     """
 
     def __init__(self, node: Gate, parts: Parts, planning: Planning,
-                 observing: Callable[[Time], Observing | None], clock: Any, moving: Any,
-                 canceling: Any) -> None:
+                 observing: Callable[[Time], Observing | None], worker: Worker, clock: Any,
+                 moving: Any, canceling: Any) -> None:
         self._node, self._store, self._planning = node, parts.store, planning
         self._reporter, self._health = parts.reporter, parts.health
         self._picture = parts.picture
-        self._observing = observing
+        self._observing, self._worker = observing, worker
         self._loop: ClosedLoopDrive | None = None  # that carries out what is executed
         # of the request; when ~/execution was published, and of which phase
         self._stamp, self._told, self._told_of = None, -1.0, ''
@@ -116,7 +119,7 @@ class Drive:
 
             def started(now: State) -> State:
                 now = now.started(monotonic(), wanted)
-                loops[:] = [closed_loop_of(now, observing)]
+                loops[:] = [closed_loop_of(now, observing, self._worker)]
                 return now if loops[0] is None else loops[0].begun(now)
 
             state = self._store.change(started)

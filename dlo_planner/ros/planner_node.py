@@ -32,7 +32,6 @@ from dlo_planner.ros.managed import ManagedNode
 from dlo_planner.ros.parameters import as_declared, declare
 from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import Picture
-from dlo_planner.ros.proving import Prover
 from dlo_planner.ros.qos import LATCHED, REQUEST
 from dlo_planner.ros.reporter import Reporter
 from dlo_planner.ros.requests import Planning
@@ -41,7 +40,8 @@ from dlo_planner.ros.state import State
 from dlo_planner.ros.store import Store
 from dlo_planner.ros.surroundings import Surroundings
 from dlo_planner.ros.verification import Verification
-from dlo_planner.ros.warm_up import warm_up, warm_up_corrections, warm_up_proofs
+from dlo_planner.ros.warm_up import warm_up, warm_up_corrections, warm_up_loop, warm_up_proofs
+from dlo_planner.ros.worker import Worker
 from dlo_planner.settings.entries import ENTRIES
 from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
@@ -76,7 +76,8 @@ class PlannerNode(ManagedNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._gate: Any = None   # a Gate and Parts, while the node is configured
         self._parts: Any = None
-        self._prover = Prover()
+        self._prover = Worker('proves plans')
+        self._looping = Worker('plans in a closed loop')
         self._health_out = self.create_publisher(DiagnosticArray, '/diagnostics', REQUEST)
         period = self.get_parameter('diagnostics_period').value
         try:
@@ -88,8 +89,12 @@ class PlannerNode(ManagedNode):
             if self.get_parameter('autostart').value:
                 self.start_up()
         except BaseException:
-            self._prover.close()
+            self._end_workers()
             raise
+
+    def _end_workers(self) -> None:
+        for worker in (self._prover, self._looping):
+            worker.close()
 
     def _values(self) -> dict[str, Any]:
         return {name: self.get_parameter(name).value for name in ENTRIES}
@@ -99,13 +104,14 @@ class PlannerNode(ManagedNode):
                                'installation and this is the first start)')
         started = monotonic()
         warm_up()
-        # only what comes before this is ready waits for it; proofs have a process of their own
+        # only what comes before this is ready waits for it; proofs and the loop have processes
         Thread(target=self._warm_up_rest, daemon=True).start()
         self.get_logger().info(f'the solver is loaded, after {monotonic() - started:.1f} s')
 
     def _warm_up_rest(self) -> None:
-        with suppress(DloPlannerError):  # the process is started again for the first plan
-            warm_up_proofs(self._prover)
+        with suppress(DloPlannerError):  # a process is started again for the first plan
+            self._prover.result(warm_up_proofs)
+            self._looping.result(warm_up_loop)
         warm_up_corrections()
 
     # ---- lifecycle ------------------------------------------------------------------------------
@@ -128,8 +134,8 @@ class PlannerNode(ManagedNode):
         arm = ArmOutput(gate)
         arm.subscribe(hearing)
         self._verification = Verification(gate, parts, self._prover, arm, self._steady, proving)
-        self._drive = Drive(gate, parts, self._planning, self._camera.observing, self._steady,
-                            moving, canceling)
+        self._drive = Drive(gate, parts, self._planning, self._camera.observing, self._looping,
+                            self._steady, moving, canceling)
         gate.create_timer(_PICTURE, self._show_picture, clock=self._steady,
                           callback_group=drawing)
         self._gate, self._parts, self._store, self._health = gate, parts, store, health
@@ -166,8 +172,8 @@ class PlannerNode(ManagedNode):
         self._gate = self._parts = None
 
     def destroy_node(self) -> None:
-        """End the process that proves plans, and the thread that predicts shapes, as well."""
-        self._prover.close()
+        """End the processes that plan and prove, and the thread that predicts shapes, as well."""
+        self._end_workers()
         self.clean_up()
         super().destroy_node()
 

@@ -3,21 +3,19 @@
 """The proof of a plan, step by step: slowly, which is known quickly, then as it is executed."""
 
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.execute.causes import Cause
 from dlo_planner.plan.plan import Plan
-from dlo_planner.ros.proving import ProcessLost
 from dlo_planner.ros.scene import Scene
+from dlo_planner.ros.worker import ATTEMPTS, ProcessLost, persistent
 from dlo_planner.verify.report import ValidationReport
 
 DONE = ('held', 'refused')  # states of a proof that has no step left
 _CHECKED = 'the plan is still being checked: ask again'
-_ATTEMPTS = 4  # at a step whose process ends: the first one, and three more
 _MOVED = 'the motion along the plan is still being made and checked: ask again'
 
 
@@ -80,13 +78,13 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
     known = None
     for step in (slowly, moving):
         try:
-            report = _persistent(replayed, step)
+            report = persistent(partial(replayed, **step))
         except DeadlineExceeded:
             yield Proof(plan, known, 'no calm motion was found in threading.deadline = '
                         f'{scene.deadline:g} s of computing', True, Cause.PROOF_DEADLINE)
             return
         except ProcessLost as error:
-            yield Proof(plan, known, f'tried {_ATTEMPTS} times: {error}', True,
+            yield Proof(plan, known, f'tried {ATTEMPTS} times: {error}', True,
                         Cause.PROOF_PROCESS)
             return
         except Exception as error:  # whatever it is: the plan must not wait for ever
@@ -104,15 +102,6 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
                         Cause.NOT_CALM if report.reason else Cause.DONE)
         else:
             yield Proof(plan, report, _MOVED)
-
-
-def _persistent(replayed: Callable[..., ValidationReport | None],
-                arguments: Any) -> ValidationReport | None:
-    """Return the ValidationReport of `replayed`, after some attempts if its process ends."""
-    for _ in range(_ATTEMPTS - 1):
-        with suppress(ProcessLost):
-            return replayed(**arguments)
-    return replayed(**arguments)
 
 
 def _lost(report: ValidationReport) -> str:

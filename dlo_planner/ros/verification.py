@@ -15,9 +15,10 @@ from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.planning import Made
 from dlo_planner.ros.proof import Proof, proofs
-from dlo_planner.ros.proving import Prover
 from dlo_planner.ros.qos import LATCHED
 from dlo_planner.ros.state import State
+from dlo_planner.ros.worker import Worker
+from dlo_planner.verify.replay import replay
 from dlo_planner.verify.report import ValidationReport
 from msg_helpers.trajectories import timed_trajectory
 
@@ -33,7 +34,8 @@ class Verification:
     node : Gate
         Rclpy Node.
     parts : Parts
-    prover : Prover
+    worker : Worker
+        Computes the proofs.
     arm : ArmOutput
         ArmOutput, which gets what is proved.
     clock : object
@@ -42,11 +44,11 @@ class Verification:
         Callback group.
     """
 
-    def __init__(self, node: Gate, parts: Parts, prover: Prover, arm: ArmOutput, clock: Any,
+    def __init__(self, node: Gate, parts: Parts, worker: Worker, arm: ArmOutput, clock: Any,
                  group: Any) -> None:
         self._arm = arm
         self._store, self._health, self._reporter = parts.store, parts.health, parts.reporter
-        self._prover = prover
+        self._worker = worker
         self._begun: Made | None = None  # whose proof has begun
         self._out = node.create_publisher(MultiDOFJointTrajectory, '~/gripper_trajectory_timed',
                                           LATCHED)
@@ -62,7 +64,10 @@ class Verification:
             def wanted() -> bool:
                 return self._store.state.made is made
 
-            replayed = partial(self._prover.report, wanted)
+            def replayed(**arguments: Any) -> ValidationReport | None:
+                return self._worker.result(partial(replay, **arguments), wanted,
+                                           patience=arguments.get('deadline') or 0.0)
+
             for proof in proofs(replayed, made.scene, made.plan, made.before):
                 state = self._store.change(partial(_proved, proof))
                 if state.proof is not proof:

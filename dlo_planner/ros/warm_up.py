@@ -3,12 +3,19 @@
 """Loading the compiled kernels, or compiling them where that was not done at installation.
 
 Everything that the node may be asked for is done once on a small DLO, so that no request waits for
-a compiler; proofs, which have a process of their own, are done there.
+a compiler; what has a process of its own (`ros.worker`) is done there.
 """
 
-from typing import Any, Protocol
+import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.execute.threading_loop import (
+    Threading,
+    aimed_anew,
+    way_back,
+    way_in,
+    way_to_standoff,
+)
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
@@ -19,16 +26,10 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
+from dlo_planner.verify.replay import replay
 from dlo_planner.verify.uncertainty import Uncertainty
 
 _ROD = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
-
-
-class Proves(Protocol):
-    """What answers as a `ros.proving.Prover` does."""
-
-    def report(self, **arguments: Any) -> object:
-        """Return the ValidationReport of `replay(**arguments)`."""
 
 
 def warm_up() -> None:
@@ -52,12 +53,12 @@ def warm_up() -> None:
     DirectSimulator(yielding, n_elements=16, n_terms=4).solve(level)
 
 
-def warm_up_proofs(prover: Proves) -> None:
-    """Have a Prover start its process and use every kernel that a proof may need."""
+def warm_up_proofs() -> None:
+    """Use every kernel that a proof may need."""
     for basis in ('local', 'chebyshev'):
         direct = DirectSimulator(_ROD, basis=basis, n_elements=16, n_terms=4)
         plan = InverseSimulator(direct).thread(_hole(0.0), depths=[0.0, 0.1])
-        prover.report(simulator=direct, plan=plan, limits=Limits())
+        replay(direct, plan, limits=Limits())
 
 
 def warm_up_corrections() -> None:
@@ -70,6 +71,23 @@ def warm_up_corrections() -> None:
         estimate = observer.update(observer.begin(), Observation(seen.gripper, seen.positions))
         correct(estimate, plan)
         plan.shapes[-1].modes(1)  # of which the windows of a correction are made
+
+
+def warm_up_loop() -> None:
+    """Use the kernels that a plan of a closed loop may need, or a correction."""
+    direct = DirectSimulator(_ROD, n_elements=16, n_terms=4)
+    task = Threading(InverseSimulator(direct), _hole(0.0), np.array([0.0, 0.1]), 0.1)
+    here = Pose((-1.2, 0, 0), (0, 0, 0, 1))
+    observer = Observer(direct, Uncertainty(0.05, 0.05, 0.05, natural_curvature=0.1))
+    estimate = observer.update(observer.begin(), Observation(here, direct.solve(here).positions))
+    way_to_standoff(task, estimate, here)
+    entry = way_in(task, estimate, here, np.inf, 0.5)
+    assert entry.motion is not None  # any bound will do
+    way = entry.motion.steered
+    aimed_anew(task, estimate, entry.commanded, way, 0.0,
+               way.reached(entry.whole.times[-len(entry.commanded):]), None, np.inf, 0.5)
+    way_back(task, estimate, way.poses(way.duration * np.array([0.1, 0.05, 0.0])),
+             entry.whole.shapes[0])
 
 
 def _hole(x: float) -> CutOut:

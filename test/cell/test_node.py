@@ -41,12 +41,15 @@ class World:
         rclpy.init(context=self.context, domain_id=domain)
         self.cell = CellNode(context=self.context, parameter_overrides=[
             Parameter(name, value=value) for name, value in {
-                'task': 2, 'dlo': 'hose', 'radius': 0.02, 'planner': '/planner'}.items()])
+                'task': 2, 'dlo': 'hose', 'radius': 0.02, 'planner': '/planner',
+                'sees_hole': True}.items()])
         self.planner = Node('planner', context=self.context)
-        self.heard = {name: queue.Queue() for name in ('pose', 'cloud', 'outcome', 'cutout')}
+        self.heard = {name: queue.Queue()
+                      for name in ('pose', 'cloud', 'hole', 'outcome', 'cutout')}
         for kind, name, topic, qos in (
                 (PoseStamped, 'pose', '/planner/gripper_pose', qos_profile_sensor_data),
                 (PointCloud2, 'cloud', '/planner/observed_points', qos_profile_sensor_data),
+                (PoseStamped, 'hole', '/planner/observed_cutout', _RELIABLE),
                 (DiagnosticStatus, 'outcome', '/dlo_cell/outcome', _LATCHED),
                 (PoseStamped, 'cutout', '/dlo_cell/cutout', _LATCHED)):
             self.planner.create_subscription(kind, topic, self.heard[name].put, qos)
@@ -109,6 +112,17 @@ def test_clouds_are_late_and_stamped_when_they_were_taken(world):
         ages.append(now - msg.header.stamp.sec * 10**9 - msg.header.stamp.nanosec)
     # a plant that is late catches up, so single images are younger than the camera's latency
     assert 0.05e9 < np.median(ages) < 5e9
+
+
+def test_the_hole_is_seen_with_each_cloud(world):
+    seen = []
+    for _ in range(5):
+        seen.append(at(world.newest('hole')))
+        stamps = [world.newest(name).header.stamp for name in ('hole', 'cloud')]
+        assert abs(stamps[0].sec - stamps[1].sec) <= 1
+    off = np.array([one.position for one in seen]) - TASK.cutout.center
+    assert 1e-4 < np.abs(off).max() < 6e-3  # 1 mm of noise
+    np.testing.assert_allclose(seen[0].quaternion, TASK.cutout.pose.quaternion, atol=1e-9)
 
 
 def test_it_follows_its_commands_smoothly_and_starts_again(world):

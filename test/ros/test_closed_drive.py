@@ -24,6 +24,7 @@ from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.state import State
 from dlo_planner.ros.store import Store
+from dlo_planner.ros.worker import Worker
 
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
@@ -41,6 +42,14 @@ LONGEST = 60.0  # s
 
 
 @pytest.fixture(scope='module')
+def worker():
+    """Return the process that plans."""
+    made = Worker('plans')
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope='module')
 def proved():
     """Return a State whose plan is proved, with a gripper at its beginning."""
     state = State(build_scene(VALUES), VALUES)
@@ -54,13 +63,13 @@ def proved():
 class Cell:
     """A robot that follows at once, and a camera, in simulated time."""
 
-    def __init__(self, state):
+    def __init__(self, state, worker):
         self.rng = np.random.default_rng(8)
         self.truth = Truth.drawn(self.rng, WIRE, SPREAD)
         self.observing = Observing(state.scene.direct, state.scene.seeing)
         self.here, self.time, self.sent, self.phases = START, 0.0, [], []
         started = state.started(0.0)
-        self.drive = closed_loop_of(started, self.observing)
+        self.drive = closed_loop_of(started, self.observing, worker)
         self.store, self.health = Store(self.drive.begun(started)), Health()
 
     @property
@@ -77,7 +86,7 @@ class Cell:
             points = shape.positions_at(np.linspace(0, 1, 20) * shape.s[-1])
             self.observing.look(self.time, points + 3e-4 * self.rng.standard_normal((20, 3)))
         execution = self.drive.tick(self.store, self.health, self.time, self.time)
-        while self.drive._loop.work is not None:  # in a thread
+        while self.drive._loop.work is not None:  # in another process
             time.sleep(2e-3)
         self.sent.append(execution.sending)
         if execution.sending is not None:
@@ -106,8 +115,8 @@ def ended(execution):
     return not execution.active
 
 
-def test_it_looks_goes_looks_again_and_threads_within_its_limits(proved):
-    cell = Cell(proved)
+def test_it_looks_goes_looks_again_and_threads_within_its_limits(proved, worker):
+    cell = Cell(proved, worker)
     assert cell.state.executing and cell.state.execution.phase == 'waiting'
     execution = cell.until(ended)
     assert (execution.phase, execution.cause) == ('succeeded', Cause.DONE), execution.reason
@@ -123,8 +132,8 @@ def test_it_looks_goes_looks_again_and_threads_within_its_limits(proved):
     assert cell.state.made is proved.made  # it was executed to its end
 
 
-def test_while_it_waits_nothing_is_sent_and_cancel_ends_it_there(proved):
-    cell = Cell(proved)
+def test_while_it_waits_nothing_is_sent_and_cancel_ends_it_there(proved, worker):
+    cell = Cell(proved, worker)
     for _ in range(20):
         assert cell.step().sending is None
     cell.store.change(State.canceled)
@@ -134,8 +143,8 @@ def test_while_it_waits_nothing_is_sent_and_cancel_ends_it_there(proved):
     assert not execution.ends_at_once
 
 
-def test_a_motion_that_is_stopped_from_outside_comes_to_rest(proved):
-    cell = Cell(proved)
+def test_a_motion_that_is_stopped_from_outside_comes_to_rest(proved, worker):
+    cell = Cell(proved, worker)
     cell.until(lambda execution: execution.phase == 'running' and execution.done > 0.4)
     cell.store.change(lambda now: now.stopped(Cause.OBSTACLES_CHANGED, 'a ball'))
     cell.store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED, 'a ball in the way'))
@@ -147,8 +156,8 @@ def test_a_motion_that_is_stopped_from_outside_comes_to_rest(proved):
     assert cell.part() < 1.001 and cell.state.made is None
 
 
-def test_a_correction_that_fails_lets_the_motion_come_to_rest(proved):
-    cell = Cell(proved)
+def test_a_correction_that_fails_lets_the_motion_come_to_rest(proved, worker):
+    cell = Cell(proved, worker)
     cell.until(lambda execution: execution.phase == 'running' and execution.done > 0.4)
     cell.drive._loop._done = NotConverged('no shape')
     execution = cell.until(ended)
@@ -156,9 +165,9 @@ def test_a_correction_that_fails_lets_the_motion_come_to_rest(proved):
     assert cell.part() < 1.001
 
 
-def slipping(proved):
+def slipping(proved, worker):
     """Return a Cell in which the DLO has slipped on the way, at the tick that heard of it."""
-    cell = Cell(proved)
+    cell = Cell(proved, worker)
     cell.until(lambda execution: execution.phase == 'running' and execution.done > 0.3)
     slip = Pose((-8e-3, 0, 0), Rotation.from_rotvec((0, 0.05, 0)).as_quat())
     cell.truth = replace(cell.truth, offset=cell.truth.offset.compose(slip))
@@ -167,8 +176,8 @@ def slipping(proved):
     return cell
 
 
-def test_where_the_dlo_slips_it_looks_and_tries_again(proved):
-    cell = slipping(proved)
+def test_where_the_dlo_slips_it_looks_and_tries_again(proved, worker):
+    cell = slipping(proved, worker)
     assert cell.state.execution.phase == 'waiting'  # it comes to rest, and goes on
     assert cell.state.made is proved.made
     execution = cell.until(ended)
@@ -176,8 +185,8 @@ def test_where_the_dlo_slips_it_looks_and_tries_again(proved):
     assert cell.part() < 1.001
 
 
-def test_what_is_canceled_on_the_way_back_comes_to_rest(proved):
-    cell = slipping(proved)
+def test_what_is_canceled_on_the_way_back_comes_to_rest(proved, worker):
+    cell = slipping(proved, worker)
     cell.step()
     cell.store.change(State.canceled)
     execution = cell.step()
@@ -187,26 +196,27 @@ def test_what_is_canceled_on_the_way_back_comes_to_rest(proved):
     assert cell.part() < 1.001 and cell.state.made is None
 
 
-def test_what_is_barred_ends_a_motion(proved):
+def test_what_is_barred_ends_a_motion(proved, worker):
     guards = replace(proved.scene.guards, enable_timeout=1.0)
     scene = replace(proved.scene, guards=guards)
     state = replace(proved, scene=scene).allowing(Enabled(True, 0.0))
-    cell = Cell(state)  # it was allowed once, and hears no more of it
+    cell = Cell(state, worker)  # it was allowed once, and hears no more of it
     execution = cell.until(ended)
     assert (execution.phase, execution.cause) == ('stopped', Cause.NOT_ENABLED)
 
 
-def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(proved):
+def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(proved, worker):
     started = proved.started(0.0)
     scene = started.scene
     observing = Observing(scene.direct, scene.seeing)
-    assert closed_loop_of(started, None) is None
+    assert closed_loop_of(started, None, worker) is None
     blind = Observing(scene.direct, replace(scene.seeing, correct=False))
-    assert closed_loop_of(started, blind) is None
+    assert closed_loop_of(started, blind, worker) is None
     made = started.running
     for narrow in (None, 0.5e-3):
         other = replace(made, scene=replace(scene, cutout_radius=narrow))
-        assert closed_loop_of(replace(started, running=other), observing) is None
+        assert closed_loop_of(replace(started, running=other), observing,
+                              worker) is None
     two = tuple((*passes, (np.ones(3), *passes[0][1:])) if passes else passes
                 for passes in made.plan.via_points)
     assert threading_of(replace(made, plan=replace(made.plan, via_points=two))) is None

@@ -7,6 +7,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from closed_loops import Truth
+from geometry_msgs.msg import PoseStamped
 from node_inside import Alive, served_node, state
 from planner_process import PATIENCE, ROOM, connected_client, drain, until
 from rclpy.exceptions import InvalidHandle
@@ -16,8 +17,9 @@ from dlo_planner import CutOut, Pose, Rod, Uncertainty
 from dlo_planner.execute.causes import Cause
 from dlo_planner.identify.predicted_miss import crossing
 from dlo_planner.ros.follower import Follower
-from dlo_planner.ros.qos import LATEST
+from dlo_planner.ros.qos import LATEST, REQUEST
 from msg_helpers.clouds import cloud_msg
+from msg_helpers.poses import pose_stamped_msg
 
 # short and stiff: it is threaded within seconds
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
@@ -154,6 +156,36 @@ def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker,
     missed = [np.linalg.norm(crossing(truth.shape(gripper), center, normal, s)[0])
               for gripper in (plan.grippers[-1], robot._pose)]
     assert missed[1] < 1e-3 < 0.5 * missed[0]
+
+
+def test_a_cutout_that_is_seen_counts_for_the_plan_through_it(client, node, tracker, restored):
+    out = client.node.create_publisher(PoseStamped, '/dlo_planner/observed_cutout', REQUEST)
+    off = np.array([0.0, 2e-3, 1e-3])
+
+    def seen(off):
+        stamp = client.node.get_clock().now().to_msg()
+        out.publish(pose_stamped_msg(Pose(HOLE.center + off, (0, 0, 0, 1)), 'world', stamp))
+
+    def shift():
+        seen(off)
+        estimate = node._camera._observing_of(state(node)).estimate
+        return estimate.moved_cutout(HOLE).center - HOLE.center
+
+    try:
+        assert until(out.get_subscription_count)
+        client.plan_threading(START, HOLE.pose)
+        assert until(lambda: seen(off) or 'observe.cutout = 0' in values(client)['last error'])
+        assert not np.any(shift())
+        client.set_parameters(observe__cutout=2e-3)
+        assert until(lambda: np.allclose(shift(), off, atol=1e-4))
+        assert until(lambda: seen(50 * off) or 'the cut-out was seen 0.112 m from'
+                     in values(client)['last error'])
+        assert np.allclose(shift(), off, atol=1e-4)
+        other = Pose(HOLE.center + (0, 0, 5e-3), HOLE.pose.quaternion)
+        client.plan_threading(START, other)  # what is seen now is off by as much from that
+        assert until(lambda: np.allclose(shift(), off - (0, 0, 5e-3), atol=1e-4))
+    finally:
+        client.node.destroy_publisher(out)
 
 
 def test_clouds_that_make_no_sense_are_refused_and_named(client, node, robot, truth):

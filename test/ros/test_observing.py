@@ -9,6 +9,7 @@ import pytest
 from closed_loops import DEPTHS, NOISE, SPREAD, START, WIRE, Truth, plan_of
 
 from dlo_planner import (
+    CutOut,
     DirectSimulator,
     InvalidTask,
     Limits,
@@ -256,3 +257,24 @@ def test_bias_and_cutout_are_uncertain_as_stated():
     deviations = observing(seeing=replace(SEEING, bias=4e-3, cutout=3e-3)).estimate.deviations
     assert [deviations[f'{name}[{k}]'] for name in ('camera', 'cutout') for k in range(3)] == (
         [pytest.approx(4e-3)] * 3 + [pytest.approx(3e-3)] * 3)
+
+
+def test_a_cutout_that_is_seen_is_where_it_is_seen_and_no_farther_than_it_may_be():
+    out = observing(seeing=replace(SEEING, cutout=2e-3, bias=1e-3))
+    stated, off = np.array([0.4, 0.0, 1.0]), np.array([1e-3, -2e-3, 5e-4])
+    for _ in range(50):
+        out.hole(stated, stated + off)
+    hole = CutOut(Pose.looking_along(stated, (1, 0, 0)), radius=5e-3)
+    moved = out.estimate.moved_cutout(hole).center - stated
+    np.testing.assert_allclose(moved + out.estimate.camera_bias, off, rtol=0.01)
+    before = out.estimate
+    far = 6 * np.sqrt(2e-3**2 + 1e-3**2 + NOISE**2)
+    with pytest.raises(InvalidTask, match=r'from where it is stated: expected 0\.0147 m at most'):
+        out.hole(stated, stated + (0, 0, 1.01 * far))
+    assert out.estimate is before
+    out.hole(stated, stated + (0, 0, 0.99 * far))
+    assert out.estimate is not before
+    known = observing()
+    before = known.estimate
+    known.hole(stated, stated + off)  # nothing of it is uncertain
+    assert known.estimate is before

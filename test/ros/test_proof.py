@@ -11,8 +11,8 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.planning import make_plan
 from dlo_planner.ros.proof import proofs
-from dlo_planner.ros.proving import ProcessLost
 from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.worker import ProcessLost
 
 VALUES = {**{name: entry.default for name, entry in ENTRIES.items()},
           'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'threading.deepest': 0.3}

@@ -35,8 +35,8 @@ made = main._planner
 def make():
     from dlo_planner.ros import planner_node
     planner_node.warm_up = lambda: None
-    planner_node.warm_up_proofs = lambda _: None
-    subprocess.run([sys.executable, '-c', 'import dlo_planner.ros.proving'], check=True)
+    planner_node.warm_up_proofs = planner_node.warm_up_loop = int
+    subprocess.run([sys.executable, '-c', 'import dlo_planner.ros.worker'], check=True)
     node, executor = made()
     print(node.lifecycle_state, os.getuid(), flush=True)
     os.kill(os.getpid(), signal.SIGTERM)

@@ -44,6 +44,7 @@ TOPICS = {
     '~/obstacles': (MarkerArray, REQUEST, Odd.markers),
     '~/enable': (Bool, qos_profile_sensor_data, lambda odd, faults: Bool(
         data=odd.one_of((True, False)))),
+    '~/observed_cutout': (PoseStamped, REQUEST, Odd.pose_stamped),
     '~/observed_points': (PointCloud2, qos_profile_sensor_data, Odd.cloud),
     'joint_states': (JointState, qos_profile_sensor_data, Odd.joint_state),
     'robot_description': (String, LATCHED, Odd.text),

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The process that proves plans ends with its node, whatever it computes."""
+"""A process of the node ends with it, whatever it computes."""
 
 import os
 import subprocess
@@ -10,10 +10,10 @@ from pathlib import Path
 
 from planner_process import PATIENCE, ROOT
 
-# What proves, and computes for a minute; and a node that is killed as soon as that has begun.
+# What computes for a minute; and a node that is killed as soon as that has begun.
 CHILD = """
 import os, threading, time
-from dlo_planner.ros.proving import _end_with
+from dlo_planner.ros.worker import _end_with
 threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
 print(os.getpid(), flush=True)
 time.sleep(60)

@@ -1,0 +1,225 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What takes long is computed in a process of its own: shapes and commands never wait for it.
+
+Messages are pickles on the pipes of the process: a deadline and a call in, its result or its error
+out. It ends with its input, so it never outlives the node.
+"""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from select import select
+from subprocess import Popen
+from threading import Lock, Thread
+from time import monotonic, sleep
+from typing import Any, TypeVar
+
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError
+from dlo_planner.progress import interrupted_by
+
+T = TypeVar('T')
+
+ATTEMPTS = 4     # at what a process has to compute that ends: the first one, and three more
+_LOOK = 0.05     # s between looks whether an answer is still wanted
+_WATCH = 0.5     # s between looks whether the node still runs
+_PATIENCE = 120.0  # s beyond the deadline that was given, after which the process counts as lost
+_YIELDING = 2.0  # s in which it may leave what is not wanted any more, before it is ended
+
+
+class ProcessLost(DloPlannerError):
+    """The process ended, or does not answer; another one can be started."""
+
+
+class _NotWanted(Exception):
+    """Nobody waits for the result any more."""
+
+
+class Worker:
+    """Starts the process when it is first needed, and again if it has died.
+
+    Parameters
+    ----------
+    does : str
+        What it does, for messages: 'proves plans'.
+    """
+
+    def __init__(self, does: str) -> None:
+        self._does, self._lock, self._asking = does, Lock(), Lock()
+        self._process: Popen[bytes] | None = None
+        self._closed = False
+
+    def result(self, call: Callable[[], T], wanted: Callable[[], bool] = lambda: True,
+               deadline: float | None = None, patience: float = 0.0) -> T | None:
+        """Return what `call()` does there; blocks, but not the interpreter.
+
+        None if the Worker is closed meanwhile, or the result is not `wanted()` any more: the
+        computation ends between two of its steps, as by a deadline, and the process stays. Another
+        call waits until the one before is answered.
+
+        Parameters
+        ----------
+        call : callable
+            A function of a module, or a `partial` of one, with arguments and a result that pickle.
+        wanted : callable, optional
+            Asked all the time.
+        deadline : float, optional
+            Seconds of computing, after which the next step of it raises DeadlineExceeded. If None,
+            there is no limit but those of its own.
+        patience : float, optional
+            Seconds that it may take by a limit of its own.
+
+        Raises
+        ------
+        DloPlannerError
+            The call raised it.
+        ProcessLost
+            The process ended, or it is long past the deadline.
+        """
+        while not self._asking.acquire(timeout=_LOOK):
+            if not wanted():
+                return None
+        try:
+            return self._answer(call, wanted, deadline, (deadline or 0.0) + patience)
+        finally:
+            self._asking.release()
+
+    def _answer(self, call: Callable[[], T], wanted: Callable[[], bool], deadline: float | None,
+                patience: float) -> T | None:
+        process = self._running()
+        if process is None or process.stdin is None or process.stdout is None:
+            return None
+        end, unwanted = monotonic() + _PATIENCE + patience, False
+        try:
+            pickle.dump((deadline, call), process.stdin, pickle.HIGHEST_PROTOCOL)
+            process.stdin.flush()
+            while not select([process.stdout], [], [], _LOOK)[0]:
+                if not unwanted and not wanted():
+                    process.send_signal(signal.SIGINT)
+                    unwanted, end = True, monotonic() + _YIELDING
+                if monotonic() > end:
+                    self._end(process)
+                    if unwanted:
+                        return None
+                    raise ProcessLost(f'the process that {self._does} does not answer')
+            result: T | None
+            result, error = pickle.load(process.stdout)
+        except (OSError, EOFError, pickle.UnpicklingError) as lost:
+            self._end(process)
+            if self._closed or unwanted:
+                return None
+            raise ProcessLost(f'the process that {self._does} has ended, status '
+                              f'{process.returncode}: {lost}') from None
+        if unwanted:
+            return None
+        if error is not None:
+            raise error
+        return result
+
+    def _running(self) -> Popen[bytes] | None:
+        with self._lock:
+            if self._closed:
+                return None
+            if self._process is None or self._process.poll() is not None:
+                # a session of its own: an interrupt from the keyboard is the node's business
+                self._process = subprocess.Popen(
+                    [sys.executable, '-m', __name__], stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE, start_new_session=True,
+                    env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path)),
+                         'OMP_NUM_THREADS': '1'})  # the other cores are the node's
+            return self._process
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        with self._lock:
+            self._closed = True
+        if self._process is not None:
+            self._end(self._process)
+
+    def _end(self, process: Popen[bytes]) -> None:
+        process.kill()
+        process.wait()
+
+
+def persistent(attempt: Callable[[], T]) -> T:
+    """Return what `attempt()` does, after some attempts if its process ends."""
+    for _ in range(ATTEMPTS - 1):
+        with suppress(ProcessLost):
+            return attempt()
+    return attempt()
+
+
+class _Calls:
+    """Computes one call after another; a signal says that the present one is not wanted."""
+
+    def __init__(self) -> None:
+        self._unwanted = False
+
+    def interrupt(self, *_: object) -> None:
+        """Let the present call end between two of its steps."""
+        self._unwanted = True
+
+    def answer(self, deadline: float | None, call: Callable[[], object]) -> tuple[object, object]:
+        """Return the result of a call and None, or None and its error."""
+        begun = monotonic()
+
+        def check() -> None:
+            passed = monotonic() - begun
+            if self._unwanted:
+                raise _NotWanted
+            if deadline is not None and passed > deadline:
+                raise DeadlineExceeded(f'deadline = {deadline:g} s: not finished after '
+                                       f'{passed:.3g} s', deadline, passed)
+
+        self._unwanted = False
+        try:
+            with interrupted_by(check):
+                return call(), None
+        except _NotWanted:
+            return None, None
+        except DloPlannerError as error:
+            return None, error
+        except Exception as error:  # it has to be answered in any case
+            return None, DloPlannerError(f'{type(error).__name__}: {error}')
+
+
+def main() -> None:
+    """Answer until the input ends, or the process that asks."""
+    calls = _Calls()
+    signal.signal(signal.SIGINT, calls.interrupt)
+    Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), 'wb')
+    sys.stdout = sys.stderr  # whatever is printed must not get among the answers
+    while True:
+        try:
+            deadline, call = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        try:
+            answers.write(_pickled(calls.answer(deadline, call)))
+            answers.flush()
+        except BrokenPipeError:  # nobody is there to read it
+            return
+
+
+def _pickled(answer: Any) -> bytes:
+    try:
+        return pickle.dumps(answer, pickle.HIGHEST_PROTOCOL)
+    except Exception as error:
+        return pickle.dumps((None, DloPlannerError(
+            f'the answer cannot be sent: {type(error).__name__}: {error}')))
+
+
+def _end_with(parent: int) -> None:
+    """End when the parent has ended, whatever is computed: nobody waits for it any more."""
+    while os.getppid() == parent:
+        sleep(_WATCH)
+    os._exit(0)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,151 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The process that computes for the node: the same as here, errors told, ended at will."""
+
+import os
+import signal
+import threading
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+from planner_process import PATIENCE, in_time
+
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, replay
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
+from dlo_planner.ros.worker import ProcessLost, Worker, persistent
+
+DIRECT = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
+HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
+PLAN = InverseSimulator(DIRECT).thread(HOLE, depths=[0.0, 0.1, 0.2])
+LONG = partial(replay, DIRECT, PLAN, limits=Limits(linear_speed=1e-3), tolerance=1e-9)
+# many short steps, each of which may be the last
+MANY = partial(InverseSimulator(DIRECT).thread, HOLE, depths=np.linspace(0, 0.5, 5000))
+
+
+@pytest.fixture
+def worker():
+    made = Worker('computes')
+    yield made
+    made.close()
+
+
+def test_the_result_is_the_same_as_here(worker):
+    here = replay(DIRECT, PLAN)
+    there = worker.result(partial(replay, DIRECT, PLAN))
+    assert (there.converged, there.clearance) == (here.converged, here.clearance)
+    assert there.position_error == pytest.approx(here.position_error, abs=1e-9)
+    assert worker.result(os.getpid) == worker._process.pid != os.getpid()
+
+
+def test_errors_are_told_as_they_are_and_the_process_goes_on(worker):
+    with pytest.raises(InvalidTask, match=r'tolerance = -1\.0'):
+        worker.result(partial(replay, DIRECT, PLAN, limits=Limits(), tolerance=-1.0))
+    number = worker.result(os.getpid)
+    refused = partial(InverseSimulator(DIRECT, workspace=None).thread,
+                      CutOut(HOLE.pose, radius=1e-4), depths=[0.0, 0.1])
+    with pytest.raises((Infeasible, InvalidTask)) as here:
+        refused()
+    with pytest.raises(here.type) as there:
+        worker.result(refused)
+    assert str(there.value) == str(here.value)
+    with pytest.raises(DloPlannerError, match='TypeError: '):
+        worker.result(partial(len, 3))
+    with pytest.raises(DloPlannerError, match='the answer cannot be sent'):
+        worker.result(threading.Lock)
+    assert worker.result(os.getpid) == number
+    worker._process.kill()
+    worker._process.wait()
+    assert worker.result(os.getpid) != number  # another one was started
+
+
+def test_the_trajectory_that_comes_back_is_the_one_that_would_be_made_here(worker):
+    there = worker.result(partial(replay, DIRECT, PLAN, limits=Limits()))
+    assert there.safe and there.trajectory.tolerance == pytest.approx(there.tolerance)
+    times = np.linspace(0, there.duration, 50)
+    here = replay(DIRECT, PLAN, trajectory=there.trajectory)  # looked at again: as it said
+    assert here.safe and here.max_tracking_error == pytest.approx(there.max_tracking_error,
+                                                                  rel=1e-6)
+    poses = there.trajectory.at(times)[0]
+    np.testing.assert_allclose([poses[0].matrix, poses[-1].matrix],
+                               [PLAN.grippers[0].matrix, PLAN.grippers[-1].matrix], atol=1e-9)
+
+
+def test_what_is_not_wanted_any_more_ends_at_once_and_the_process_stays(worker):
+    def took():
+        number, asked = worker.result(os.getpid), time.monotonic()
+        assert worker.result(MANY, lambda: time.monotonic() < asked + 0.3) is None
+        passed = time.monotonic() - asked
+        return passed if worker.result(os.getpid) == number else np.inf
+    worker.result(partial(replay, DIRECT, PLAN))
+    assert in_time(took, 1.0)
+    assert worker.result(partial(replay, DIRECT, PLAN)).converged  # the next one does not wait
+
+
+
+
+def test_what_is_not_wanted_and_hears_nothing_is_ended(worker):
+    worker.result(os.getpid)
+    asked = time.monotonic()
+    assert worker.result(partial(np.linalg.svd, np.ones((3000, 3000))),
+                         lambda: time.monotonic() < asked + 0.2) is None
+    assert worker._process.poll() == -signal.SIGKILL
+    assert worker.result(partial(replay, DIRECT, PLAN)).converged
+
+
+def test_a_deadline_ends_it(worker):
+    worker.result(partial(replay, DIRECT, PLAN))
+    with pytest.raises(DeadlineExceeded, match=r'deadline = 0\.2 s') as found:
+        worker.result(LONG, deadline=0.2)
+    assert found.value.seconds == 0.2 < found.value.elapsed
+    assert worker.result(partial(replay, DIRECT, PLAN), deadline=60.0).converged
+
+
+def test_a_process_that_is_killed_at_work_is_said_to_be_lost(worker):
+    worker.result(partial(replay, DIRECT, PLAN))
+    killing = threading.Timer(0.5, worker._process.kill)
+    killing.start()
+    with pytest.raises(ProcessLost, match='the process that computes has ended, status -9'):
+        worker.result(LONG)
+    assert worker.result(partial(replay, DIRECT, PLAN)).converged
+
+
+def test_a_process_that_does_not_answer_is_said_to_be_lost(worker, monkeypatch):
+    worker.result(os.getpid)
+    monkeypatch.setattr('dlo_planner.ros.worker._PATIENCE', 0.2)
+    worker._process.send_signal(signal.SIGSTOP)
+    with pytest.raises(ProcessLost, match='does not answer'):
+        worker.result(os.getpid)
+    monkeypatch.undo()
+    assert worker.result(partial(replay, DIRECT, PLAN)).converged
+
+
+def test_what_is_lost_is_tried_again_three_times():
+    for losses in (3, 4):
+        calls = []
+
+        def dying():
+            calls.append(1)  # noqa: B023
+            if len(calls) <= losses:  # noqa: B023
+                raise ProcessLost('it has ended')
+            return 7
+
+        if losses == 4:
+            with pytest.raises(ProcessLost):
+                persistent(dying)
+        else:
+            assert persistent(dying) == 7
+        assert len(calls) == 4
+
+
+def test_closing_ends_it_at_once(worker):
+    worker.result(partial(replay, DIRECT, PLAN))
+    answers = []
+    waiting = threading.Thread(target=lambda: answers.append(worker.result(LONG)))
+    waiting.start()
+    time.sleep(0.3)
+    worker.close()
+    waiting.join(timeout=PATIENCE)
+    assert answers == [None] and not waiting.is_alive()
+    assert worker.result(os.getpid) is None
