@@ -28,6 +28,7 @@ from dlo_planner import (
     Sphere,
     Thread,
     Through,
+    Workspace,
     minimize_penalty,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
@@ -263,6 +264,24 @@ def test_a_plan_stands_as_well_as_is_required():
         assert refused.value.amount == pytest.approx(least - stability, rel=1e-3)
     with pytest.raises(InvalidTask, match=r'Requirements\.stability'):
         Requirements(stability=-1.0)
+
+
+def test_a_least_penalty_keeps_the_workspace():
+    direct, wanted = DirectSimulator(STIFF, n_elements=32), [PositionAt(1.0, (0.7, 0.1, 0.8))]
+    place = InverseSimulator(direct).minimize_penalty(wanted, START).gripper.position
+    room = Workspace(upper=place + (1.0, 1.0, -0.01))
+    with pytest.raises(Infeasible) as refused:
+        InverseSimulator(direct, workspace=room).minimize_penalty(wanted, START)
+    assert refused.value.constraint == 'workspace.upper.z'
+    assert refused.value.amount == pytest.approx(0.01)
+
+
+def test_a_search_that_gave_up_is_no_plan():
+    inverse = InverseSimulator(DirectSimulator(STIFF, n_elements=32))
+    wanted = [PositionAt(1.0, (0.7, 0.1, 0.8)), GripperNear(START, 0.1)]
+    assert len(inverse.plan(Minimize(wanted), start=START)) == 1
+    with pytest.raises(NotConverged, match='the search ended with a slope of'):
+        inverse.plan(Minimize(wanted, max_iterations=2), start=START)
 
 
 def test_every_task_asks_for_the_same_stability():

@@ -21,6 +21,7 @@ from dlo_planner import (
     Rod,
     Sheet,
     Sphere,
+    Thread,
     Trajectory,
     Workspace,
 )
@@ -232,6 +233,22 @@ def test_joined_and_shortened_plans_are_checked_again():
         InverseSimulator(DIRECT, workspace=Workspace(keep_out=[ball])).check(both)
     assert caught.value.constraint == 'workspace.keep_out[0]'
     assert caught.value.waypoint == np.searchsorted(both.times, u[len(u) // 5])
+    body = Sphere(both.shapes[-2].positions[-1], 2e-3)  # the DLO is in it, the gripper far off
+    with pytest.raises(Infeasible) as caught:
+        InverseSimulator(DirectSimulator(WIRE, obstacles=[body])).check(both)
+    assert caught.value.constraint == 'clearance'
+
+
+def test_a_threading_that_ends_before_the_sheet_is_checked_again(monkeypatch):
+    checked, inverse = [], InverseSimulator(DIRECT)
+    monkeypatch.setattr('dlo_planner.inverse.tasks.thread.kept_between',
+                        lambda plan, demands: checked.append(plan) or plan)
+    whole = inverse.plan(Thread(HOLE))
+    assert checked == []
+    away = float((HOLE.center - whole.grippers[-2].position) @ HOLE.normal)
+    plan = inverse.plan(Thread(HOLE, gripper_clearance=away - 1e-6))
+    assert len(plan) == len(whole) - 1
+    assert len(checked) == 1 and checked[0] is plan
 
 
 def test_nothing_is_looked_at_where_nothing_is(monkeypatch):

@@ -203,6 +203,7 @@ def test_what_is_barred_ends_a_motion(proved, worker):
     cell = Cell(state, worker)  # it was allowed once, and hears no more of it
     execution = cell.until(ended)
     assert (execution.phase, execution.cause) == ('stopped', Cause.NOT_ENABLED)
+    assert 'the last one is' in execution.reason
 
 
 def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(proved, worker):

@@ -3,7 +3,7 @@
 """The state of the node, and what is kept of it when its scene changes; without a node."""
 
 import threading
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,8 @@ from dlo_planner import Pose, Sphere, replay
 from dlo_planner.execute.beginning import blending_as
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Heard
-from dlo_planner.execute.guards import Enabled
+from dlo_planner.execute.guards import Enabled, Guards
+from dlo_planner.identify.observing import Seeing
 from dlo_planner.plan.assembly import truncate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.plan import PlanStatus
@@ -271,6 +272,23 @@ def test_a_plan_of_a_scene_that_is_gone_is_refused(proved):
     assert changed(proved, rod__name='w').planned(proved.made).made is proved.made
     other = Proof(None)  # of another plan
     assert proved.proved(other) is proved
+
+
+def test_each_guard_and_figure_of_seeing_is_that_of_its_parameter():
+    guards = {'path_position': 'constraints.path.position', 'path_angle': 'constraints.path.angle',
+              'path_shape': 'constraints.path.shape', 'goal_position': 'constraints.goal.position',
+              'goal_angle': 'constraints.goal.angle', 'goal_time': 'constraints.goal_time',
+              'longest_pause': 'execute.longest_pause', 'enable_timeout': 'execute.enable_timeout'}
+    named = {**{item.name: guards.get(item.name, item.name) for item in fields(Guards)},
+             **{item.name: f'observe.{item.name}' for item in fields(Seeing)
+                if item.name != 'spread'}}
+    given = {name: 0.01 * k for k, name in enumerate(named.values(), start=1)}
+    given |= {'decelerate_on_cancel': False, 'observe.correct': False}
+    made = build_scene({**VALUES, **given})
+    assert {name: getattr(made.guards if hasattr(made.guards, one) else made.seeing, one)
+            for one, name in named.items()} == given
+    assert build_scene({**VALUES, 'observe.robot_time': 0.0}).seeing.robot_time == np.inf
+    assert scene([*BALL.values()]).solid.keep_out == tuple(BALL.values())
 
 
 def test_nothing_is_lost_when_several_threads_change_it():

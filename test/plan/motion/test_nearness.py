@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A DLO that is not meant to touch anything: as if alone, and whatever it would touch is found."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from dlo_planner import (
     Limits,
     Pose,
     Rod,
+    Sheet,
     Sphere,
     Trajectory,
     replay,
@@ -23,7 +24,8 @@ from dlo_planner import (
 from dlo_planner.direct.continuation import between
 from dlo_planner.model.surface import Surface
 from dlo_planner.plan.assembly import truncate
-from dlo_planner.plan.clearance import clearance
+from dlo_planner.plan.clearance import clearance, hole_clearances
+from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.nearness import Nearness
 from dlo_planner.plan.plan import PlanStatus
 
@@ -149,3 +151,26 @@ def test_the_least_of_many_is_the_least_of_each(way):
     assert near.least(shapes) == min(near.exact(shape) for shape in shapes)
     assert near.exact(shapes[0]) == clearance([ball], Surface.of(ROD), shapes[0])
     assert np.isnan(Nearness((), (), Surface.of(ROD)).least(shapes))
+
+
+def test_beside_a_sheet_other_bodies_count_as_well(way):
+    ball, far = beside(way, 0.01, 0.02), Sphere((0.0, 5.0, 0.0), 0.1)
+    sheet, surface = Sheet.around(HOLE), Surface.of(ROD)
+    shape = way.shapes[1]
+    own = hole_clearances(sheet, HOLE.normal, surface, shape).min()
+    room = clearance([ball], surface, shape)
+    assert room < own
+    assert Nearness([(sheet, HOLE.normal)], [ball, sheet], surface).exact(shape) == room
+    assert Nearness([(sheet, HOLE.normal)], [far], surface).exact(shape) == own
+
+
+def test_of_two_motions_the_worse_figures_count():
+    one, other = (InMotion(True, *np.arange(1.0, 14.0)), InMotion(False, *np.arange(2.0, 15.0)))
+    least = ('clearance', 'calm_clearance', 'bend_margin')
+    for worse in (one.worse(other), other.worse(one)):
+        assert not worse.converged
+        for item in fields(InMotion)[1:]:
+            assert getattr(worse, item.name) == getattr(one if item.name in least else other,
+                                                        item.name)
+    unknown = replace(one, clearance=np.nan, swing=np.nan)
+    assert (unknown.worse(one).clearance, unknown.worse(one).swing) == (one.clearance, one.swing)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The way to the hole stays behind the sheet, and the gripper stays before it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -18,6 +20,7 @@ from dlo_planner import (
     Trajectory,
     concatenate,
 )
+from dlo_planner.inverse.tasks import Approach
 from dlo_planner.plan.motion.calm_search import CalmSearch
 from dlo_planner.plan.motion.in_motion import InMotion
 
@@ -95,6 +98,31 @@ def test_nonsense_is_named(inverse, plan, change, named):
     values = {'cutout': HOLE, 'plan': plan, 'start': Pose((-1.3, 0, 1), (0, 0, 0, 1)), **change}
     with pytest.raises(InvalidTask, match=named):
         inverse.approach(**values)
+
+
+def test_a_dlo_that_is_hardly_beyond_the_sheet_is_refused(inverse, plan):
+    start = Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1))
+    beyond = ((inverse.simulator.solve(start).positions - HOLE.center) @ HOLE.normal).max()
+    start = Pose(start.position + (0.02 - beyond) * HOLE.normal, start.quaternion)
+    with pytest.raises(Infeasible, match='not behind the sheet') as refused:
+        inverse.approach(HOLE, plan, start, standoff=0.08)
+    assert (refused.value.waypoint, refused.value.constraint) == (0, 'clearance')
+
+
+def test_a_fall_on_the_way_is_refused(inverse, plan, monkeypatch):
+    track = DirectSimulator.track
+    monkeypatch.setattr(DirectSimulator, 'track', lambda *given, **more: [
+        replace(shape, jumped=True) for shape in track(*given, **more)])
+    with pytest.raises(Infeasible, match='fall into another shape') as refused:
+        inverse.approach(HOLE, plan, Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1)), standoff=0.08)
+    assert (refused.value.waypoint, refused.value.constraint) == (1, 'continuity')
+
+
+def test_a_way_to_another_shape_is_refused(inverse, plan):
+    other = DirectSimulator(replace(SHORT, length=1.0)).solve(plan.grippers[0])
+    with pytest.raises(Infeasible) as refused:
+        inverse.plan(Approach(HOLE, other, 0.08), start=Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1)))
+    assert refused.value.constraint == 'start'
 
 
 SHORT = Rod(0.3, 0.05, 5e-3, 4e-3, radius=2e-3)

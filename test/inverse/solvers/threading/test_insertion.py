@@ -20,7 +20,7 @@ from dlo_planner import (
     Rod,
     replay,
 )
-from dlo_planner.inverse.solvers.threading.insertion import _unconverged
+from dlo_planner.inverse.solvers.threading.insertion import _Insertion, _unconverged
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -157,3 +157,15 @@ def test_random_insertions_do_not_leap():
 def test_the_deadline_counts():
     with pytest.raises(DeadlineExceeded):
         InverseSimulator(DirectSimulator(RODS['weighted'])).insert(BORE, deadline=1e-3)
+
+
+def test_a_turn_that_no_step_makes_smaller_is_refused(monkeypatch):
+    gripper, turned = _Insertion._gripper, Pose((0, 0, 0), (np.sin(0.5), 0, 0, np.cos(0.5)))
+
+    def folded(self, stop):
+        return gripper(self, stop).compose(turned) if stop.depth > 0.3 else gripper(self, stop)
+
+    monkeypatch.setattr(_Insertion, '_gripper', folded)
+    with pytest.raises(Infeasible, match='turn by 1 rad at once at depth 0.3') as refused:
+        InverseSimulator(DirectSimulator(WIRE)).insert(BORE, depths=DEPTHS)
+    assert (refused.value.waypoint, refused.value.constraint) == (3, 'continuity')
