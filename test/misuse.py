@@ -28,7 +28,8 @@ MAY_BE_NAN = {'position_error', 'misalignment', 'clearance', 'deviation', 'max_t
               'departure', 'dynamic_clearance', 'dynamic_contact_force', 'duration', 'step',
               'workspace_margin', 'mode_margin', 'tolerance', 'success', 'noise', '_estimate',
               'misfit', 'outliers', 'surprise', 'bend_margin', 'contact_force',
-              'dynamic_bend_margin', 'contact_lost', 'largest_friction', 'smooth_bore_force'}
+              'dynamic_bend_margin', 'contact_lost', 'largest_friction', 'smooth_bore_force',
+              'insertion_force'}
 # what an argument is called in a message where it has another name there
 ALSO_CALLED = {'value': 'far_end', 'fraction': 's'}
 

@@ -4,9 +4,9 @@
 
 A step is taken as it is where nothing speaks against it: no more motion than the grips can cause,
 no energy lost that neither work nor friction accounts for, no unstable shape on the way (`sound`).
-Where a contact comes, goes, or begins to slide, two half steps have to lead to the same shape as
-well. Any other step is made in halves. What is still in doubt in the shortest parts is a fall: it
-is made, and said.
+Where a contact comes, goes, turns over an edge, or begins to slide, two half steps have to lead to
+the same shape as well. Any other step is made in halves. What is still in doubt in the shortest
+parts is a fall: it is made, and said.
 """
 
 from collections.abc import Callable
@@ -45,6 +45,7 @@ _SPREAD = 0.2           # of how much the work depends on when forces change in 
 _ROUGH = 0.01           # of the elastic energy: what a mesh makes of it
 _SAME = 0.01            # rad: two shapes that differ by less are one
 _SLIDES = 1 - 1e-6      # of friction's limit
+_TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as beyond an edge
 
 
 class _Grips(NamedTuple):
@@ -276,20 +277,32 @@ def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats
 
 
 def _changes(one: Shape, other: Shape) -> bool:
-    """Whether contacts come, go, or begin or cease to slide from one Shape to another."""
-    return bool(one.contacts or other.contacts) and (
-        _states(one, other.obstacles) != _states(other, other.obstacles))
+    """Whether contacts come, go, turn over an edge, or begin or cease to slide between Shapes."""
+    if not (one.contacts or other.contacts):
+        return False
+    before, after = _states(one, other.obstacles), _states(other, other.obstacles)
+    return not (_each_in(before, after) and _each_in(after, before))
 
 
-def _states(shape: Shape, obstacles: tuple[Obstacle, ...]) -> set[tuple[int, bool]]:
-    """Return which obstacles a Shape touches, and whether it slides or sticks there."""
-    states = set()
+def _states(shape: Shape, obstacles: tuple[Obstacle, ...]) -> dict[tuple[int, bool], list[Floats]]:
+    """Return the normals of contacts, by the obstacle and whether they slide on it."""
+    states: dict[tuple[int, bool], list[Floats]] = {}
     for contact in shape.contacts:
         friction = obstacles[contact.obstacle].friction if obstacles else 0.0
         limit = _SLIDES * friction * contact.force
         slides = friction > 0.0 and contact.friction @ contact.friction >= limit * limit
-        states.add((contact.obstacle, bool(slides)))
+        states.setdefault((contact.obstacle, bool(slides)), []).append(contact.normal)
     return states
+
+
+def _each_in(some: dict[tuple[int, bool], list[Floats]],
+             others: dict[tuple[int, bool], list[Floats]]) -> bool:
+    """Whether each of the normals `some` is about one of the `others` of the same state."""
+    for state, normals in some.items():
+        known = others.get(state)
+        if known is None or (np.array(normals) @ np.array(known).T).max(axis=1).min() < _TURNED:
+            return False
+    return True
 
 
 def _passes(previous: Shape, shape: Shape) -> bool:

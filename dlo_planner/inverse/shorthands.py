@@ -104,8 +104,9 @@ class Shorthands(Value):
                           progress)
 
     def insert(self, bore: CutOut, *, start: Pose | None = None, depths: ArrayLike | None = None,
-               linear_speed: float = 0.1, angular_speed: float = 0.5,
-               progress: OnProgress = None, deadline: float | None = None) -> Plan:
+               friction: float | None = None, linear_speed: float = 0.1,
+               angular_speed: float = 0.5, progress: OnProgress = None,
+               deadline: float | None = None) -> Plan:
         """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
 
         The walls carry what is inside; what is outside transmits neither force nor moment to the
@@ -117,11 +118,15 @@ class Shorthands(Value):
         Parameters
         ----------
         bore : CutOut
-            Its center is that of the mouth, its normal points inwards.
+            Its center is that of the mouth, its normal points inwards; its radius, where stated, is
+            that of the bore.
         start : Pose, optional
             As for `thread`.
         depths : array_like, optional
             As for `thread`, less than the length.
+        friction : float, optional
+            Coulomb's coefficient in the bore. With it and the bore's radius the force is estimated
+            that pushes the DLO in (`Plan.insertion_force`). If None, it is not known.
         linear_speed, angular_speed, progress, deadline : optional
             As for `thread`.
 
@@ -140,7 +145,7 @@ class Shorthands(Value):
             A waypoint has no stable solution, or the gripper would have to leap to it; carries the
             plan up to it.
         """
-        return self._plan(Insert(bore, depths), start, None,
+        return self._plan(Insert(bore, depths, friction), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
 
     start_phase = renamed('start_phase', 'approach')

@@ -62,7 +62,7 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
         raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
                           f'{one.grippers[-1]!r}')
-    depths, grippers, shapes, misalignment, errors, times, via_points, clearances = (
+    depths, grippers, shapes, misalignment, errors, times, via_points, clearances, pushes = (
         [*getattr(one, name), *getattr(other, name)[1:]] for name in PER_WAYPOINT)
     end = len(one) - 1
     times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
@@ -72,7 +72,8 @@ def concatenate(one: Plan, other: Plan) -> Plan:
     return Plan(np.array(depths), tuple(grippers), tuple(shapes), np.array(misalignment),
                 np.array(errors), np.array(times), tuple(via_points), _padded(clearances),
                 other.sheets or one.sheets,
-                min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))))
+                min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
+                np.array(pushes))
 
 
 def _turns(grippers: Sequence[Pose], length: float) -> bool:

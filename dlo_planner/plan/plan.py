@@ -30,7 +30,7 @@ from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
 
 # fields of a Plan with an entry for each waypoint
 PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
-                'via_points', 'clearances')
+                'via_points', 'clearances', 'insertion_force')
 
 
 class PlanStatus(Enum):
@@ -91,6 +91,10 @@ class Plan(Filmed):
     status : PlanStatus
     stops : tuple of int
         Indices of waypoints at which the gripper stops, besides sharp corners and dwells.
+    insertion_force : ndarray, shape (n,)
+        Force in N that pushes the DLO on into a bore; below 0 it falls in by itself. An estimate at
+        rest (`plan/bore.py`), no bound; nan where it was not looked at: the bore's radius or
+        friction is not stated, or nothing is inserted.
     """
 
     depths: Floats
@@ -105,10 +109,13 @@ class Plan(Filmed):
     fraction: float
     status: PlanStatus
     stops: tuple[int, ...] = ()
+    insertion_force: Floats = ()  # type: ignore[assignment]  # an array (n,) from then on
 
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
         n = len(grippers)
+        if isinstance(self.insertion_force, tuple) and not self.insertion_force:
+            put(self, insertion_force=np.full(n, np.nan))
         for name in PER_WAYPOINT:
             if len(items(f'Plan.{name}', getattr(self, name), object)) != n:
                 raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
@@ -123,7 +130,8 @@ class Plan(Filmed):
             stops=tuple(integer('Plan.stops', stop, minimum=0, maximum=max(n - 1, 0))
                         for stop in items('Plan.stops', self.stops, object)),
             **{name: results(f'Plan.{name}', getattr(self, name), (n,))
-               for name in ('depths', 'misalignment', 'position_error', 'times')})
+               for name in ('depths', 'misalignment', 'position_error', 'times',
+                            'insertion_force')})
         super().__post_init__()
 
     def __len__(self) -> int:

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from dlo_planner.plan.plan import Plan
 
 _ARRAYS = {'depths': 'depths', 'misalignment': 'misalignment', 'miss': 'position_error',
-           'times': 'times', 'clearances': 'clearances', 'stops': 'stops'}  # in a file: in a Plan
+           'times': 'times', 'clearances': 'clearances', 'stops': 'stops',
+           'insertion_force': 'insertion_force'}  # in a file: in a Plan
 
 
 def plan_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
@@ -55,8 +56,9 @@ def plan_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
                                      if key.startswith(mark)}))
     sheets = [(_read_sheet(one), np.array(one['normal']))
               for one in json.loads(str(arrays['sheets']))]
-    return {**{name: arrays[key] for key, name in _ARRAYS.items()}, 'grippers': grippers,
-            'shapes': shapes, 'via_points': [tuple(one) for one in via_points], 'sheets': sheets,
+    known = {name: arrays[key] for key, name in _ARRAYS.items() if key in arrays}
+    return {**known, 'grippers': grippers, 'shapes': shapes, 'sheets': sheets,
+            'via_points': [tuple(one) for one in via_points],
             'fraction': float(arrays['fraction']),
             'stops': tuple(int(stop) for stop in arrays['stops'])}
 

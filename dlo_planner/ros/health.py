@@ -35,6 +35,7 @@ _REPORTED = {  # figures of a ValidationReport
     'dynamic_contact_force': 'largest contact force in motion [N]',
     'dynamic_bend_margin': 'smallest bend margin in motion [1/m]',
     'contact_lost': 'part of the time without its contact',
+    'insertion_force': 'largest push into the bore, estimated [N]',
     'largest_friction': 'largest friction looked at',
     'mode_margin': 'frequency margin', 'duration': 'duration [s]'}
 

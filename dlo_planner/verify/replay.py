@@ -41,7 +41,7 @@ _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned on
 _MAY_BE_LEFT_OUT = ('position_error', 'misalignment', 'bend_margin', 'contact_force',
                     'clearance', 'max_tracking_error', 'swing', 'arrival', 'departure',
                     'dynamic_clearance', 'dynamic_contact_force', 'dynamic_bend_margin',
-                    'contact_lost', 'largest_friction', 'duration', 'step',
+                    'contact_lost', 'insertion_force', 'largest_friction', 'duration', 'step',
                     'workspace_margin', 'mode_margin')
 _NOT_STATED = ('whether the DLO keeps its contact was not looked at: no friction is stated, by the '
                'obstacle or as friction= of the replay')
@@ -167,7 +167,8 @@ class _Replay:
                 figures['reason'] = _NOT_STATED
         return ValidationReport(**figures, not_looked_at=tuple(
             name for name in _MAY_BE_LEFT_OUT if np.isnan(figures.get(name, np.nan))
-            and (name not in _OF_CONTACTS or any(shape.contacts for shape in plan.shapes))))
+            and (name not in _OF_CONTACTS or any(shape.contacts for shape in plan.shapes))
+            and (name != 'insertion_force' or held_after(plan) is not None)))
 
     def _at_rest(self) -> Sequence[Shape]:
         """Return the shapes of the DLO that follows the plan slowly."""
@@ -297,6 +298,9 @@ def _figures_at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Sh
         'contact_lost': contact_lost(plan, plan.times, shapes),
         'contact_force': np.nan if held_after(plan) is not None else max(
             (contact.force for shape in shapes for contact in shape.contacts), default=0.0),
+        'insertion_force': max((force for force, shape in zip(
+            plan.insertion_force, plan.shapes, strict=True) if shape.far_end is not None),
+            key=lambda force: (np.isnan(force), force), default=np.nan),
         'clearance': least_clearance(plan, obstacles, Surface.of(simulator.rod), shapes),
         'deviation': deviation}
 

@@ -45,7 +45,7 @@ class ValidationReport(Reported):
         Least bend margin of the shapes at rest, 1/m; nan of a rod without max_bend_curvature.
     contact_force : float
         Largest force of one contact with the simulator's obstacles, N; nan where a bore takes the
-        DLO: friction there, its room and its edge are not looked at.
+        DLO: its `insertion_force` is estimated, that of each contact there is not looked at.
     clearance : float
         Clearance in m to the sized cut-outs of the plan and the obstacles given.
     deviation : float
@@ -62,6 +62,9 @@ class ValidationReport(Reported):
     contact_lost : float
         `InMotion.contact_lost`, or the part of the waypoints at rest, whichever is larger; nan
         where none is lost without friction, and no friction is stated (see `replay`).
+    insertion_force : float
+        Largest `Plan.insertion_force` in N, an estimate; nan where a waypoint with the DLO in the
+        bore has none, or there is no bore.
     largest_friction : float
         Friction of the obstacles up to which, from none, the report holds; nan: it holds for that
         of the simulator's obstacles alone.
@@ -106,6 +109,7 @@ class ValidationReport(Reported):
     dynamic_contact_force: float = np.nan
     dynamic_bend_margin: float = np.nan
     contact_lost: float = np.nan
+    insertion_force: float = np.nan
     largest_friction: float = np.nan
     duration: float = np.nan
     step: float = np.nan

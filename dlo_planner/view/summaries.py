@@ -17,8 +17,8 @@ Row = tuple[str, str, str]  # quantity, value, unit
 _UNITS = {
     'position_error': 'm', 'misalignment': 'rad', 'contact_force': 'N', 'clearance': 'm',
     'deviation': 'm', 'max_tracking_error': 'm', 'swing': 'm', 'arrival': 'm', 'departure': 'm',
-    'dynamic_clearance': 'm', 'dynamic_contact_force': 'N', 'duration': 's', 'step': 's',
-    'workspace_margin': 'm',
+    'dynamic_clearance': 'm', 'dynamic_contact_force': 'N', 'insertion_force': 'N',
+    'duration': 's', 'step': 's', 'workspace_margin': 'm',
     'bend_margin': '1/m', 'tolerance': 'm'}
 
 
@@ -97,6 +97,8 @@ def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
                ('room at the rim', rim, np.min, 'm'), ('clearance', plan.clearance, np.min, 'm'),
                ('bend margin', plan.bend_margin, np.min, '1/m'),
                ('stability', plan.stability, np.min, ''), ('residual', plan.residual, np.max, '')]
+    if any(shape.far_end is not None for shape in plan.shapes):
+        columns.append(('push into the bore, estimated', plan.insertion_force, np.max, 'N'))
     return [(name, values, float(worst(values)), unit) for name, values, worst, unit in columns]
 
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod
+from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod, Sheet
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 
@@ -87,3 +87,30 @@ def test_a_column_slips_in_the_step_in_which_its_friction_ends(mu, step, how):
             break
     assert shape.jumped
     assert pressed - step - 0.02 * expected <= expected <= pressed + 0.02 * expected
+
+
+CORNERS = {  # weight, sheet's place, attitude and thickness, gripper's turn about y, way
+    'one step of twenty': (1.223, (0.7799, -0.0891, -0.5610), (0.1193, -0.1389, 0.1745, 0.9675),
+                           0.0, 0.3910, (-0.0015, -0.0371, -0.0150)),
+    'one step': (2.788, (0.34209, 0.095373, -0.0975478),
+                 (-0.073439, 0.234179, 0.0525565, 0.96799), 0.0, -0.35815,
+                 (0.01038278, -0.01648743, -0.03493369))}
+
+
+@pytest.mark.parametrize('corner', list(CORNERS))
+def test_on_a_corner_the_branch_is_the_same_in_any_steps(corner):
+    # in these steps the contact of a wire would turn over the outer corner of a rough sheet
+    weight, place, attitude, thickness, turn, way = CORNERS[corner]
+    level = Rotation.from_euler('y', turn).as_quat()
+    sheet = Sheet(Pose(place, attitude), 0.3, 0.3, thickness, (), friction=0.3)
+    simulator = DirectSimulator(Rod(1.0, weight / 9.81, 1.0, 0.75, radius=2e-3), basis='local',
+                                n_elements=200, obstacles=[sheet])
+    begin = simulator.track([Pose((0, 0, z), level) for z in (0.0, -0.02, -0.04)])[-1]
+    ends = []
+    for steps in (1, 2, 20):
+        parts = np.linspace(0, 1, steps + 1)[1:, None]
+        shapes = simulator.track([Pose(one, level) for one in (0, 0, -0.04) + parts * way],
+                                 initial=begin)
+        assert not any(shape.jumped for shape in shapes)
+        ends.append(shapes[-1].positions[-1])
+    np.testing.assert_allclose(ends[1:], ends[:-1], atol=1e-3)
