@@ -3,7 +3,8 @@
 """The robot of the cell: it follows commands smoothly and a little late.
 
 Commands with stamps are interpolated at exact times, as the controller of a robot does; a command
-without is followed from when it comes.
+without is followed from when it comes. It follows one of the two: where a planner sends both, the
+single ones may be behind, and one after the other it would leap.
 """
 
 import numpy as np
@@ -14,7 +15,7 @@ from dlo_planner.model.pose import Pose
 _LAG = 0.03     # s, of each of two stages by which the node's robot follows
 _KEPT = 2.0     # s before the newest commands that are kept: the plant may be late
 _FRESH = 0.5    # s after their first, in which commands with stamps are replaced by newer ones
-_AT_REST = 0.1  # s after the last of them, from which on single commands count
+_AT_REST = 0.1  # s after the last of them, from which on they are over
 
 
 class Robot:
@@ -40,8 +41,8 @@ class Robot:
         self._ahead = Timetable()
 
     def follow(self, pose: Pose) -> None:
-        """Go to a Pose, if there are no commands with stamps for the coming time."""
-        if self._ahead.over:
+        """Go to a Pose, if commands have no stamps: none with one has ever come."""
+        if not self._ahead.poses:
             self._wanted = pose
 
     def follow_ahead(self, times: Floats, poses: list[Pose]) -> None:

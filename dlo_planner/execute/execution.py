@@ -99,7 +99,7 @@ class Execution:
     limiter: Limiter | None = None  # None before the first command
     pace: tuple[float, ...] = ()    # `done` in the coming periods, where time does not run evenly
     rising: Rising | None = None    # where it begins to
-    since: float = 0.0        # s since the end
+    since: float = 0.0        # s since the end, by ticks: one that is late counts a period
     last: float | None = None  # time of the last tick
     beat: float | None = None  # time at which the last command was due
     heard: Heard | None = None
@@ -144,6 +144,11 @@ class Execution:
         lead = int(np.ceil(_LEAD / self.period - 1e-9)) if self.horizon else 0
         return replace(named, phase='stopping', pace=tuple(map(float, decelerate(
             self.way, self.done, self.kept, self.period, lead, self.rising))))
+
+    @property
+    def alone(self) -> bool:
+        """Whether single commands, which may be behind those that were told ahead, have ended."""
+        return self.single is None or not self.single.active
 
     @property
     def led(self) -> list[Pose]:
@@ -361,7 +366,9 @@ class Execution:
             first = replace(self, limiter=Limiter(self.kept, self.period), sent=self.done)
             return first._commanded([self.done]).settled()
         if self.phase == 'settling':
-            out = replace(self, since=self.since + steps * self.period)
+            # where this machine is late the gripper may be, or what is heard of it
+            passed = self.period if steps and self.alone else 0.0
+            out = replace(self, since=self.since + passed)
             return (replace(out, sending=self.command) if steps else out).settled()
         if self.phase not in ('running', 'stopping') or not steps:
             return self
@@ -395,7 +402,7 @@ class Execution:
 
         Or stopped, where it has come to rest before.
         """
-        alone = self.single is None or not self.single.active
+        alone = self.alone
         if self.phase == 'stopping' and not self.pace and alone:
             return replace(self, phase='stopped')
         if self.phase == 'running' and self.done >= self.way.duration:

@@ -23,6 +23,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Guards, Heard
+from dlo_planner.execute.judge import bound_of, doubts, looked_at
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
@@ -30,12 +31,10 @@ from dlo_planner.identify.observing import Observing, Swing
 from dlo_planner.identify.steering import Steered
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks import Approach, Thread
-from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.surface import Surface
 from dlo_planner.plan.assembly import build_plan, concatenate, truncate
-from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan, PlanStatus
@@ -44,7 +43,6 @@ from dlo_planner.plan.waypoint import Waypoint
 _FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
 _LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
-_WAYPOINTS = 5      # whose miss is predicted, evenly from the entry to the depth
 _MOTION = 0.95      # of the limits
 _MOVED = 1e-4       # m, or of unit vectors: the gripper has left the standoff
 _BACK = 12          # poses on the way back to the standoff
@@ -199,7 +197,7 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
                      swing_of(trajectory, estimate, whole))
     entry = motion.steered
     reached = entry.reached(whole.times[-len(through):])
-    bound = _bound(estimate, commanded, entry, reached, 0.0, lag)
+    bound = bound_of(estimate, commanded, entry, reached, 0.0, lag)
     return _Entry(estimate, bound, whole, commanded, None if bound > most else motion)
 
 
@@ -222,11 +220,6 @@ def _motion(task: Threading, estimate: Estimate, plan: Plan) -> _Motion:
 def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:
     """Return how inertia bends the estimated DLO in a motion along a Plan of true poses."""
     return Swing.of(trajectory, estimate.simulator, plan.shapes[0])
-
-
-def looked_at(plan: Plan) -> Ints:
-    """Return the indices of some waypoints of a threading, whose miss is predicted."""
-    return np.unique(np.linspace(0, len(plan) - 1, _WAYPOINTS).astype(int))
 
 
 class Aimed(NamedTuple):
@@ -274,50 +267,9 @@ def aimed_anew(task: Threading, estimate: Estimate, plan: Plan, way: Steered, fr
     first = int(np.searchsorted(reached, free))
     known = before if before is not None and before.converged else None
     found = correct(estimate, plan, first, known)
-    return Aimed(found, _doubts(task, found, largest), *(
-        _bound(estimate, plan, one, reached, free, lag)
+    return Aimed(found, doubts(found, task.inverse, largest), *(
+        bound_of(estimate, plan, one, reached, free, lag)
         for one in (way.corrected(free, found, reached[first:]), way)))
-
-
-def _bound(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now: float,
-           lag: float) -> float:
-    """Return the bound of the miss with 95 %, m: of what is commanded, which lags what is aimed.
-
-    A look at the gripper in a pose serves the DLO `lag` s later and half the time in which a
-    correction is blended in, by which what changes evenly is late.
-    """
-    chosen = looked_at(plan)
-    seen = way.poses(np.maximum(reached[chosen] - lag - 0.5 * way.windows.sum(), now))
-    grippers = list(plan.grippers)
-    for k, pose in zip(chosen, way.poses(reached[chosen]), strict=True):
-        grippers[k] = pose
-    return estimate.miss(replace(plan, grippers=tuple(grippers)), chosen, seen).together
-
-
-def _doubts(task: Threading, correction: Correction, largest: float) -> str:
-    """Return in words why a Correction must not be executed, '' if it may.
-
-    It is not simulated as a plan is: the gripper has to keep its workspace, and the DLO clear of
-    obstacles, at each waypoint.
-    """
-    if not correction.converged:
-        return 'a waypoint has no stable shape for the DLO as it is estimated'
-    moved = float(np.linalg.norm(correction.offsets[:, 3:], axis=1).max(initial=0.0))
-    if moved > largest:
-        return f'it moves the gripper by {moved:.3g} m: expected {largest:g} m at most'
-    workspace = task.inverse.workspace
-    if workspace is None:
-        return ''
-    name, room = min((workspace.min_margin(pose) for pose in correction.grippers),
-                     key=lambda one: one[1])
-    if room < 0:
-        return f'it moves the gripper {-room:.3g} m beyond {name}'
-    surface = Surface.of(task.inverse.simulator.rod)
-    for index, body in enumerate(workspace.keep_out):
-        room = min(clearance([body], surface, shape) for shape in correction.shapes)
-        if room < 0:
-            return f'it moves the DLO {-room:.3g} m into {type(body).__name__} {index}'
-    return ''
 
 
 class ThreadingLoop:

@@ -21,6 +21,14 @@ from std_srvs.srv import Trigger
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.execute.beginning import blending_as
 from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.execute.judge import (
+    bound_of,
+    disagreement,
+    doubts,
+    in_motion,
+    kept_out,
+    unexplained,
+)
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.observing import Observing, Swing, deviation
@@ -28,7 +36,6 @@ from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.door import named, pose_in
-from dlo_planner.ros.doubts import bound_of, disagreement, doubts, in_motion, kept_out, unexplained
 from dlo_planner.ros.frames import OneFrame
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.identifying import identified, told
@@ -246,19 +253,23 @@ class Camera:
         first = int(np.searchsorted(reached, execution.free))
         found = correct(estimate, plan, first, before)
         self._corrected = made, stamp, found if found.converged else None
-        reason = named(doubts(found, observing, scene), state.bodies)
+        seeing = scene.seeing
+        reason = named(unexplained(observing, scene.limits.linear_speed) or doubts(
+            found, scene.inverse, seeing.largest_correction), state.bodies)
         entry = next((time for time, passes in zip(reached, plan.via_points, strict=True)
                       if passes),
                      -np.inf)
         aimed = steered if reason else steered.corrected(execution.free, found, reached[first:])
         left, moving = entry - execution.done, in_motion(execution)
-        bound = bound_of(estimate, plan, aimed, found.miss.waypoints.astype(int))
-        late = scene.seeing.correction_period + steered.windows.sum() + execution.free
+        bound = bound_of(estimate, plan, aimed, reached, execution.free,
+                         seeing.period + seeing.correction_period + execution.horizon)
+        late = seeing.correction_period + steered.windows.sum() + execution.free
         if reason and entry > late:  # another one may be executed, and blended in by then
-            bound = float(found.miss.bound.max(initial=0.0))
+            bound = found.miss.together
         if left > 0:
             self._health.expected(bound + moving)
-        barred = kept_out(bound, scene, left, moving)
+        room = room_in(scene)
+        barred = '' if room is None else kept_out(bound, room, left, moving)
         if barred:
             self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
         elif not reason:
@@ -325,6 +336,14 @@ def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
     for stamp, pose in grippers:
         made.gripper(stamp, pose.compose(scene.tool))
     return made
+
+
+def room_in(scene: Scene) -> float | None:
+    """Return by how much the DLO may miss a cut-out without touching it, m; None: not known."""
+    thick = scene.direct.rod.radius or 0.0
+    if scene.cutout_radius is None or not isinstance(thick, float):
+        return None
+    return scene.cutout_radius - thick
 
 
 def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Floats:

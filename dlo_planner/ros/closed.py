@@ -73,6 +73,20 @@ def closed_loop_of(state: State, observing: Observing | None,
     return ClosedLoopDrive(loop, worker, scene.planning_deadline)
 
 
+def not_looked_at(state: State, observing: Observing | None) -> str:
+    """Return in words that a plan is executed without a look that it could have, '' if it is not.
+
+    `observing` as for `closed_loop_of`.
+    """
+    made = state.running
+    if observing is not None or not state.scene.seeing.correct or made is None or (
+            threading_of(made) is None):
+        return ''
+    return ('in open loop: no cloud of the DLO was taken in on ~/observed_points shortly before, '
+            'so that it is not looked at before the cut-out; without clouds it is not corrected '
+            'either')
+
+
 class ClosedLoopDrive:
     """Ticks a ThreadingLoop, has its work done, and keeps the State as it stands.
 

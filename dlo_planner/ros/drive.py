@@ -20,7 +20,7 @@ from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled
 from dlo_planner.identify.observing import Observing
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.closed import ClosedLoopDrive, closed_loop_of
+from dlo_planner.ros.closed import ClosedLoopDrive, closed_loop_of, not_looked_at
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.health import stamp_text
 from dlo_planner.ros.parts import Parts
@@ -132,6 +132,7 @@ class Drive:
             where = 'gripper_commands_ahead and ' if execution.horizon else ''
             outcome.message = f'{duration:.1f} s on {where}gripper_command' + (
                 '' if self._loop is None else ', or longer: it looks before it goes')
+            outcome.warning = not_looked_at(state, observing)
             outcome.values = {'duration [s]': duration,
                               'plan stamp': stamp_text(state.running.stamp)}
             speed, tolerance = scene.limits.linear_speed, scene.guards.path_position

@@ -49,12 +49,14 @@ class Outcome:
     ----------
     message : str
         One line.
+    warning : str
+        What is not as one would wish, though it is done; '': nothing. Added to the message.
     values : dict
         What else there is to say, by name.
     """
 
     def __init__(self) -> None:
-        self.message = 'done'
+        self.message, self.warning = 'done', ''
         self.values: dict[str, Any] = {}
 
 
@@ -110,9 +112,12 @@ class Reporter:
             if told:
                 self.tell(what, cause, reason, stamp)
         else:
-            cause, reason = Cause.DONE, outcome.message
+            cause, warning = Cause.DONE, outcome.warning
+            reason = '; '.join(filter(None, (outcome.message, warning)))
+            if warning:
+                self.warn(what, f'{what}: {warning}')
             if told:
-                self.tell(what, cause, reason, stamp, outcome.values)
+                self.tell(what, cause, reason, stamp, outcome.values, bool(warning))
         if answer is not None:
             answer.success, answer.message = cause == Cause.DONE, reason
 
@@ -131,7 +136,7 @@ class Reporter:
         return cause, brief_text(f'{what} failed: {type(error).__name__}: {error}')
 
     def tell(self, what: str, cause: Cause, message: str, stamp: Time | None,
-             values: Mapping[str, object] | None = None) -> None:
+             values: Mapping[str, object] | None = None, warns: bool = False) -> None:
         """Publish the outcome of a request on ~/status.
 
         Parameters
@@ -145,8 +150,11 @@ class Reporter:
             builtin_interfaces/Time of the request.
         values : dict, optional
             dict of what else there is to say.
+        warns : bool, optional
+            Whether it is done, but not as one would wish.
         """
-        level = OK if cause == Cause.DONE else ERROR if cause == Cause.INTERNAL else WARN
+        level = ERROR if cause == Cause.INTERNAL else (
+            OK if cause == Cause.DONE and not warns else WARN)
         self._out.publish(status_msg(
             f'{self._node.get_name()}: {what}', self._store.state.scene.name, level, message,
             {'request': what, 'stamp': stamp_text(stamp), 'code': int(cause), 'cause': cause.name,

@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger  # noqa: E402
 
 from dlo_planner import DloPlannerError, Pose  # noqa: E402
 from dlo_planner.cell.node import _LATCHED, _RELIABLE, CellNode  # noqa: E402
-from dlo_planner.cell.robot import nearer  # noqa: E402
+from dlo_planner.cell.robot import Robot, nearer  # noqa: E402
 from dlo_planner.cell.tasks import draw_task  # noqa: E402
 from msg_helpers.clouds import points_from_cloud  # noqa: E402
 from msg_helpers.poses import pose_from_msg, pose_stamped_msg  # noqa: E402
@@ -144,6 +144,20 @@ def test_a_pose_between_two():
     middle = nearer(one, other, 0.5)
     np.testing.assert_allclose(middle.position, (0.5, 0, 1))
     np.testing.assert_allclose(middle.quaternion, (0, 0, np.sin(0.1), np.cos(0.1)))
+
+
+def test_a_robot_that_is_told_ahead_does_not_go_back_to_single_commands_that_are_behind():
+    here, there = (Pose((x, 0.0, 0.0), (0, 0, 0, 1)) for x in (0.0, 1.0))
+    robot = Robot(here, lag=0.0)
+    robot.follow(there)
+    assert robot.moved(0.5, 0.01).position[0] == 1.0  # it was told nothing else
+    robot.follow_ahead(np.array([1.0, 2.0]), [here, there])
+    assert robot.moved(1.5, 0.01).position[0] == 0.5
+    robot.follow(here)
+    for now in (2.0, 2.5):  # in time, and when all that it was told is over
+        assert robot.moved(now, 0.01).position[0] == 1.0
+        robot.follow(here)
+    assert robot.moved(9.0, 0.01).position[0] == 1.0
 
 
 def test_what_it_does_not_know_is_one_of_three():

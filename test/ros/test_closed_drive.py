@@ -16,7 +16,7 @@ from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import used
 from dlo_planner.identify.observing import Observing
 from dlo_planner.identify.predicted_miss import crossing
-from dlo_planner.ros.closed import closed_loop_of, threading_of
+from dlo_planner.ros.closed import closed_loop_of, not_looked_at, threading_of
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.planning import Made, make_plan
@@ -229,3 +229,14 @@ def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(pro
     assert (task.standoff, task.limits) == (0.02, scene.limits)
     without = replace(made, scene=replace(scene, standoff=-1.0))
     assert threading_of(without).standoff == pytest.approx(0.015)
+
+
+def test_a_plan_that_could_be_looked_at_and_is_not_says_so(proved):
+    started = proved.started(0.0)
+    scene = started.scene
+    assert 'in open loop: no cloud' in not_looked_at(started, None)
+    assert not_looked_at(started, Observing(scene.direct, scene.seeing)) == ''
+    seeing = replace(scene.seeing, correct=False)  # nobody wants it
+    assert not_looked_at(replace(started, scene=replace(scene, seeing=seeing)), None) == ''
+    made = replace(started.running, scene=replace(scene, cutout_radius=None))
+    assert not_looked_at(replace(started, running=made), None) == ''

@@ -9,7 +9,7 @@ import pytest
 from closed_loops import Truth
 from geometry_msgs.msg import PoseStamped
 from node_inside import Alive, served_node, state
-from planner_process import PATIENCE, ROOM, connected_client, drain, until
+from planner_process import PATIENCE, ROOM, connected_client, drain, first, until
 from rclpy.exceptions import InvalidHandle
 from sensor_msgs.msg import PointCloud2
 
@@ -19,6 +19,7 @@ from dlo_planner.identify.predicted_miss import crossing
 from dlo_planner.ros.follower import Follower
 from dlo_planner.ros.qos import LATEST, REQUEST
 from msg_helpers.clouds import cloud_msg
+from msg_helpers.diagnostics import WARN
 from msg_helpers.poses import pose_stamped_msg
 
 # short and stiff: it is threaded within seconds
@@ -186,6 +187,19 @@ def test_a_cutout_that_is_seen_counts_for_the_plan_through_it(client, node, trac
         assert until(lambda: np.allclose(shift(), off - (0, 0, 5e-3), atol=1e-4))
     finally:
         client.node.destroy_publisher(out)
+
+
+def test_where_nobody_looks_the_answer_says_that_it_is_in_open_loop(client, node, robot, restored):
+    path, _ = client.plan_threading(START, HOLE.pose)
+    assert client.proof(path)['report'] == 'held'
+    drain(client.statuses)
+    answer = client.trigger('execute')
+    assert answer.success and 'in open loop: no cloud of the DLO was taken in' in answer.message
+    said = first(client.statuses, lambda msg: msg.name.endswith(': execute'))
+    assert said.level == WARN and 'in open loop' in said.message
+    assert {item.key: item.value for item in said.values}['code'] == '0'
+    assert client.trigger('cancel').success
+    assert client.execution_in('stopped')[0] == Cause.CANCELED
 
 
 def test_clouds_that_make_no_sense_are_refused_and_named(client, node, robot, truth):

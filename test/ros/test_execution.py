@@ -293,3 +293,28 @@ def test_a_late_machine_does_not_blame_the_poses_that_are_as_late_to_be_heard(la
     guards = {'incoming_command_timeout': 0.15, 'path_position': 0.0}
     execution = run(begun(**guards), times, heard)[0]
     assert execution.phase == phase
+
+
+def test_the_goal_waits_for_single_commands_that_are_behind_by_more_than_its_time():
+    times, now = [], 100.0
+    while now < 160 + WAY.duration:  # 3.5 s late before the end
+        times.append(now)
+        now += 0.6 if len(times) % 20 == 0 and len(times) <= 120 else PERIOD
+    ended = run(Execution(WAY, TOOL.inverse(), 'world', Guards(
+        0.0, 0.0, goal_time=2.0, incoming_command_timeout=0.0), PERIOD, 1.0), times)[0]
+    assert (ended.phase, ended.cause) == ('succeeded', Cause.DONE), ended.reason
+
+
+def test_late_ticks_do_not_take_the_time_that_the_gripper_has_to_come_there():
+    first, settling = WAY.at([0.0])[0][0].compose(TOOL.inverse()), []
+    execution = Execution(WAY, TOOL.inverse(), 'world', Guards(
+        0.0, 0.0, 0.0, 0.01, 0.05, 2.0, incoming_command_timeout=0.0), PERIOD, 1.0)
+    now = 100.0
+    while execution.active and now < 200 + WAY.duration:
+        there = execution.command if len(settling) > 15 else first
+        execution = execution.tick(now, Heard(there, now))
+        if execution.phase == 'settling' and execution.alone:
+            settling.append(now)
+        now += 0.5 if settling else PERIOD
+    assert execution.phase == 'succeeded', execution.reason
+    assert settling[-1] - settling[0] > 5.0

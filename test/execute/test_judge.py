@@ -10,22 +10,31 @@ import numpy as np
 import pytest
 from closed_loops import DEPTHS, NOISE, SPREAD, START, Truth, plan_of
 
-from dlo_planner import Box, Pose, Steered, Trajectory, correct
+from dlo_planner import Box, InverseSimulator, Pose, Steered, Trajectory, correct
 from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.judge import (
+    bound_of,
+    doubts,
+    in_motion,
+    kept_out,
+    looked_at,
+    unexplained,
+)
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.trajectory import restored
-from dlo_planner.ros.doubts import bound_of, doubts, in_motion, kept_out, unexplained
+from dlo_planner.ros.camera import room_in
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
 
 SEEING = Seeing(SPREAD, NOISE)
+LARGEST, ROOM = 0.05, 4.25e-3  # m, of a correction; in the hole
 PLAN = plan_of(depths=DEPTHS)
 
 
 def scene(*obstacles, **changes):
     values = {name: entry.default for name, entry in ENTRIES.items()} | {
-        'rod.diameter': 1.5e-3, 'observe.largest_correction': 0.05}
+        'rod.diameter': 1.5e-3}
     return build_scene(values | {name.replace('__', '.'): value
                                  for name, value in changes.items()}, obstacles)
 
@@ -49,7 +58,7 @@ def observing():
 
 def test_a_dlo_that_hangs_freely_is_explained(observing):
     assert unexplained(observing) == ''
-    assert doubts(correct(observing.estimate, PLAN), observing, scene()) == ''
+    assert doubts(correct(observing.estimate, PLAN), scene().inverse, LARGEST) == ''
 
 
 def test_a_dlo_that_does_not_hang_freely_is_not_explained():
@@ -75,11 +84,10 @@ def seen(observing, **changes):
 @pytest.mark.parametrize(('changes', 'outliers', 'said'), [
     ({'off': 0.26}, 0.1, 'the points are 0.26 m off the DLO as it is estimated'),
     ({}, 0.67, '67% of the points are none of the DLO as it is estimated')])
-def test_no_correction_by_an_estimate_of_something_else(observing, changes, outliers, said):
+def test_an_estimate_of_something_else_is_not_explained(observing, changes, outliers, said):
     estimate = replace(observing.estimate, outliers=outliers)
     wrong = seen(observing, estimate=estimate, **changes)
     assert said in unexplained(wrong)
-    assert said in doubts(correct(estimate, PLAN), wrong, scene())
     careless = seen(wrong, seeing=replace(SEEING, noise=0.1, outliers=0.8))
     assert unexplained(careless) == ''
 
@@ -130,45 +138,42 @@ def test_the_best_aim_is_taken_though_it_is_not_sure(observing):
     # of what the poses were before it is known still less
     correction = correct(observing.estimate, PLAN)
     unsure = replace(correction, miss=replace(correction.miss, bound=10 + correction.miss.bound))
-    assert doubts(unsure, observing, scene(cutouts__radius=2e-3)) == ''
+    assert doubts(unsure, scene(cutouts__radius=2e-3).inverse, LARGEST) == ''
 
 
 def test_a_correction_keeps_workspace_and_obstacles(observing):
     correction = correct(observing.estimate, PLAN)
     first = correction.grippers[0].position
-    said = doubts(correction, observing, scene(workspace__upper=[*(first[:2] + 1),
-                                                                float(first[2]) - 1e-3]))
+    low = scene(workspace__upper=[*(first[:2] + 1), float(first[2]) - 1e-3])
+    said = doubts(correction, low.inverse, LARGEST)
     assert 'it moves the gripper' in said and 'beyond workspace.upper.z' in said
     tip = correction.shapes[-1].positions[-1]
-    said = doubts(correction, observing, scene(Box(Pose(tip, (0, 0, 0, 1)), (0.02, 0.02, 0.02))))
+    filled = scene(Box(Pose(tip, (0, 0, 0, 1)), (0.02, 0.02, 0.02)))
+    said = doubts(correction, filled.inverse, LARGEST)
     assert 'm into Box 0' in said
     far = replace(correction, offsets=correction.offsets + 0.1)
-    assert 'observe.largest_correction = 0.05 m' in doubts(far, observing, scene())
+    assert 'observe.largest_correction = 0.05 m' in doubts(far, scene().inverse, LARGEST)
     lost = replace(correction, converged=False)
-    assert 'no stable shape' in doubts(lost, observing, scene())
+    assert 'no stable shape' in doubts(lost, scene().inverse, LARGEST)
+    assert doubts(correction, InverseSimulator(scene().direct), LARGEST) == ''  # no workspace
 
 
 def test_it_stops_before_a_cutout_that_it_may_miss(observing):
-    hole = scene(cutouts__radius=5e-3)
-    unsure = correct(Observing(hole.direct, SEEING).estimate, PLAN)
-    sure = correct(observing.estimate, PLAN)
-    assert sure.miss.bound.max() < 4e-3
-    assert unsure.miss.bound.max() > 6e-3
-    said = kept_out(unsure.miss.bound.max(), hole, 2.0, 0.0)
+    unsure = correct(Observing(scene().direct, SEEING).estimate, PLAN).miss.together
+    sure = correct(observing.estimate, PLAN).miss.together
+    assert sure < 4e-3 and unsure > 6e-3
+    said = kept_out(unsure, ROOM, 2.0, 0.0)
     assert 'may miss the cut-out by' in said
     assert 'the room of 0.00425 m' in said
-    assert kept_out(sure.miss.bound.max(), hole, 2.0, 0.0) == ''
+    assert kept_out(sure, ROOM, 2.0, 0.0) == ''
     for left in (3.1, 0.0, -2.0):  # there is time left, or it is too late
-        assert kept_out(unsure.miss.bound.max(), hole, left, 0.0) == ''
-    assert kept_out(unsure.miss.bound.max(), scene(), 2.0, 0.0) == ''  # the cut-out has no size
+        assert kept_out(unsure, ROOM, left, 0.0) == ''
 
 
-def test_what_motion_adds_counts_before_a_cutout(observing):
-    hole, sure = scene(cutouts__radius=5e-3), correct(observing.estimate, PLAN)
-    bound = sure.miss.bound.max()
-    left = 4.25e-3 - bound
-    assert kept_out(bound, hole, 2.0, 0.99 * left) == ''
-    assert f'{1.01 * left:.3g} m of it by motion' in kept_out(bound, hole, 2.0, 1.01 * left)
+def test_what_motion_adds_counts_before_a_cutout():
+    left = ROOM - 3e-3
+    assert kept_out(3e-3, ROOM, 2.0, 0.99 * left) == ''
+    assert f'{1.01 * left:.3g} m of it by motion' in kept_out(3e-3, ROOM, 2.0, 1.01 * left)
 
 
 def test_what_is_not_blended_in_at_the_entry_counts(observing):
@@ -176,13 +181,32 @@ def test_what_is_not_blended_in_at_the_entry_counts(observing):
     windows = np.array([0.5, 0.5, 0.1])
     found = correct(estimate, PLAN)
     steered, reached = Steered(way, windows), Steered(way, windows).reached(PLAN.times)
-    waypoints = found.miss.waypoints
-    before = bound_of(estimate, PLAN, steered, waypoints)
-    assert before > 1.5 * found.miss.bound.max()
-    bounds = [bound_of(estimate, PLAN, steered.corrected(reached[waypoints[0]] - early, found,
-                                                         reached), waypoints)
+    entry = reached[looked_at(PLAN)[0]]
+
+    def bound(way, plan=PLAN):
+        return bound_of(estimate, plan, way, reached, entry - 3.0, 1.0)
+
+    # aimed at, with looks on the way there, a second and half the windows before
+    chosen = looked_at(PLAN)
+    aimed = estimate.miss(replace(PLAN, grippers=found.grippers), chosen, steered.poses(
+        np.maximum(reached[chosen] - 1.55, entry - 3.0))).together
+    assert aimed < found.miss.together  # without
+    assert bound(steered) > 1.5 * aimed
+    bounds = [bound(steered.corrected(entry - early, found, reached))
               for early in (2.0, 0.7, 0.5, -0.1)]
-    assert bounds[0] == pytest.approx(found.miss.bound.max(), rel=0.05)
+    assert bounds[0] == pytest.approx(aimed, rel=0.02)
     assert all(one <= other * 1.01 for one, other in itertools.pairwise(bounds))
     assert bounds[-1] > 1.3 * bounds[0]
-    assert bound_of(estimate, PLAN, steered, waypoints[:0]) == 0.0
+    free = replace(PLAN, via_points=((),) * len(PLAN))
+    assert bound(steered, free) == 0.0
+
+
+def test_some_of_what_passes_is_looked_at():
+    assert list(looked_at(PLAN)) == [0, 3, 6, 9, 12]
+    late = replace(PLAN, via_points=((),) * 10 + PLAN.via_points[10:])
+    assert list(looked_at(late)) == [10, 11, 12]
+
+
+def test_the_room_in_a_cutout():
+    assert room_in(scene(cutouts__radius=5e-3)) == pytest.approx(ROOM)
+    assert room_in(scene()) is None

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What speaks against doing as an estimate of the DLO says, in words."""
+"""What speaks against doing as an estimate of the DLO says, in words, and what miss is expected.
+
+The same in a closed loop and where a motion is corrected that begins without one.
+"""
 
 from dataclasses import replace
 
@@ -11,18 +14,19 @@ from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.observing import Observing
 from dlo_planner.identify.steering import Steered
-from dlo_planner.model.arrays import Ints
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.surface import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
-from dlo_planner.ros.scene import Scene
 
 _ANSWER = 2.0  # a DLO moves by less than so many times a jerk of its gripper
 _ERRORS = 5.0  # standard deviations by which points may be off on the mean
 _MORE = 0.2    # of the points, by which more may be none of the DLO's than are expected
 _SOME = 0.95   # of them
 _STOPPING = 3.0  # s before the entry, at which a motion can still come to rest in front of it
+_WAYPOINTS = 5   # whose miss is predicted, evenly from the entry to the depth
 
 
 def disagreement(observing: Observing) -> str:
@@ -59,7 +63,7 @@ def unexplained(observing: Observing, speed: float = 0.0) -> str:
     return ''
 
 
-def doubts(correction: Correction, observing: Observing, scene: Scene) -> str:
+def doubts(correction: Correction, inverse: InverseSimulator, largest: float) -> str:
     """Return in words why a Correction must not be executed, '' if it may.
 
     It is not simulated as a plan is: the gripper has to keep its workspace, and the DLO clear of
@@ -68,38 +72,33 @@ def doubts(correction: Correction, observing: Observing, scene: Scene) -> str:
     Parameters
     ----------
     correction : Correction
-        By the estimate of `observing`.
-    observing : Observing
-    scene : Scene
-        Scene of the plan.
+    inverse : InverseSimulator
+        Of the DLO as stated, with its workspace.
+    largest : float
+        By how much a correction may move the gripper, m.
     """
     if not correction.converged:
         return 'a waypoint has no stable shape for the DLO as it is estimated'
-    wrong = unexplained(observing, scene.limits.linear_speed)
-    if wrong:
-        return wrong
     moved = float(np.linalg.norm(correction.offsets[:, 3:], axis=1).max(initial=0.0))
-    if moved > scene.seeing.largest_correction:
+    if moved > largest:
         return (f'it moves the gripper by {moved:.3g} m: expected observe.largest_correction = '
-                f'{scene.seeing.largest_correction:g} m at most')
-    return _leaves(correction, scene)
-
-
-def _leaves(correction: Correction, scene: Scene) -> str:
-    """Return in words what the gripper or the DLO would run into."""
-    rooms = [scene.workspace.min_margin(pose) for pose in correction.grippers]
-    name, room = min(rooms, key=lambda one: one[1])
+                f'{largest:g} m at most')
+    workspace = inverse.workspace
+    if workspace is None:
+        return ''
+    name, room = min((workspace.min_margin(pose) for pose in correction.grippers),
+                     key=lambda one: one[1])
     if room < 0:
         return f'it moves the gripper {-room:.3g} m beyond {name}'
-    bodies, surface = scene.workspace.keep_out, Surface.of(scene.direct.rod)
-    for index, body in enumerate(bodies):
+    surface = Surface.of(inverse.simulator.rod)
+    for index, body in enumerate(workspace.keep_out):
         room = min(clearance([body], surface, shape) for shape in correction.shapes)
         if room < 0:
             return f'it moves the DLO {-room:.3g} m into {type(body).__name__} {index}'
     return ''
 
 
-def kept_out(miss: float, scene: Scene, left: float, moving: float) -> str:
+def kept_out(miss: float, room: float, left: float, moving: float) -> str:
     """Return in words why a motion has to stop before the cut-out, '' if it may go on.
 
     It goes in if the DLO is inside the cut-out with 95 %, as far as the estimate tells, and with
@@ -110,18 +109,15 @@ def kept_out(miss: float, scene: Scene, left: float, moving: float) -> str:
     ----------
     miss : float
         By how much the DLO may miss the cut-out at rest, with 95 %, m.
-    scene : Scene
-        Scene of the plan.
+    room : float
+        By how much it may without touching the rim, m.
     left : float
         Seconds of the motion until the first cut-out is reached.
     moving : float
         By how much motion displaces the DLO in the cut-out at most, m.
     """
-    radius, thick = scene.cutout_radius, scene.direct.rod.radius or 0.0
-    if radius is None or not isinstance(thick, float) or not 0 < left <= _STOPPING:
-        return ''
-    bound, room = miss + moving, radius - thick
-    return '' if bound <= room else (
+    bound = miss + moving
+    return '' if not 0 < left <= _STOPPING or bound <= room else (
         f'the DLO may miss the cut-out by {bound:.3g} m (95 %, {moving:.3g} m of it by '
         f'motion): expected at most the room of {room:.3g} m; let it hang at rest before the '
         'camera, call ~/identify, and plan again')
@@ -139,26 +135,41 @@ def in_motion(execution: Execution) -> float:
     return bound + _ANSWER * execution.shaken
 
 
-def bound_of(estimate: Estimate, plan: Plan, way: Steered, waypoints: Ints) -> float:
-    """Return within how many m the DLO passes the center at waypoints of a motion with 95 %.
+def looked_at(plan: Plan) -> Ints:
+    """Return the indices of some waypoints that pass a center, whose miss is predicted."""
+    passing = np.flatnonzero([bool(passes) for passes in plan.via_points])
+    some = np.linspace(0, passing.size - 1, min(_WAYPOINTS, passing.size)).astype(int)
+    chosen: Ints = passing[np.unique(some)]
+    return chosen
 
-    A correction is blended in over the slowest periods of the DLO, which may end after the entry:
-    so the poses that are commanded then count, not those that are aimed at.
+
+def bound_of(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now: float,
+             lag: float) -> float:
+    """Return within how many m the DLO passes the center with 95 %, in what is commanded.
+
+    That lags what is aimed at: a look at the gripper in a pose serves the DLO `lag` s later and
+    half the time in which a correction is blended in, by which what changes evenly is late. It may
+    be blended in only after the entry.
 
     Parameters
     ----------
     estimate : Estimate
     plan : Plan
+        In poses to be commanded.
     way : Steered
         Steered along the plan.
-    waypoints : ndarray, shape (k,)
-        Their indices, of such that pass the center.
+    reached : ndarray, shape (n,)
+        Times of the motion at which the plan's waypoints are reached, s.
+    now : float
+        Time of the motion of the last look, s.
+    lag : float
+        Seconds from a look until the motion is changed by it; inf: it is not corrected.
     """
-    if not waypoints.size:
+    chosen = looked_at(plan)
+    if not chosen.size:
         return 0.0
-    commanded, _, _ = way.at(way.reached(plan.times[waypoints]))
+    seen = way.poses(np.maximum(reached[chosen] - lag - 0.5 * way.windows.sum(), now))
     grippers = list(plan.grippers)
-    for k, pose in zip(waypoints, commanded, strict=True):
+    for k, pose in zip(chosen, way.poses(reached[chosen]), strict=True):
         grippers[k] = pose
-    moved = replace(plan, grippers=tuple(grippers))
-    return float(estimate.miss(moved, waypoints).bound.max(initial=0.0))
+    return estimate.miss(replace(plan, grippers=tuple(grippers)), chosen, seen).together
