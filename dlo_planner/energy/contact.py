@@ -30,7 +30,7 @@ from dlo_planner.energy.outline import (
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.pushing import push, push_beside, push_node
 from dlo_planner.energy.rolling import watched
-from dlo_planner.energy.scene import AXIS, Scene
+from dlo_planner.energy.scene import AXIS, SHEET, Scene
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.attached import sort_points
@@ -182,6 +182,59 @@ def blocks(effect, system, before, after):
         return False
     return passes_through(effect.scene, system.lengths, before.strains, before.rotations,
                           before.positions, after.rotations, after.positions)
+
+
+@kernel
+def acts(effect, system, strains, positions, before):
+    """Whether an obstacle may be touched on the straight way between two places of a DLO.
+
+    Each node is looked at as a ball that holds all of the section, and of the elements up to the
+    middles of their lengths. A convex body is away if such a ball is, before and after, on one side
+    of a plane beside it; a sheet, if it is farther from the ball than that moves.
+
+    Args:
+        positions, before: (N + 1, 3) of the nodes, from the scene's origin, m
+    """
+    if effect is None:
+        return False
+    for o in range(effect.scene.kind.size):
+        if _near(effect.scene, o, system.lengths, positions, before):
+            return True
+    return False
+
+
+@kernel
+def _near(scene, o, lengths, positions, before):
+    """Whether body `o` may be touched, see `acts`."""
+    x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
+    n, farthest, thickest = lengths.size, 0.0, 0.0
+    beside = np.sqrt(scene.offset[o, 0] ** 2 + scene.offset[o, 1] ** 2)
+    for k in range(n + 1):
+        thickest = max(thickest, radius_at_node(scene, o, k))
+        away = 0.0
+        for i in range(3):
+            away += (positions[k, i] - before[k, i]) ** 2
+        farthest = max(farthest, away)
+    farthest = np.sqrt(farthest)
+    around = beside + thickest + 0.5 * np.max(lengths)
+    sheet, clear = scene.kind[o] == SHEET, 0.0
+    for k in range(n + 1):
+        if k > 0:
+            clear -= lengths[k - 1]
+        if clear > 0.0:  # nothing of it gets so far
+            continue
+        for i in range(3):
+            x[i] = scene.origin[i] + positions[k, i]
+        gap = signed_distance(scene, o, x, normal, hessian) - around
+        back = away = 0.0
+        for i in range(3):
+            shift = before[k, i] - positions[k, i]
+            back += normal[i] * shift
+            away += shift * shift
+        if not gap + (-np.sqrt(away) if sheet else min(back, 0.0)) > 0.0:
+            return True
+        clear = gap - farthest
+    return False
 
 
 @kernel
