@@ -182,4 +182,3 @@ def _on(shape: Shape, mesh: Discretization, past: tuple[History, History]) -> Sh
     contents.pop(_OF_FREE, None)
     contents['state'] = State.made(mesh, *past, shape.state.estimate)
     return other
-

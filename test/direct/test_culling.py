@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
+from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, parallel
 from dlo_planner.direct import setup
 from dlo_planner.direct.culling import Culled
 from dlo_planner.direct.stepping import Stepper
@@ -217,6 +217,19 @@ def test_nothing_is_passed_between_two_poses(all_acts):
     assert all(shape.contacts or not shape.converged for shape in found[1:])
 
 
+def test_nothing_is_passed_in_a_motion(all_acts):
+    """The gripper comes down by 0.4 m in 0.1 s, 7 ms a step, over a bar of 2 mm."""
+    direct = simulator({'obstacles': [Capsule((0.3, -0.5, 0.9), (0.3, 0.5, 0.9), 1e-3)]})
+    poses = [turned(0, z=1.2 - 0.4 * np.sin(0.1 * k) ** 2) for k in range(16)]
+    one = direct.simulate(poses, 0.007, tolerance=np.inf)
+    other = all_acts(lambda: direct.simulate(poses, 0.007, tolerance=np.inf))
+    assert not one.shapes[1].contacts and one.shapes[-1].contacts
+    for ours, theirs in zip(one.shapes, other.shapes, strict=True):
+        assert np.abs(ours.positions - theirs.positions).max() < 1e-6
+        assert [contact.obstacle for contact in ours.contacts] == [
+            contact.obstacle for contact in theirs.contacts]
+
+
 def test_what_is_remembered_acts(all_acts):
     """Contact forces and a set of the shape before count, however far what acted is now."""
     direct = simulator(SOFT)
@@ -236,3 +249,16 @@ def test_a_shape_travels():
     assert sent == shape
     assert np.array_equal(direct.solve(turned(20), sent).positions,
                           direct.solve(turned(20), shape).positions)
+
+
+@pytest.mark.parametrize('around', [IDLE['floor'], BELOW, SOFT], ids=['floor', 'touched', 'yield'])
+def test_many_shapes_are_those_of_each(around):
+    direct = simulator(around)
+    poses = [turned(degrees, z=z) for z in (1.4, 1.0) for degrees in (-50, -20, 0, 20)]
+    many, each = parallel.solve_many(direct, poses), [direct.solve(pose) for pose in poses]
+    for one, other in zip(many, each, strict=True):
+        assert np.abs(one.positions - other.positions).max() < 1e-9
+        assert one.dissipated == other.dissipated
+        assert [contact.s for contact in one.contacts] == [contact.s for contact in other.contacts]
+    assert len(many.contact_table) == sum(len(one.contacts) for one in each)
+    assert around is not BELOW or len(many.contact_table)
