@@ -5,11 +5,22 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Box, Capsule, CutOut, DirectSimulator, FarEnd, Pose, Rod, Sheet
+from dlo_planner import Box, Capsule, CutOut, DirectSimulator, FarEnd, Plane, Pose, Rod, Sheet
 
 ANGLES = (*range(0, 181, 10), *range(170, -1, -10))  # degrees, benchmark C: up, over, and back
 SMOOTH = tuple(np.linspace(0, 72, 37))
 BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
+
+_UP = (0, 0, 1)
+_TABLE = Box(Pose((0.5, 0, 0.05), (0, 0, 0, 1)), (2, 2, 0.2))
+_BESIDE = Box(Pose((0.2, 0.5, 0.5), (0, 0, 0, 1)), (0.2, 0.2, 0.2))
+IDLE = {  # what may act on the wire and never does, of the benchmarks that hang it at 1 m
+    'a floor never touched': lambda: {'obstacles': [Plane((0, 0, 0.2), _UP)]},
+    'a plane 50 m below': lambda: {'obstacles': [Plane((0, 0, -50), _UP)]},
+    'a yield stress never reached': lambda: {'rod': wire(yield_curvature=10.0)},
+    'a table, a box and a sheet in reach': lambda: {'obstacles': [
+        _TABLE, _BESIDE, Sheet.around(hole((0.9, -0.6, 0.8), radius=0.02))]},
+}
 
 
 def wire(diameter=1e-3, **more):
@@ -25,6 +36,11 @@ def local(n=64, rod=None, **more):
 def chebyshev(n=64, rod=None, **more):
     """Return a DirectSimulator with ten Chebyshev terms."""
     return DirectSimulator(rod or wire(), n_elements=n, **more)
+
+
+def swinging():
+    """Return the grippers of 1 s, 10 ms apart: it goes aside by 0.1 m and back."""
+    return [level(1.0, 0.1 * np.sin(0.01 * np.pi * k) ** 2) for k in range(101)]
 
 
 def turned(degrees):

@@ -9,6 +9,7 @@ import numpy as np
 from benchmarks.cases import (
     ANGLES,
     BAR,
+    IDLE,
     SMOOTH,
     chebyshev,
     held,
@@ -17,6 +18,7 @@ from benchmarks.cases import (
     local,
     random_poses,
     scenes,
+    swinging,
     turned,
     wire,
 )
@@ -33,7 +35,8 @@ _STEPS = 100
 
 def rows() -> list[Row]:
     """Return all rows, in the order in which they are printed."""
-    return [*_floors(), *_solves(), *_motions(), *_tasks(), *_contacts(), *_held(), *_others()]
+    return [*_floors(), *_solves(), *_motions(), *_tasks(), *_contacts(), *_held(),
+            *_idle(), *_others()]
 
 
 def _floors():
@@ -161,6 +164,29 @@ def _held():
     yield row('far end held, step of 2 mm', warm, Goal(3, 'solves'))
     yield row('far end held, from the natural shape',
               lambda: Work(lambda: simulator.solve(gripper, far_end=end)), Goal(100, 'solves'))
+
+
+def _second(simulator):
+    poses = swinging()
+    return Work(lambda: simulator.simulate(poses, 0.01))
+
+
+_IDLE = {  # how a DLO is asked for on which nothing acts but its weight
+    'warm solve': lambda **around: _warm(chebyshev(**around)),
+    'warm solve, local': lambda **around: _warm(local(**around)),
+    'warm solve, accuracy 1e-5 m': lambda **around: _warm(
+        DirectSimulator(around.pop('rod', None) or wire(), accuracy=1e-5, **around)),
+    'benchmark C, track, local': lambda **around: _track(local(**around), ANGLES),
+    'smooth way of 37 poses, track': lambda **around: _track(chebyshev(**around), SMOOTH),
+    '1 s of a motion': lambda **around: _second(local(**around)),
+}
+
+
+def _idle():
+    for what, around in IDLE.items():
+        for name, make in _IDLE.items():
+            yield row(f'{name}, {what}', lambda m=make, a=around: m(**a()),
+                      Goal(2.0 if 'table' in what else 1.5, 'free'), others={'free': make})
 
 
 def _dynamic():

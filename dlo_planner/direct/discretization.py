@@ -171,6 +171,28 @@ class Discretization(Value):
                     or around.pinned)
 
     @cached_property
+    def free(self) -> Discretization:
+        """The mesh without what may act and may not, see `direct.culling`; itself if it `hangs`.
+
+        It does not hang freely where anything else acts than that.
+        """
+        if self.hangs:
+            return self
+        return Discretization(self.surroundings.free, self.s, self.basis, self.n_terms)
+
+    def on(self, free: Discretization) -> Discretization:
+        """Return the Discretization, with all that may act here, whose `free` is that."""
+        mesh = Discretization(self.surroundings, free.s, free.basis, free.n_terms)
+        put(mesh, free=free)
+        return mesh
+
+    @cached_property
+    def left_anyway(self) -> tuple[str, ...]:
+        """Names of what those effects leave to the next step that act on `free`, too."""
+        return tuple(name for part in ACTING if not part.acts(self.surroundings)
+                     for name in part.cleared(self.start.left))
+
+    @cached_property
     def stores(self) -> tuple[Part, ...]:
         """The Parts that store energy, besides elasticity."""
         return tuple(part for part in ACTING if part.stores and part.acts(self.surroundings))
@@ -285,6 +307,7 @@ class Discretization(Value):
             start=self.start, **{name: getattr(self, name) for name, *_ in _SPRINGS})
         freeze(s)
         put(other, bare=self.bare._replace(**fields))
+        put(other, free=other if self.hangs else self.free.varied(**fields))
         put(other, _given={part.name: self.given(part.name) for part in ACTING
                            if part.of_rod and part.acts(self.surroundings)})
         return other

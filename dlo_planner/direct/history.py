@@ -98,7 +98,12 @@ class History(Value):
 
     def followed(self, positions: Floats, tangents: Floats, **left: Any) -> History:
         """Return the past after a step that left nothing else than arrays of some names."""
-        return History._of(self.s, {**self.left, **left}, (positions, tangents), self.of)
+        if left:
+            return History._of(self.s, {**self.left, **left}, (positions, tangents), self.of)
+        after = object.__new__(History)
+        positions.flags.writeable = tangents.flags.writeable = False
+        put(after, s=self.s, left=self.left, positions=positions, tangents=tangents, of=self.of)
+        return after
 
     def leaving(self, **left: Any) -> History:
         """Return the same past with other arrays of some names in `left`."""

@@ -5,6 +5,7 @@
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from dlo_planner.direct.culling import remembers_nothing
 from dlo_planner.direct.integrator import KinematicState
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
@@ -58,6 +59,14 @@ class Instant:
             raise AttributeError(name)
         made = self.__dict__[name] = self.__dict__['boxed'](name)
         return made
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing has acted on the DLO but what acts on all of them."""
+        if self.touched:
+            return False
+        # one whose Shape is not made yet is of `leg.swung`
+        return 'shape' not in self.__dict__ or remembers_nothing(self.shape)
 
     @property
     def positions(self) -> Floats:

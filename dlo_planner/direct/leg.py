@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.books import allowed, entered
+from dlo_planner.direct.culling import acting_on
 from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.proof import CONVERGED
@@ -26,6 +27,7 @@ from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.value import freeze
 
 if TYPE_CHECKING:  # it imports this module
+    from dlo_planner.direct.discretization import Discretization
     from dlo_planner.direct.stepping import Stepper
 
 MOST = 64  # steps of a leg: after them a deadline is looked at
@@ -92,8 +94,10 @@ class Leg(NamedTuple):
 def leg_of(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], places: Floats,
            scheme: Scheme, limits: Limits) -> Leg:
     """Return the Leg of steps that end at `places` (n,), or of the first of them alone."""
-    if stepper.swings:
-        return stepper.along(now, past, places, scheme, limits)
+    if stepper.swings_from(now):
+        leg = stepper.along(now, past, places, scheme, limits)
+        if leg is not None:
+            return leg
     return stepped(stepper, now, past, float(places[0]), scheme, limits)
 
 
@@ -103,8 +107,9 @@ def sampled(s: Floats) -> Ints:
 
 
 def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], places: Floats,
-          scheme: Scheme, limits: Limits) -> Leg:
+          scheme: Scheme, limits: Limits) -> Leg | None:
     """Return the Leg of a DLO that hangs freely, see `Stepper.along`."""
+    mesh, known = stepper.discretization, limits.books.copy()
     rounding = stepper.rounding(scheme)
     trail = _trail(stepper, now.nodes, now.bends, np.append(now.place, places))
     nodes = trail.nodes[0]
@@ -115,19 +120,34 @@ def swung(stepper: Stepper, now: Instant, past: Sequence[tuple[float, Floats]], 
     trail.energies[PAST, 1:] = now.potential, now.kinetic, now.work, now.power, now.losses[0]
     books = np.array([CONVERGED + 100 * rounding, limits.error, limits.part, limits.noise])
     how = stepper.coefficients(scheme)
-    last = swing_along(stepper.discretization.static, how, trail, limits.books, books,
+    last = swing_along(mesh.free.static, how, trail, limits.books, books,
                        TOLERANCE + rounding, limits.patience)
+    end = min(last + 1, PAST + places.size)
+    if not mesh.hangs and (acts := _first_acting(mesh, trail, end)) is not None:
+        end = last = acts - 1
+        limits.books[:] = known
+        for row in range(PAST + 1, last + 1):
+            entered(limits.books, trail.energies[row], limits.part, limits.noise)
+        if last == PAST:
+            return None
     places = np.concatenate([np.full(PAST, np.nan), [now.place], places])
     whole = np.flatnonzero(places[:last + 1] == np.rint(places[:last + 1]))
     whole = whole[whole > PAST].tolist()
     rows = [*whole, *([last] if last > PAST and last not in whole else []),
-            *([last + 1] if last + 1 < places.size else [])]
+            *([end] if end > last else [])]
     made = dict(zip(rows, _instants(stepper, now, trail, rows, places[rows], (how, rounding)),
                     strict=True))
     return Leg(trail.proofs[PAST + 1:last + 1, 2], [made[row] for row in whole],
                made.get(last, now),
                [(float(trail.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
                nodes[PAST + 1:last + 1, stepper.watched], made.get(last + 1))
+
+
+def _first_acting(mesh: Discretization, trail: Trail, end: int) -> int | None:
+    """Return the first row after that of now, up to `end`, where something acts; None: nowhere."""
+    nodes, rows = trail.nodes[0], slice(PAST + 1, end + 1)
+    found = np.flatnonzero(acting_on(mesh, trail.bends[0, rows], nodes[rows], nodes[PAST:end]))
+    return PAST + 1 + int(found[0]) if found.size else None
 
 
 def set_going(stepper: Stepper, now: Instant, brief: Scheme, going: bool) -> Instant:
@@ -143,7 +163,7 @@ def set_going(stepper: Stepper, now: Instant, brief: Scheme, going: bool) -> Ins
     there = brief.dt / stepper.dt
     trail = _trail(stepper, now.nodes, now.bends,
                    now.place + there * np.array([0.0, 1.0, 0.0, -1.0]))
-    set_off(stepper.discretization.static, stepper.coefficients(brief, (0.0, 0.0)),
+    set_off(stepper.discretization.free.static, stepper.coefficients(brief, (0.0, 0.0)),
             stepper.coefficients(brief), trail, going, TOLERANCE + stepper.rounding(brief),
             MAX_ITERATIONS)
     nodes, bends = (course[:, PAST].copy() for course in (trail.nodes, trail.bends))
@@ -220,7 +240,7 @@ def _unboxed(rows: _Rows, k: int, place: float, name: str) -> Any:
     stepper, energies, (residual, stability, _) = rows.stepper, rows.energies[k], rows.proofs[k]
     mesh, gripper = stepper.discretization, stepper.grips.gripper.at(place)
     if stability == np.inf:  # it was proved to be good, and no more
-        stability = stability_at(mesh.static, rows.how, gripper.rotation, gripper.position,
+        stability = stability_at(mesh.free.static, rows.how, gripper.rotation, gripper.position,
                                  np.array(rows.nodes[:, k]), np.array(rows.bends[:, k]))
     return hanging_shape(mesh, gripper, (
         rows.bends[0, k], rows.frames[k], rows.nodes[0, k], rows.wrenches[k], *energies[:2],

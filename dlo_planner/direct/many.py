@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Many shapes of a DLO that hangs freely, in one compiled loop."""
+"""Many shapes of a DLO that hangs freely, as far as they do, in one compiled loop."""
 
 from __future__ import annotations
 
@@ -10,19 +10,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dlo_planner.direct.culling import acting_on
 from dlo_planner.direct.indicator import hanging_surely_within
 from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hangs_still
+from dlo_planner.energy.potential import placed
 from dlo_planner.minimize.hanging import hang_many
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.value import freeze
 
 if TYPE_CHECKING:  # it imports this package
+    from dlo_planner.direct.discretization import Discretization
     from dlo_planner.direct.simulator import DirectSimulator
 
 
 def hangs_in_a_loop(simulator: DirectSimulator) -> bool:
     """Return whether shapes of a DirectSimulator come from the compiled loop."""
-    return simulator.mesh.hangs and simulator.method == 'newton'
+    mesh, newton = simulator.mesh, simulator.method == 'newton'
+    return newton and (mesh.hangs or simulator.history is None and mesh.free.hangs)
 
 
 def hanging_shapes(simulator: DirectSimulator, positions: Floats, rotations: Floats,
@@ -44,19 +48,33 @@ def hanging_shapes(simulator: DirectSimulator, positions: Floats, rotations: Flo
     Returns
     -------
     ndarray of bool, shape (n,)
-        Whether a shape is within the accuracy that is wanted. Where it may not be, `solve` has to
-        look.
+        Whether a shape is within the accuracy that is wanted, and nothing acts on it that may.
+        Where that is not known, `solve` has to look.
     """
     mesh = simulator.mesh
-    hang_many(mesh.static, read_only(rotations), read_only(positions), mesh.relaxed, TOLERANCE,
+    hang_many(mesh.free.static, read_only(rotations), read_only(positions), mesh.relaxed, TOLERANCE,
               MAX_ITERATIONS, *filled.arrays)
     filled.told()
+    good = ~_acting(mesh, positions, rotations, filled)
     if simulator.accuracy is None:
-        return np.full(len(positions), True)
+        return good
     _, stability, truncated = filled.proofs.T
-    good: NDArray[np.bool_] = hanging_surely_within(
-        mesh.told_by_truncation, stability, truncated, simulator.accuracy)
+    good &= hanging_surely_within(mesh.told_by_truncation, stability, truncated,
+                                  simulator.accuracy)
     return good
+
+
+def _acting(mesh: Discretization, positions: Floats, rotations: Floats,
+            filled: Filled) -> NDArray[np.bool_]:
+    """Return (n,) whether something acts on the shapes, or on the way of a DLO that is set down."""
+    if mesh.hangs:
+        return np.zeros(len(positions), dtype=bool)
+    local = placed(mesh.free.system(np.eye(3)), np.array(mesh.natural)).positions
+    before = positions[:, None] + np.einsum('nij,kj->nki', rotations, local)
+    strains, _, there = filled.stored[:3]
+    acting: NDArray[np.bool_] = (acting_on(mesh, strains[:], there[:], before)
+                                 | ~filled.columns['converged'])
+    return acting
 
 
 def read_only(given: Floats) -> Floats:

@@ -77,6 +77,8 @@ class Moving(Setup):
                 mesh = moving_mesh(known.state.made_on)
         if initial is not None:
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
+        if self.accuracy is None:
+            return self._equilibrium(gripper, None, far_end)[0], mesh
         return step(mesh, gripper, known, How(self._history, far_end, self.method))[0], mesh
 
 

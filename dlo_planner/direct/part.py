@@ -130,6 +130,10 @@ class Part:
         """Return what it left as if it had not acted."""
         return {}
 
+    def idle(self, left: Left) -> bool:
+        """Whether what it left has no say in the next step."""
+        return True
+
     def lasts(self, left: Left) -> bool:
         """Whether it left anything for good."""
         return False

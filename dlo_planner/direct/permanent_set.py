@@ -73,6 +73,10 @@ class PermanentSet(Part):
         """Whether there are as many springs."""
         return bool(left['set'].shape[1] == start['set'].shape[1])
 
+    def idle(self, left: Left) -> bool:
+        """Whether nothing is set, nor has been."""
+        return not left['set'].any() and not left['lost']
+
     def lasts(self, left: Left) -> bool:
         """Whether anything is set."""
         return bool(left['set'].any())

@@ -69,7 +69,7 @@ def _let_go(stepper: Stepper, instant: Instant, dt: float, going: bool) -> Insta
     """
     short = max(_BRIEF[0] * dt, _BRIEFEST * stepper.own_time)
     brief = Scheme.named('paper', min(short, _BRIEF[1] * stepper.own_time))
-    if stepper.swings:
+    if stepper.swings_from(instant):
         return set_going(stepper, instant, brief, going)
     watch = _Watch(stepper, brief, instant.place * stepper.dt, instant.shape.state.history)
     nodes, bends = instant.nodes.uniform(), instant.bends.uniform()

@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a simulator computes with: a DLO, what surrounds it, a mesh, a permanent set; variants."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
 
 from dlo_planner.direct.accuracy import Wanted, accurate_equilibrium
+from dlo_planner.direct.continuation import Equilibrium, follow
+from dlo_planner.direct.culling import Acts, Culled
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.history import History
 from dlo_planner.direct.mesh import with_breaks
@@ -171,12 +175,71 @@ class Setup(Value):
     def _equilibrium(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
                      most: float = np.inf) -> tuple[Shape, int]:
         """Return (Shape, kicks); `most` as in `one_step.How`."""
-        how = How(self._history, far_end, self.method, self.strains, most)
-        if self.accuracy is not None:
-            return accurate_equilibrium(Wanted(self._discretization, self._fine, self.accuracy),
-                                        gripper, initial, how)
         self._judge_end(far_end)
-        return step(self._discretization, gripper, initial, how)
+
+        def find(find_one: Equilibrium, begin: Shape | None) -> tuple[Shape, int]:
+            return find_one(gripper, begin, far_end, most)
+
+        return self._found(find, initial, far_end)
+
+    def _followed(self, previous: Shape, gripper: Pose, far_end: FarEnd | None,
+                  at_once: bool = False) -> Shape:
+        """Return what `continuation.follow` does."""
+        self._judge_end(far_end)
+
+        def find(find_one: Equilibrium, begin: Shape | None) -> tuple[Shape, int]:
+            assert begin is not None  # as `previous` is not
+            return follow(find_one, begin, gripper, far_end, at_once), 0
+
+        return self._found(find, previous, far_end)[0]
+
+    def _found(self, find: Callable[[Equilibrium, Shape | None], tuple[Shape, int]],
+               initial: Shape | None, far_end: FarEnd | None) -> tuple[Shape, int]:
+        """Return what `find` does: without what may act, if it does not; else with all of that.
+
+        Parameters
+        ----------
+        find : callable
+            Function of an equilibrium as `_with_all`, and the Shape to begin with.
+        initial : Shape or None
+            That Shape.
+        far_end : FarEnd or None
+        """
+        culled = None
+        if (self.method == 'newton' and self._history is None
+                and (far_end is None or initial is not None)):
+            culled = Culled.of(self._discretization, initial)
+        if culled is not None:
+            try:
+                shape, kicks = find(partial(self._without, culled), culled.begin)
+            except Acts:
+                pass
+            else:
+                if shape.converged:
+                    return culled.with_all(shape), kicks
+        return find(self._with_all, initial)
+
+    def _without(self, culled: Culled, gripper: Pose, initial: Shape | None,
+                 far_end: FarEnd | None, most: float) -> tuple[Shape, int]:
+        """Return what `_with_all` does without what may act; raise Acts if that does."""
+        shape, kicks = self._on(self._discretization.free, gripper, initial,
+                                How(None, far_end, most=most))
+        if shape.converged:
+            culled.judged(initial, gripper, shape)
+        return shape, kicks
+
+    def _with_all(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
+                  most: float) -> tuple[Shape, int]:
+        """Return (Shape, kicks), with all that may act."""
+        return self._on(self._discretization, gripper, initial,
+                        How(self._history, far_end, self.method, self.strains, most))
+
+    def _on(self, mesh: Discretization, gripper: Pose, initial: Shape | None,
+            how: How) -> tuple[Shape, int]:
+        if self.accuracy is not None:
+            return accurate_equilibrium(Wanted(mesh, self._fine, self.accuracy), gripper, initial,
+                                        how)
+        return step(mesh, gripper, initial, how)
 
     def _judge_end(self, far_end: FarEnd | None) -> None:
         if far_end is not None and self.method != 'newton':

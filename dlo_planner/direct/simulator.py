@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from dlo_planner.deprecated import renamed
 from dlo_planner.direct.accuracy import default_accuracy, first_mesh, mesh_to_begin_with, within
 from dlo_planner.direct.beginning import Velocity
-from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.described import STRAINS
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.grips import ends_of, poses
@@ -147,7 +146,7 @@ class DirectSimulator(Moving):
         self._check(gripper, initial, far_end)
         if initial is None or not (self._made(initial) or initial.state.kept):
             return self._equilibrium(gripper, initial, far_end)[0]
-        return follow(self._equilibrium, initial, gripper, far_end, at_once=True)
+        return self._followed(initial, gripper, far_end, at_once=True)
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
               initial: Shape | None = None, *, far_ends: Iterable[Any] | None = None,
@@ -187,7 +186,7 @@ class DirectSimulator(Moving):
             if before is None:
                 shape, _ = self._equilibrium(gripper, initial, end)
             else:
-                shape = follow(self._equilibrium, before, gripper, end)
+                shape = self._followed(before, gripper, end)
             shapes.append(shape)
             if shape.converged or shape.nearly:  # a failure is reported, not carried on
                 initial = shape

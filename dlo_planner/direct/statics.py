@@ -106,7 +106,7 @@ def unknown() -> float:
 
 def hanging_shape(discretization: Discretization, gripper: Pose, found: Found, rounding: float,
                   estimate: Callable[[], float] = unknown) -> Shape:
-    """Return the Shape of a DLO that hangs freely.
+    """Return the Shape of a DLO that hangs freely, or on which nothing acts that may.
 
     Parameters
     ----------
@@ -119,13 +119,15 @@ def hanging_shape(discretization: Discretization, gripper: Pose, found: Found, r
     """
     (strains, frames, positions, wrench, elastic, energy, residual, stability, iterations,
      _) = found
-    past = discretization.start
+    before = past = discretization.start
+    if not discretization.hangs:  # where something acts, the next step counts from here
+        past = before.followed(positions, frames[:, :, 0].copy())
     return made_shape(
         gripper=gripper, s=discretization.s, positions=positions, frames=frames,
         element_strains=strains, energy=energy, elastic_energy=elastic, gripper_wrench=wrench,
         residual=residual, stability=stability, iterations=iterations,
         converged=bool(hangs_still(residual - 100 * rounding, stability)), far_wrench=_NOTHING,
-        state=State.made(discretization, past, past, estimate))
+        state=State.made(discretization, past, before, estimate))
 
 
 def hangs_still(residual: Any, stability: Any) -> Any:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.contacts import Contact
+from dlo_planner.direct.culling import acting_on
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.guide import Grips
 from dlo_planner.direct.history import History
@@ -76,14 +77,24 @@ class Stepper:
         self.discretization, self.grips, self.dt = discretization, grips, dt
         self.method = method
         self.watched = sampled(discretization.s) if watched is None else watched
-        # whether steps are made by one kernel, many at once
-        self.swings = discretization.hangs and grips.far_end is None and method == 'newton'
+        # whether one kernel makes steps, many at once, as long as nothing acts
+        self.swings = (grips.far_end is None and method == 'newton' and discretization.free.hangs)
         rod = discretization.rod
         self.masses = node_masses(rod, discretization.s)
         # of the rod: 0.56 of the period of its slowest vibration, without tip mass
         self.own_time = np.sqrt((self.masses.sum() or 1.0) * rod.length**3
                                  / min(rod.stiffness[1:]))
         self._known: dict[Any, Coefficients] = {}  # of the Schemes so far
+
+    def swings_from(self, now: Instant) -> bool:
+        """Return whether nothing acts on the DLO at an Instant, nor has: then `along` goes on."""
+        mesh = self.discretization
+        if mesh.hangs or not self.swings:
+            return self.swings
+        if not now.free:
+            return False
+        strains, here = now.bends.position[None], now.nodes.position[None]
+        return not acting_on(mesh, strains, here, here)[0]
 
     def step(self, before: Instant, place: float, scheme: Scheme,
              patience: int = MAX_ITERATIONS) -> Instant:
@@ -109,8 +120,9 @@ class Stepper:
         return replace(self._step(calm, place, euler, patience), touched=True)
 
     def _step(self, before: Instant, place: float, scheme: Scheme, patience: int) -> Instant:
-        if self.swings:
+        if self.swings and self.discretization.hangs:
             leg = self.along(before, (), np.array([place]), scheme, Limits(patience))
+            assert leg is not None  # nothing can act
             return leg.last if leg.refused is None else leg.refused
         after = self.step_from(before, place, scheme, self.guess(before, scheme.dt), patience)
         if after.shape.converged:
@@ -156,10 +168,10 @@ class Stepper:
             before, shape=shape, nodes=nodes, bends=bends, kinetic=self.kinetic(nodes.velocity)))
 
     def along(self, now: Instant, past: Sequence[Any], places: Floats, scheme: Scheme,
-              limits: Limits) -> Leg:
+              limits: Limits) -> Leg | None:
         """Return the Leg of steps that end at `places` (n,), each the end of one of a Scheme.
 
-        Only where it `swings`.
+        Only where it `swings_from` now. It ends before something acts; None if that is at once.
 
         Parameters
         ----------

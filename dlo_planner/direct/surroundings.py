@@ -109,6 +109,14 @@ class Surroundings(Value):
         """Whether a dead moment acts somewhere."""
         return any(one.moment.any() for one in self.point_loads)
 
+    @cached_property
+    def free(self) -> Self:
+        """The same without what acts only where it is touched or reached: obstacles, yielding."""
+        rod = self.rod
+        if rod.yields:
+            rod = replace(rod, yield_curvature=None, yield_torsion=None)
+        return replace(self, rod=rod, obstacles=())
+
     @property
     def pinned(self) -> bool:
         """Whether the DLO's beginning may turn in the gripper."""

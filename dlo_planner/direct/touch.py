@@ -115,6 +115,10 @@ class Touch(Part):
         """Return no forces on as many bodies."""
         return {'node_force': np.zeros_like(left['node_force']), **_NO_POINTS}
 
+    def idle(self, left: Left) -> bool:
+        """Whether there are no forces, and no points."""
+        return not left['point_element'].size and not left['node_force'].any()
+
     def leaves(self, solved: Solved) -> Left:
         """Return the forces; what slid sticks from now on to where it has come to."""
         return _forces(solved, True)

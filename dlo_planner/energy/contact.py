@@ -30,12 +30,14 @@ from dlo_planner.energy.outline import (
 from dlo_planner.energy.passage import passes_through
 from dlo_planner.energy.pushing import push, push_beside, push_node
 from dlo_planner.energy.rolling import watched
-from dlo_planner.energy.scene import AXIS, Scene
+from dlo_planner.energy.scene import AXIS, SHEET, Scene
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.ritz.attached import sort_points
 from dlo_planner.ritz.kinematics import point_inside
 from dlo_planner.ritz.record import Record, makes
+
+_MOST_LEAPS = 64  # of a look along a way: nearer to an obstacle it is not told to be clear
 
 
 class Contacts(Record):
@@ -182,6 +184,82 @@ def blocks(effect, system, before, after):
         return False
     return passes_through(effect.scene, system.lengths, before.strains, before.rotations,
                           before.positions, after.rotations, after.positions)
+
+
+@kernel
+def acts(effect, system, strains, positions, before):
+    """Whether an obstacle may be touched on the straight way between two places of a DLO.
+
+    Each node is looked at as a ball that holds all of the section, and of the elements up to the
+    middles of their lengths.
+
+    Args:
+        positions, before: (N + 1, 3) of the nodes, from the scene's origin, m
+    """
+    if effect is None:
+        return False
+    for o in range(effect.scene.kind.size):
+        if _near(effect.scene, o, system.lengths, positions, before):
+            return True
+    return False
+
+
+@kernel
+def _near(scene, o, lengths, positions, before):
+    """Whether body `o` may be touched, see `acts`."""
+    x, normal, hessian, shift = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
+    n, farthest, thickest = lengths.size, 0.0, 0.0
+    beside = np.sqrt(scene.offset[o, 0] ** 2 + scene.offset[o, 1] ** 2)
+    for k in range(n + 1):
+        thickest = max(thickest, radius_at_node(scene, o, k))
+        away = 0.0
+        for i in range(3):
+            away += (positions[k, i] - before[k, i]) ** 2
+        farthest = max(farthest, away)
+    farthest = np.sqrt(farthest)
+    around = beside + thickest + 0.5 * np.max(lengths)
+    clear = 0.0
+    for k in range(n + 1):
+        if k > 0:
+            clear -= lengths[k - 1]
+        if clear > 0.0:  # nothing of it gets so far
+            continue
+        for i in range(3):
+            x[i] = scene.origin[i] + positions[k, i]
+        gap = signed_distance(scene, o, x, normal, hessian) - around
+        clear, back = gap - farthest, 0.0
+        for i in range(3):
+            shift[i] = before[k, i] - positions[k, i]
+            back += normal[i] * shift[i]
+        if not gap > 0.0:
+            return True
+        # all of a convex body is behind the plane that touches it where it is nearest
+        if (scene.kind[o] == SHEET or gap + back <= 0.0) and not _clear_way(
+                scene, o, x, shift, around, normal, hessian):
+            return True
+    return False
+
+
+@kernel
+def _clear_way(scene, o, x, shift, around, normal, hessian):
+    """Whether a ball is told to stay away from body `o` on its way from x (3,) by `shift` (3,).
+
+    From each point it goes on as far as it is away there.
+
+    Args:
+        around: radius of the ball, m; normal, hessian: scratch
+    """
+    length, gone, here = np.sqrt(np.sum(shift * shift)), 0.0, np.empty(3)
+    for _ in range(_MOST_LEAPS):
+        for i in range(3):
+            here[i] = x[i] + (gone / length * shift[i] if gone > 0.0 else 0.0)
+        gap = signed_distance(scene, o, here, normal, hessian) - around
+        if not gap > 0.0:
+            return False
+        gone += gap
+        if gone >= length:
+            return True
+    return False
 
 
 @kernel

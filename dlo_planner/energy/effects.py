@@ -11,6 +11,8 @@ acts by, and those of these functions that it needs (kernels but for the last tw
     noise(effect, system, state, length)    forces whose relative rounding errors its own have, N
     blocks(effect, system, before, after)   whether it forbids the way from a State to another
     may_block(effect)                       whether it ever does
+    acts(effect, system, strains, positions, before)  whether it would have a say in a step of a DLO
+                                            that was found without it, see `direct.culling`
     fill_rows(effect, rotation, position, out)      what it holds of the far end (`minimize.border`)
     fill_miss(effect, rotation, position, miss)     and by how much that is missed
     stored(effect, system, strains)         energy that it stores in the DLO, J
@@ -191,6 +193,8 @@ noise = _of_all('noise', ', system, state, length', 'forces = 0.0', 'forces += {
 blocks = _of_all('blocks', ', system, before, after', 'found = False', 'found = found or {}',
                  'return found')
 may_block = _of_all('may_block', '', 'found = False', 'found = found or {}', 'return found')
+acts = _of_all('acts', ', system, strains, positions, before', 'found = False',
+               'found = found or {}', 'return found')
 fill_rows = _of_all('fill_rows', ', rotation, position, out', '', '{}', 'return')
 fill_miss = _of_all('fill_miss', ', rotation, position, miss', '', '{}', 'return')
 stored = _of_all('stored', ', system, strains', 'energy = 0.0', 'energy += {}', 'return energy')

@@ -131,6 +131,25 @@ def add_forces(effect, system, state):
 
 
 @kernel
+def acts(effect, system, strains, positions, before):
+    """Whether any spring yields at strains (N, 3), 1/m, of a DLO that is set to nothing."""
+    if effect is None:
+        return False
+    natural, direction, limit, ellipse = (system.natural, effect.direction, effect.limit,
+                                          effect.ellipse)
+    for e in range(strains.shape[0]):
+        d0, d1, d2 = (strains[e, 0] - natural[e, 0], strains[e, 1] - natural[e, 1],
+                      strains[e, 2] - natural[e, 2])
+        for j in range(limit.size):
+            if not abs(direction[j, 0] * d0 + direction[j, 1] * d1
+                       + direction[j, 2] * d2) < limit[j]:
+                return True
+        if ellipse.size > 0 and not (d1 / ellipse[0]) ** 2 + (d2 / ellipse[1]) ** 2 < 1.0:
+            return True
+    return False
+
+
+@kernel
 def add_stiffness(effect, system, state, diagonal):
     """Add d2W by the scaled strains to diagonal (N, 3, 3)."""
     if effect is None:

@@ -139,7 +139,7 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
                           f'{len(rods)} rods, or one for all')
     instance('simulator', simulator, DirectSimulator)
     # one loop fills the arrays of all, where nothing is long
-    chunk = _LOOP if hangs_in_a_loop(simulator) else _AT_ONCE
+    chunk = _LOOP if simulator.mesh.hangs and hangs_in_a_loop(simulator) else _AT_ONCE
     shapes = map(simulator, grippers, rods=rods, chunk=chunk, progress=progress, deadline=deadline)
     assert isinstance(shapes, Shapes)  # there are no motions in it
     return shapes
@@ -148,7 +148,8 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
 def _chunk(simulator: DirectSimulator, chunk: int | None, each_alone: bool) -> int:
     """Return how many poses are in one piece of work."""
     if chunk is None:
-        return _QUICK if each_alone and hangs_in_a_loop(simulator) else _AT_ONCE
+        quick = each_alone and simulator.mesh.hangs and hangs_in_a_loop(simulator)
+        return _QUICK if quick else _AT_ONCE
     return integer('chunk', chunk, minimum=1, maximum=_MOST)
 
 

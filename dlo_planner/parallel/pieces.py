@@ -19,6 +19,7 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
 from dlo_planner.parallel.memory import Place
 from dlo_planner.parallel.shapes import Columns, columns, stacked
+from dlo_planner.progress import Progress
 
 _KNOWN = 8  # contents that a worker keeps
 NO_CONTACTS = columns([], np.zeros(2))['contact_table']
@@ -149,18 +150,23 @@ def result_of(piece: Piece) -> PieceResult:
 
 
 def _each_alone(simulator: DirectSimulator, piece: Piece) -> PieceResult:
-    """Return the PieceResult of a DLO that hangs freely in each gripper, by the compiled loop."""
+    """Return the PieceResult in each gripper, by the compiled loop where the DLO hangs freely."""
     n = len(piece.positions)
     filled = (piece.into and piece.into.filled) or Filled.new(n, simulator.mesh.s.size - 1)
+    steps = Progress(deadline=piece.seconds)
     good = hanging_shapes(simulator, piece.positions, piece.rotations, filled)
+    touching = [NO_CONTACTS]
     for k in np.flatnonzero(~good):
         shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
         for name, values in columns([shape], simulator.mesh.s).items():
             if name != 'contact_table':
                 filled.columns[name][k] = values[0]
-    if piece.into is not None and piece.into.takes(filled):
+            elif len(values):
+                touching.append(values + k * (np.arange(values.shape[1]) == 0))
+        steps.check()
+    if len(touching) == 1 and piece.into is not None and piece.into.takes(filled):
         return PieceResult({}, placed=n)
-    return PieceResult(filled.columns | {'contact_table': NO_CONTACTS})
+    return PieceResult(filled.columns | {'contact_table': np.concatenate(touching)})
 
 
 def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:

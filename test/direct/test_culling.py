@@ -1,0 +1,264 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What may act and does not: the answers of all that acts, by the way of a DLO that hangs freely.
+
+Each case is computed twice: as it is, and with `Culled.of` and `Stepper.swings` out of the way, by
+the solvers for obstacles and yielding.
+"""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, parallel
+from dlo_planner.direct import setup
+from dlo_planner.direct.culling import Culled
+from dlo_planner.direct.stepping import Stepper
+
+UP = (0, 0, 1)
+HOLE = CutOut(Pose.looking_along((0.9, -0.6, 0.8), (1, 0, 0)), radius=0.02)
+
+
+def wire(**more):
+    return Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, **more)
+
+
+def turned(degrees, x=0.0, z=1.0):
+    return Pose((x, 0, z), Rotation.from_euler('y', -degrees, degrees=True).as_quat())
+
+
+def simulator(around, **options):
+    options = {'n_elements': 32, 'basis': 'local'} | options
+    return DirectSimulator(around.get('rod', wire()), obstacles=around.get('obstacles', ()),
+                           **options)
+
+
+IDLE = {
+    'floor': {'obstacles': [Plane((0, 0, 0.2), UP, 0.3)]},
+    'far': {'obstacles': [Plane((0, 0, -50), UP)]},
+    'sheet': {'obstacles': [Sheet.around(HOLE)]},
+    'box': {'obstacles': [Box(Pose((0.2, 0.5, 0.5), (0, 0, 0, 1)), (0.2, 0.2, 0.2))]},
+    'ideal': {'rod': wire(yield_curvature=10.0, section_model='ideal')},
+    'fibers': {'rod': wire(yield_curvature=10.0, yield_torsion=5.0, hardening=0.1)},
+    'rectangular': {'rod': Rod.rectangular(1.0, 2e-3, 1e-3, 8960.0, 110e9, 0.34),
+                    'obstacles': [Plane((0, 0, 0.1), UP)]},
+}
+BELOW = {'obstacles': [Plane((0, 0, 0.4), UP, 0.2)]}
+SOFT = {'rod': wire(yield_curvature=3.5, hardening=0.1)}
+
+
+@pytest.fixture
+def all_acts(monkeypatch):
+    """Return a function that makes the call of another with all that may act."""
+    def call(function):
+        with monkeypatch.context() as patch:
+            patch.setattr(Culled, 'of', lambda mesh, initial: None)
+            patch.setattr(Stepper, 'swings_from', lambda stepper, now: False)
+            return function()
+    return call
+
+
+@pytest.fixture
+def free_alone(monkeypatch):
+    """Have it fail where a step is made with all that may act."""
+    of_simulator, refused = setup.Setup._with_all, 'the step was made with what does not act'
+
+    def with_all(simulator, *arguments):
+        assert simulator.mesh.hangs, refused
+        return of_simulator(simulator, *arguments)
+
+    def step_from(*_):
+        raise AssertionError(refused)
+
+    monkeypatch.setattr(setup.Setup, '_with_all', with_all)
+    monkeypatch.setattr(Stepper, 'step_from', step_from)
+
+
+def assert_same(one, other, within=1e-9):
+    """Assert that two Shapes are the same answer."""
+    assert np.abs(one.positions - other.positions).max() < within
+    assert np.abs(one.frames - other.frames).max() < 100 * within
+    assert np.abs(one.gripper_wrench - other.gripper_wrench).max() < 100 * within
+    for name in ('energy', 'elastic_energy', 'violation', 'dissipated', 'far_wrench'):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-6,
+                                   atol=10 * within)
+    assert one.stability == pytest.approx(other.stability, 1e-3, 1e-6)
+    assert (one.converged, one.jumped, one.status[:9]) == (
+        other.converged, other.jumped, other.status[:9])
+    assert len(one.contacts) == len(other.contacts)
+    assert one.history.left.keys() == other.history.left.keys()
+    for name, array in other.history.left.items():
+        np.testing.assert_allclose(one.history.left[name], array, rtol=1e-6, atol=1e-7)
+    assert np.abs(one.history.positions - other.history.positions).max() < within
+    assert np.abs(one.history.tangents - other.history.tangents).max() < 100 * within
+    assert one.mesh.surroundings == other.mesh.surroundings
+
+
+@pytest.mark.parametrize('around', IDLE.values(), ids=IDLE)
+@pytest.mark.parametrize('options', [{}, {'basis': 'chebyshev'}], ids=['local', 'chebyshev'])
+def test_steps_are_the_same(around, options, all_acts):
+    direct = simulator(around, **options)
+
+    def shapes():
+        begin = direct.solve(turned(10))
+        return [begin, direct.solve(turned(20), begin), *direct.track(map(turned, (0, 5, 12)))]
+
+    for one, other in zip(shapes(), all_acts(shapes), strict=True):
+        assert_same(one, other)
+        assert one.converged
+        assert np.isclose(one.error_estimate, other.error_estimate, rtol=1e-2, atol=1e-9)
+
+
+@pytest.mark.parametrize('around', IDLE.values(), ids=IDLE)
+def test_steps_are_made_without_what_does_not_act(around, free_alone):
+    direct = simulator(around)
+    rod = replace(direct.rod, yield_curvature=None, yield_torsion=None)
+    shape = direct.solve(turned(10), simulator({'rod': rod}).solve(turned(10)))
+    assert direct.solve(turned(14), shape).converged
+    assert all(shape.converged for shape in direct.track(map(turned, (12, 14)), initial=shape))
+    assert len(direct.simulate([turned(10)] * 3, 0.01, shape)) == 3
+
+
+@pytest.mark.parametrize('around', [IDLE['floor'], IDLE['fibers']], ids=['floor', 'fibers'])
+def test_held_far_ends(around, all_acts, free_alone, monkeypatch):
+    direct = simulator(around)
+    ends = [Pose((0.8, 0, z), (0, 0, 0, 1)) for z in (1.0, 0.99, 0.98)]
+    begin = simulator({'rod': wire()}).solve(turned(0), far_end=ends[0])
+    shapes = direct.track([turned(0)] * 3, initial=begin, far_ends=ends)
+    monkeypatch.undo()
+    for one, other in zip(shapes, all_acts(lambda: direct.track(
+            [turned(0)] * 3, initial=begin, far_ends=ends)), strict=True):
+        assert_same(one, other, 1e-8)
+        assert one.far_wrench.any()
+
+
+@pytest.mark.parametrize('around', [IDLE['far'], IDLE['floor'], IDLE['fibers']],
+                         ids=['far', 'floor', 'fibers'])
+def test_an_accuracy_is_met_as_without(around):
+    direct = simulator(around, n_elements=None, accuracy=1e-5)
+    free = simulator({'rod': replace(direct.rod, yield_curvature=None, yield_torsion=None)},
+                     n_elements=None, accuracy=1e-5)
+    one = other = None
+    for degrees in (10, 20, 22):
+        one, other = direct.solve(turned(degrees), one), free.solve(turned(degrees), other)
+        assert np.array_equal(one.positions, other.positions)
+        assert one.error_estimate == other.error_estimate <= 1e-5
+        assert one.mesh.surroundings == direct.surroundings
+
+
+@pytest.mark.parametrize('around', IDLE.values(), ids=IDLE)
+def test_motions_are_the_same(around, all_acts):
+    direct = simulator(around)
+    poses = [turned(0, 0.1 * np.sin(0.1 * k) ** 2) for k in range(9)]
+    one, other = direct.simulate(poses, 0.01), all_acts(lambda: direct.simulate(poses, 0.01))
+    assert one.status == other.status == 'complete'
+    for name in ('velocities', 'kinetic_energy', 'potential_energy', 'work', 'losses'):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-6)
+    for ours, theirs in zip(one.shapes, other.shapes, strict=True):
+        assert np.abs(ours.positions - theirs.positions).max() < 1e-8
+        assert ours.history.left.keys() == theirs.history.left.keys()
+        assert np.abs(ours.history.positions - theirs.history.positions).max() < 1e-8
+
+
+def test_a_track_comes_down_on_a_floor(all_acts):
+    direct = simulator(BELOW)
+    poses = [turned(0, z=z) for z in (1.3, 1.2, 1.1, 1.05, 1.1, 1.3, 1.4)]
+    shapes, known = direct.track(poses), all_acts(lambda: direct.track(poses))
+    assert [bool(shape.contacts) for shape in shapes][::3] == [False, True, False]
+    for one, other in zip(shapes, known, strict=True):
+        assert_same(one, other, 1e-7)
+
+
+def test_a_track_yields_and_stays_bent(all_acts):
+    direct = simulator(SOFT)
+    poses = [turned(degrees) for degrees in (-80, -60, -30, 0, -40, -80)]
+    shapes, known = direct.track(poses), all_acts(lambda: direct.track(poses))
+    assert shapes[0].dissipated == 0 < shapes[3].dissipated == pytest.approx(shapes[-1].dissipated)
+    for one, other in zip(shapes, known, strict=True):
+        assert_same(one, other, 1e-7)
+
+
+@pytest.mark.parametrize('around', [BELOW, SOFT], ids=['floor', 'yield'])
+def test_a_motion_reaches_what_acts(around, all_acts):
+    direct = simulator(around)
+    poses = [turned(-70 + 70 * np.sin(0.1 * k) ** 2, z=1.5 - 0.3 * np.sin(0.1 * k) ** 2)
+             for k in range(16)]
+    first = direct.solve(poses[0])
+    one = direct.simulate(poses, 0.02, first)
+    other = all_acts(lambda: direct.simulate(poses, 0.02, first))
+    assert one.status == other.status == 'complete'
+    assert not one.shapes[1].contacts and not one.shapes[1].dissipated
+    assert any(shape.contacts or shape.dissipated for shape in one.shapes)
+    for ours, theirs in zip(one.shapes, other.shapes, strict=True):
+        assert np.abs(ours.positions - theirs.positions).max() < 1e-6
+        assert len(ours.contacts) == len(theirs.contacts)
+    np.testing.assert_allclose(one.losses, other.losses, atol=1e-7)
+
+
+def test_nothing_is_passed_between_two_poses(all_acts):
+    """A bar of 2 mm lies between the wire before the step and where it would hang after it."""
+    bar = {'obstacles': [Capsule((0.3, -0.5, 0.86), (0.3, 0.5, 0.86), 1e-3)]}
+    direct, free = simulator(bar), simulator({})
+    before, after = turned(40), turned(-20)
+    begin, beyond = free.solve(before), free.solve(after)
+    assert begin.frame_at(0.35)[1][2] > 0.9 and beyond.positions[8:14, 2].max() < 0.85
+
+    def shapes():
+        known = direct.solve(before, begin)
+        return [known, direct.solve(after, known), direct.track([before, after])[-1],
+                direct.solve(after)]
+
+    found = shapes()
+    for one, other in zip(found, all_acts(shapes), strict=True):
+        assert_same(one, other)
+    assert all(shape.contacts or not shape.converged for shape in found[1:])
+
+
+def test_nothing_is_passed_in_a_motion(all_acts):
+    """The gripper comes down by 0.4 m in 0.1 s, 7 ms a step, over a bar of 2 mm."""
+    direct = simulator({'obstacles': [Capsule((0.3, -0.5, 0.9), (0.3, 0.5, 0.9), 1e-3)]})
+    poses = [turned(0, z=1.2 - 0.4 * np.sin(0.1 * k) ** 2) for k in range(16)]
+    one = direct.simulate(poses, 0.007, tolerance=np.inf)
+    other = all_acts(lambda: direct.simulate(poses, 0.007, tolerance=np.inf))
+    assert not one.shapes[1].contacts and one.shapes[-1].contacts
+    for ours, theirs in zip(one.shapes, other.shapes, strict=True):
+        assert np.abs(ours.positions - theirs.positions).max() < 1e-6
+        assert [contact.obstacle for contact in ours.contacts] == [
+            contact.obstacle for contact in theirs.contacts]
+
+
+def test_what_is_remembered_acts(all_acts):
+    """Contact forces and a set of the shape before count, however far what acted is now."""
+    direct = simulator(SOFT)
+    bent = direct.track([turned(0)])[0]
+    assert bent.dissipated > 0
+    shape = direct.solve(turned(-80), bent)
+    assert shape.history.left['set'].any()
+    assert_same(shape, all_acts(lambda: direct.solve(turned(-80), bent)))
+    hung = direct.with_set(bent).solve(turned(-80))
+    assert hung.history.left['set'].any()
+
+
+def test_a_shape_travels():
+    direct = simulator(IDLE['floor'])
+    shape = direct.solve(turned(10))
+    sent = pickle.loads(pickle.dumps(shape))
+    assert sent == shape
+    assert np.array_equal(direct.solve(turned(20), sent).positions,
+                          direct.solve(turned(20), shape).positions)
+
+
+@pytest.mark.parametrize('around', [IDLE['floor'], BELOW, SOFT], ids=['floor', 'touched', 'yield'])
+def test_many_shapes_are_those_of_each(around):
+    direct = simulator(around)
+    poses = [turned(degrees, z=z) for z in (1.4, 1.0) for degrees in (-50, -20, 0, 20)]
+    many, each = parallel.solve_many(direct, poses), [direct.solve(pose) for pose in poses]
+    for one, other in zip(many, each, strict=True):
+        assert np.abs(one.positions - other.positions).max() < 1e-9
+        assert one.dissipated == other.dissipated
+        assert [contact.s for contact in one.contacts] == [contact.s for contact in other.contacts]
+    assert len(many.contact_table) == sum(len(one.contacts) for one in each)
+    assert around is not BELOW or len(many.contact_table)
