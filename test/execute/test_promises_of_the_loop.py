@@ -47,9 +47,9 @@ class Seen:
 
     def __init__(self):
         self.seeing, self.estimate = SEEING, Observing(DIRECT, SEEING).estimate
-        self.doubted, self.seen = False, np.inf
+        self.doubted, self.seen, self.swing = False, np.inf, 0.0
 
-    def reopen(self):
+    def reopen(self, stamp=0.0):
         """Forget nothing."""
 
     def moves(self, swing, time_at):
@@ -110,6 +110,15 @@ class Cell:
 
 def test_what_motion_and_the_standoff_add_is_promised(ways):
     assert Cell(ways).entering().loop.promised == pytest.approx(1e-3 + 3e-4 + 4e-4)
+
+
+def test_a_swing_that_is_seen_delays_and_is_promised(ways):
+    cell = Cell(ways)
+    cell.seen.swing = 1.01 * task().tolerance
+    cell.until(lambda: cell.time > 3.0)
+    assert cell.loop.phase is Phase.LOOK
+    cell.seen.swing = 5e-4
+    assert cell.entering().loop.promised == pytest.approx(1e-3 + 5e-4 + 4e-4)
 
 
 @pytest.mark.parametrize('what', ['doubted', 'unseen'])
