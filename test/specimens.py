@@ -161,7 +161,7 @@ def arguments():
         'obstacle': 0, 'force': 1.0, 'friction': (0.0, 0.0, 0.0), 'penetration': 0.0,
         'replay.friction': None, 'DirectSimulator.with_friction.friction': 0.2,
         'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
-        'Cylinder.friction': 0.0,
+        'Cylinder.friction': 0.0, 'Insert.friction': 0.2, 'InverseSimulator.insert.friction': 0.2,
         'Box.friction': 0.0, 'Sheet.friction': 0.0, 'Sheet.around.friction': 0.0,
         'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
         'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1), 'work': np.zeros(1),

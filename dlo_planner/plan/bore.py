@@ -22,6 +22,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.surface import Surface
 
+_OUTSIDE = 1e-6     # of the length: nothing is inside yet
 _ELEMENTS = 32
 _GRADED = 1.5       # power of the places of nodes: they are closest at the mouth
 _WALL = 1e-3        # of the room: how far walls give way
@@ -82,7 +83,7 @@ def insertion_force(simulator: DirectSimulator, bore: CutOut, friction: float | 
     if friction is None or bore.radius is None or callable(load) or (
             Surface.of(rod).half is not None):
         return np.nan
-    if not depth:
+    if depth <= _OUTSIDE * rod.length:
         return 0.0
     mouth = rod.length - depth
     inside = _inside(simulator, mouth, outside)
