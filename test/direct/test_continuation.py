@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
-from dlo_planner.direct.continuation import between, follow, shape_change
+from dlo_planner.direct.contacts import Contact
+from dlo_planner.direct.continuation import between, fell, follow, shape_change
 
 ROD = Rod(1.0, 0.0, 1.0, 0.7)
 STRAIGHT = DirectSimulator(ROD, n_elements=16, gravity=(0, 0, 0)).solve(Pose.identity())
@@ -74,6 +75,41 @@ def test_where_nothing_on_the_way_is_found_the_step_is_made_at_once_to_its_end()
 
     shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(0.2))
     assert shape.jumped and shape.converged and np.isfinite(shape.residual)
+
+
+def touching(gripper, angle, obstacle):
+    """Return a made-up Shape that touches an obstacle."""
+    contact = Contact(obstacle, 1.0, np.zeros(3), np.array([0.0, 0.0, 1.0]), 1.0, np.zeros(3),
+                      0.0)
+    return replace(bent(gripper, angle), contacts=(contact,))
+
+
+def test_where_a_contact_changes_half_steps_have_to_agree():
+    def equilibrium(gripper, initial, far_end, most=np.inf):
+        away = np.linalg.norm(gripper.position - initial.gripper.position)
+        return touching(gripper, 0.08, 1) if away > 0.015 else touching(gripper, 0.0, 0), 0
+
+    shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
+    assert [contact.obstacle for contact in shape.contacts] == [0]
+    assert shape_change(shape, bent(shape.gripper, 0.0)) < 1e-9
+
+
+def test_a_long_step_in_contact_is_cut():
+    steps = []
+
+    def equilibrium(gripper, initial, far_end, most=np.inf):
+        steps.append(np.linalg.norm(gripper.position - initial.gripper.position))
+        return touching(gripper, 0.0, 0), 0
+
+    follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.2, 0, 0), (0, 0, 0, 1)))
+    assert len(steps) >= 4
+    assert max(steps) <= 0.05 + 1e-12
+
+
+def test_a_dlo_in_contact_has_fallen_where_energy_is_missing():
+    before = replace(touching(pose(0.0), 0.0, 0), energy=1.0)
+    assert fell(before, replace(before, energy=0.5))
+    assert not fell(before, replace(before, energy=1.0))
 
 
 def test_change_of_shape_is_relative_to_the_gripper():

@@ -185,6 +185,14 @@ def test_the_dlo_in_the_hole_between_waypoints(depths):
     assert caught.value.amount == pytest.approx(-rooms[there].min(), rel=0.1)
 
 
+def test_the_sheet_around_a_hole_is_the_one_among_the_obstacles():
+    sheet = Sheet.around(HOLE, thickness=0.03)
+    depths = np.linspace(0, 0.9, 12)
+    thin, plan = thread(HOLE, depths), thread(HOLE, depths, [sheet])
+    assert plan.sheets[0][0] is sheet
+    assert plan.clearances[1:, 0, 0].min() < thin.clearances[1:, 0, 0].min() - 1e-4
+
+
 def test_an_obstacle_that_the_dlo_only_meets_between_waypoints(rng):
     plan = thread(depths=np.linspace(0, 0.9, 4))
     u, shapes = moved(plan, 31)
