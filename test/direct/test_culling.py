@@ -184,8 +184,8 @@ def test_a_track_yields_and_stays_bent(all_acts):
 @pytest.mark.parametrize('around', [BELOW, SOFT], ids=['floor', 'yield'])
 def test_a_motion_reaches_what_acts(around, all_acts):
     direct = simulator(around)
-    poses = [turned(-70 + 70 * np.sin(0.1 * k) ** 2, z=1.5 - 0.3 * np.sin(0.1 * k) ** 2)
-             for k in range(16)]
+    poses = [turned(-70 + 70 * np.sin(0.2 * k) ** 2, z=1.5 - 0.3 * np.sin(0.2 * k) ** 2)
+             for k in range(16)]  # there and back
     first = direct.solve(poses[0])
     one = direct.simulate(poses, 0.02, first)
     other = all_acts(lambda: direct.simulate(poses, 0.02, first))
@@ -238,6 +238,8 @@ def test_what_is_remembered_acts(all_acts):
     shape = direct.solve(turned(-80), bent)
     assert shape.history.left['set'].any()
     assert_same(shape, all_acts(lambda: direct.solve(turned(-80), bent)))
+    still = direct.simulate([turned(-80)] * 3, 0.01, shape)
+    assert np.abs(still.shapes[-1].positions - shape.positions).max() < 1e-8
     hung = direct.with_set(bent).solve(turned(-80))
     assert hung.history.left['set'].any()
 
