@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ from dlo_planner.execute.judge import bound_of, doubts, looked_at
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.memory import way_between
 from dlo_planner.identify.observing import Observing, Swing
 from dlo_planner.identify.steering import Steered
 from dlo_planner.inverse.simulator import InverseSimulator
@@ -210,6 +212,13 @@ def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose], known: 
     return _motion(task, estimate, build_plan(
         [Waypoint(shape) for shape in shapes], np.zeros(len(shapes)), task.limits.sizes[0],
         PlanStatus.COMPLETE))
+
+
+def _evenly(poses: Sequence[Pose]) -> list[Pose]:
+    """Return _BACK of many poses, about as far from each other: bends that are short take long."""
+    way = np.cumsum([0.0, *(way_between(*pair) for pair in pairwise(poses))])
+    chosen = np.searchsorted(way, np.linspace(0.0, way[-1], _BACK)).clip(0, len(poses) - 1)
+    return [poses[k] for k in np.unique(chosen)]
 
 
 def _motion(task: Threading, estimate: Estimate, plan: Plan) -> _Motion:
@@ -526,7 +535,7 @@ class ThreadingLoop:
             off = [np.linalg.norm(pose.position - self._here.position)
                    for pose in execution.way.poses(times)]
             since = float(times[int(np.argmin(off))])  # it may be held back by the limits
-            poses = [self._here, *execution.way.poses(np.linspace(since, 0.0, _BACK))[1:]]
+            poses = [self._here, *_evenly(execution.way.poses(np.linspace(since, 0.0, _TRIED)))[1:]]
             progress = float(execution.way.progress([execution.done])[0])
             known = self._entry.whole.shapes[min(int(np.searchsorted(
                 self._entry.whole.times, progress)), len(self._entry.whole) - 1)]

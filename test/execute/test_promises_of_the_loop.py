@@ -189,3 +189,17 @@ def test_what_a_robot_errs_after_a_look_is_in_the_expected_miss(ways, rng):
     estimate = looked(Truth.drawn(rng), observer, rng, ways[0].grippers[-1], looks=3)
     bounds = [aimed(ways, lag=lag, estimate=estimate).bound for lag in (0.0, 0.7, 1.4)]
     assert (np.diff(bounds) > 0.01 * bounds[0]).all()
+
+
+def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):
+    on = ways[1]
+    known = Seen().estimate
+    way = Trajectory(on, task().motion_limits, tolerance=np.inf)
+    times = way.duration * 0.5 * (1 - np.cos(np.linspace(0, np.pi, 200)))  # slow at both ends
+    poses = threading_loop._evenly([*way.poses(times)[::-1], *way.poses(np.zeros(50))])
+    steps = np.linalg.norm(np.diff([pose.position for pose in poses], axis=0), axis=1)
+    assert 8 <= len(steps) <= 11
+    assert steps.min() > 0.5 * steps.max()
+    back = threading_loop.way_back(task(), known, [known.commanded(pose) for pose in poses],
+                                   on.shapes[-1])
+    assert back.trajectory.duration < 2 * way.duration

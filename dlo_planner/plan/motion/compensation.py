@@ -28,13 +28,16 @@ _PER_PERIOD = 5   # pieces of the spline in the slowest period
 _SMALL = 3e-2     # weight of the shift beside the deviation: none that hardly helps
 _BEFORE = 0.05    # weight of the free end's deviation before something is passed
 _NEAR = 0.01      # of the length: from so near on the free end counts as if it passed
+_LONGEST = 50.0   # slowest periods: a longer leg is so slow that a shift is of no use
 _PART = 50        # instants in which what is passed weighs as much as the end of the leg
 
 
 def compensated(task: LegTask, law: TimeLaw,
                 begins: Sequence[Floats] | None = None,
                 check: Callable[[], None] = lambda: None) -> Shift | None:
-    """Return the Shift that makes the deviations of a LegTask's DLOs least, None on a short leg.
+    """Return the Shift that makes the deviations of a LegTask's DLOs least.
+
+    None on a leg that is too short for one, or takes very many periods of the DLO.
 
     Parameters
     ----------
@@ -44,8 +47,9 @@ def compensated(task: LegTask, law: TimeLaw,
     check : callable, optional
         Called before each of them; it may raise.
     """
-    knots, inner = _knots(law.duration, 2 * np.pi / task.response.rates.min())
-    if not inner.size:
+    period = 2 * np.pi / task.response.rates.min()
+    knots, inner = _knots(min(law.duration, _LONGEST * period), period)
+    if not inner.size or law.duration > _LONGEST * period:
         return None
     basis = BSpline(knots, np.eye(knots.size - DEGREE - 1)[:, inner], DEGREE)
     normal, right = _SMALL**2 * np.eye(3 * inner.size), np.zeros(3 * inner.size)

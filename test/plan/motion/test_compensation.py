@@ -47,7 +47,7 @@ def test_the_simulation_agrees():
     first = int(np.searchsorted(plan.times, task.leg.knots[0]))
     part = replace(plan, stops=(), **{name: getattr(plan, name)[first:] for name in (
         'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times', 'via_points',
-        'clearances')})
+        'clearances', 'insertion_force')})
     path = GripperPath(part.times, (task.leg,))
     shape = direct.solve(part.grippers[0], part.shapes[0])
     laws = shaped(task, 0.7)
@@ -66,3 +66,11 @@ def test_a_leg_shorter_than_a_spline_has_no_shift():
     law, _ = shaped(task)
     quick = replace(law, rates=20 * law.rates, windows=np.array([0.01]))
     assert compensated(task, quick) is None
+
+
+def test_a_leg_of_very_many_periods_has_no_shift():
+    task = tasks('wire')[-1]
+    law, helped = shaped(task)
+    assert helped.shift is not None
+    slow = law.slower(60 * 2 * np.pi / task.response.rates.min() / law.duration)
+    assert compensated(task, slow) is None
