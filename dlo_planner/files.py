@@ -44,6 +44,10 @@ def writable(path: str | PathLike[str]) -> Path:
     if not os.path.basename(instance('path', path, (str, PathLike))):  # '' would mean '.'
         raise InvalidTask(f'{_named(path)}: expected the name of a file')
     _size(path)
+    folder = Path(path).parent
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InvalidTask(f'{_named(path)}: expected a folder that can be written to, not '
+                          f'{shown(str(folder))}')
     return Path(path)
 
 

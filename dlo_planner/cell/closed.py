@@ -15,7 +15,7 @@ from dlo_planner.cell.drivers import PERIOD, Command
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import Unknowns
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask, NotConverged
+from dlo_planner.errors import DloPlannerError, Infeasible, InvalidTask
 from dlo_planner.execute.guards import Heard
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
 from dlo_planner.identify.closed_loop import Phase
@@ -28,6 +28,7 @@ from dlo_planner.verify.uncertainty import Uncertainty
 _STANDOFF = 0.05    # of the length
 _WAYPOINTS = 40     # of a threading
 _LOOKING = 0.05     # s of computing that an image takes
+_CORRECTING = 0.3   # s of computing that a correction takes, in which the gripper goes on
 _PLANNING = 2.0     # s of computing that a plan takes, in which the gripper stands
 _LEAST_OUTLIERS = 0.02  # part of the points: even a good camera sees some
 _VARIATION = 0.03   # 1/m: no DLO is bent quite evenly
@@ -101,6 +102,7 @@ class _Looking:
         self._cutout = task.cutout
         self._coming: deque[tuple[float, Image]] = deque()
         self.busy = 0.0
+        self._aiming: tuple[float, Any, Any] | None = None  # when it is done: work, result
 
     @property
     def promised(self) -> float:
@@ -119,16 +121,23 @@ class _Looking:
         self._coming.extend((time + _LOOKING, image) for image in images)
         while self._coming and self._coming[0][0] <= time:
             self._look(self._coming.popleft()[1])
+        if self._aiming is not None and self._aiming[0] <= time:
+            loop.finish(*self._aiming[1:])
+            self._aiming = None
         pose = loop.tick(time)
         if loop.phase is Phase.STOP:
             raise Infeasible(f'{loop.cause.name}: {loop.reason}', 0, 'miss', 0.0)
         work = loop.work
-        if work is not None:
-            self.busy = _PLANNING if loop.waits else 0.0
+        if work is not None and (self._aiming is None or self._aiming[1] is not work):
             try:
-                loop.finish(work, work())
-            except (Infeasible, NotConverged, DeadlineExceeded) as error:
-                loop.finish(work, error)
+                result = work()
+            except DloPlannerError as error:
+                result = error
+            if loop.waits:
+                self.busy = _PLANNING
+                loop.finish(work, result)
+            else:
+                self._aiming = time + _CORRECTING, work, result
         return pose
 
     def _look(self, image: Image) -> None:

@@ -35,7 +35,7 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks import Approach, Thread
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.assembly import build_plan, concatenate, truncate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
@@ -49,6 +49,8 @@ _MOTION = 0.95      # of the limits
 _MOVED = 1e-4       # m, or of unit vectors: the gripper has left the standoff
 _BACK = 12          # poses on the way back to the standoff
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
+_ASIDE = 0.02, 0.1  # m, rad: a gripper that is farther from where it stood was moved
+_COMPUTING = 0.3    # s that a correction takes to be computed
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
 
 
@@ -332,15 +334,15 @@ class ThreadingLoop:
                  horizon: float = 0.0, frame_id: str = '') -> None:
         self._task, self.observing, self._here = task, observing, here
         self._tool = Pose.identity() if tool is None else tool
-        self._loop = ClosedLoop((1 - _LEAST_FOR_MOTION) * task.room, look,
-                                period=observing.seeing.correction_period)
+        self._loop = ClosedLoop(task.room, look, period=observing.seeing.correction_period)
+        self._guards = guards or Guards(path_position=0.0, path_angle=0.0, goal_position=0.0,
+                                        goal_angle=0.0, incoming_command_timeout=0.0)
         self._execution_of = partial(
             Execution, limits=limits or task.limits, back=self._tool.inverse(), frame_id=frame_id,
-            period=period, horizon=horizon,
-            guards=guards or Guards(path_position=0.0, path_angle=0.0, goal_position=0.0,
-                                    goal_angle=0.0, incoming_command_timeout=0.0))
+            period=period, horizon=horizon, guards=self._guards)
         seeing = observing.seeing
-        self._lag = seeing.period + seeing.correction_period + horizon if seeing.correct else np.inf
+        self._lag = (seeing.period + seeing.correction_period + _COMPUTING + horizon
+                     if seeing.correct else np.inf)
         self._heard: Heard | None = None
         self._enabled: Enabled | None = None
         self.execution: Execution | None = None
@@ -353,6 +355,8 @@ class ThreadingLoop:
         self._correction: Correction | None = None
         self._ended = np.inf  # stamp at which the last motion began, had it gone on evenly
         self._left = 0.0  # m of swing that the motion to the standoff leaves
+        self._stands = here  # where the gripper does while nothing is executed
+        self._misses = False  # whether that is why it last turned back
         self.promised, self.cause, self.reason = np.nan, Cause.DONE, ''
 
     @property
@@ -370,9 +374,13 @@ class ThreadingLoop:
         self._heard = heard
         self._here = self._led()
 
+    @property
+    def _measured(self) -> Pose:
+        return self._here if self._heard is None else self._heard.pose.compose(self._tool)
+
     def _led(self) -> Pose:
         """Return where the gripper was led to: measured before the first command, no leap after."""
-        measured = self._here if self._heard is None else self._heard.pose.compose(self._tool)
+        measured = self._measured
         return min([] if self.last is None else self.last.led, default=measured, key=lambda pose: (
             float(np.linalg.norm(pose.position - measured.position))))
 
@@ -415,6 +423,8 @@ class ThreadingLoop:
         if isinstance(done, Exception):  # in motion: a correction, without which it comes to rest
             self._done = None
             self.stop(time, cause_of(done), str(done))
+        if self.execution is None and self.phase not in (Phase.DONE, Phase.STOP):
+            self._stand(time, time if now is None else now)
         if not self.waits:
             self._advance(time, time if now is None else now)
         ended = self.phase in (Phase.DONE, Phase.STOP)
@@ -427,6 +437,25 @@ class ThreadingLoop:
             self._end(self.cause, self.reason, time)
         else:
             self.execution = self.execution.stop(cause, reason, at_once)
+
+    def end(self, time: float, cause: Cause, reason: str) -> None:
+        """End at once, whatever is executed: nothing is commanded any more."""
+        self._end(self.cause or cause, self.reason or reason, time)
+
+    def _stand(self, time: float, now: float) -> None:
+        """End where a gripper that stands must not move any more, or has been moved."""
+        barred = self._guards.barred(self._enabled, now)
+        if barred:
+            self._end(Cause.NOT_ENABLED, barred, time)
+            return
+        if self._heard is None:
+            return
+        here, (position, angle) = self._measured, _ASIDE
+        away = float(np.linalg.norm(here.position - self._stands.position))
+        turned = angle_between(here.rotation, self._stands.rotation)
+        if away > position or turned > angle:
+            self._end(Cause.NOT_AT_START, f'the gripper is {away:.3g} m and {turned:.3g} rad from '
+                      f'where it stood: expected {position:g} m and {angle:g} rad at most', time)
 
     def _end(self, cause: Cause, reason: str, time: float) -> None:
         self.cause, self.reason, self.execution, self._work = cause, reason, None, None
@@ -457,20 +486,24 @@ class ThreadingLoop:
         task, estimate = self._task, self.observing.estimate
         self._done = None
         if not isinstance(done, _Entry | _Motion):
-            self._work = (partial(way_in, task, estimate, self._here, self._loop.room, self._lag)
+            most = (1 - _LEAST_FOR_MOTION) * task.room
+            self._work = (partial(way_in, task, estimate, self._here, most, self._lag)
                           if self._loop.at_standoff else
                           partial(way_to_standoff, task, estimate, self._here))
             return
         bound = None
         if isinstance(done, _Entry):
-            self._entry, self._correction, bound = done, None, done.bound
+            self._entry, self._correction = done, None
+            self._left = max(self._left, self.observing.swing)
+            moves = np.inf if done.motion is None else done.motion.bound
+            bound = done.bound + self._left + moves
         loop = self._loop.advanced(time, bound, finished=True, doubted=self.observing.doubted)
         if isinstance(done, _Motion) and loop.phase is Phase.GO:
             self._left = done.departure
             self._go(done)
-        elif loop.phase is Phase.ENTER and isinstance(done, _Entry) and done.motion is not None:
-            self._left = max(self._left, self.observing.swing)
-            self.promised = done.bound + self._left + done.motion.bound
+        elif loop.phase is Phase.ENTER and isinstance(done, _Entry) and bound is not None:
+            assert done.motion is not None  # its bound would be infinite
+            self.promised = bound
             self._go(done.motion)
         self._to(loop, time)
 
@@ -503,6 +536,7 @@ class ThreadingLoop:
             self._stopped(time, execution)
         elif execution.phase == 'succeeded':
             self._ended, self.execution = time - execution.way.duration, None
+            self._stands = self._here
             # what matters at the standoff is looked at anew
             self._to(self._loop.advanced(time, np.inf if self.phase is Phase.GO else None,
                                          finished=True), time)
@@ -516,9 +550,11 @@ class ThreadingLoop:
         if self.phase is Phase.ENTER:
             bound = self._corrected_bound(time, execution)
             unseen = time - max(self.observing.seen, self._loop.since or 0.0)
-            doubted = doubted or (unseen > _UNSEEN and self._before_entry(execution))
+            late = 0.0 if self._work is None else time - (self._loop.corrected or time)
+            doubted = doubted or (max(unseen, late) > _UNSEEN and self._before_entry(execution))
         loop = self._loop.advanced(time, bound, doubted=doubted)
         if loop.phase is Phase.RETREAT:
+            self._misses = not doubted
             self._to(loop, time)
             self._work = self._done = None
             assert self.execution is not None
@@ -526,7 +562,7 @@ class ThreadingLoop:
 
     def _stopped(self, time: float, execution: Execution) -> None:
         """Find the way back to the standoff, or look where the gripper is; or that is the end."""
-        self.execution = None
+        self.execution, self._stands = None, self._here
         if self.cause or execution.cause is not Cause.MISS_EXPECTED:  # from outside, or by a guard
             self._end(self.cause or execution.cause, self.reason or execution.reason, time)
         elif self._loop.at_standoff and self._entry is not None:
@@ -554,14 +590,18 @@ class ThreadingLoop:
             self._end(Cause.LOOKS_DISAGREE, 'looks at the DLO do not agree with each other, or '
                       f'there are none, for {loop.patience:g} s: it swings, or touches something, '
                       'or the robot is elsewhere than it says', time)
-        elif loop.tries > loop.most_tries:
+        elif loop.tries > loop.most_tries and not self._misses:
             self._end(Cause.LOOKS_DISAGREE, 'looks at the DLO do not agree with what was expected '
                       f'of it, {loop.tries} times: it slips, swings or touches something, or the '
                       'robot is elsewhere than it says', time)
         elif self._entry is not None:
-            self._end(Cause.MISS_EXPECTED, f'the DLO may miss the center by {self._entry.bound:.3g}'
-                      f' m with 95 %: expected {loop.room:.3g} m at most, of the room of '
-                      f'{self._task.room:.3g} m', time)
+            motion = self._entry.motion
+            bound = self.promised if self._misses else self._entry.bound + (
+                0.0 if motion is None else self._left + motion.bound)
+            moves = '' if motion is None else (
+                f', {self._left + motion.bound:.3g} m of it by motion')
+            self._end(Cause.MISS_EXPECTED, f'the DLO may miss the center by {bound:.3g} m (95 %'
+                      f'{moves}): expected at most the room of {self._task.room:.3g} m', time)
 
     # ---- corrections ----------------------------------------------------------------------------
 
@@ -595,9 +635,10 @@ class ThreadingLoop:
             self.aimed, self.refusal = aimed, refusal
             if not self._before_entry(execution):
                 return None
-            bound = aimed.bound if corrected.way is not way else aimed.bound_before
             moves = 0.0 if entry.motion is None else entry.motion.bound
-            self.promised = max(self.promised, bound + self._left + moves)
+            bound = self._left + moves + (
+                aimed.bound if corrected.way is not way else aimed.bound_before)
+            self.promised = max(self.promised, bound)
             return bound
         seen = self.observing.seen > (self._loop.corrected or -np.inf)
         if self._work is None and seen and self._loop.correction_due(time):

@@ -101,7 +101,7 @@ class ClosedLoop(Value):
             look=number('ClosedLoop.look', self.look, minimum=0),
             pause=number('ClosedLoop.pause', self.pause, minimum=0),
             patience=number('ClosedLoop.patience', self.patience, minimum=0),
-            period=number('ClosedLoop.period', self.period, above=0),
+            period=number('ClosedLoop.period', self.period, minimum=0),
             share=number('ClosedLoop.share', self.share, above=0, maximum=1),
             most_looks=integer('ClosedLoop.most_looks', self.most_looks, minimum=0, maximum=1000),
             looks=integer('ClosedLoop.looks', self.looks, minimum=0, maximum=1000),

@@ -108,6 +108,7 @@ class ClosedLoopDrive:
         self._last: Execution | None = None   # of the loop, whose command went out
         self._computing: Callable[[], Any] | None = None
         self._aimed: Any = None
+        self._failed = False  # whether a tick has
 
     def begun(self, state: State) -> State:
         """Return the State in which it waits for the first look."""
@@ -132,7 +133,9 @@ class ClosedLoopDrive:
             self._computing = work
             Thread(target=self._compute, args=(work,), name='closed loop', daemon=True).start()
         self._known = execution
-        return store.change(lambda now: now.looked(state.execution, execution, looking)).execution
+        known = store.change(lambda now: now.looked(state.execution, execution, looking)).execution
+        # what was stopped meanwhile has the command before: out goes what the loop knows to go out
+        return known and replace(known, sending=execution.sending, ahead=execution.ahead)
 
     def _ticked(self, state: State, now: float, stamp: float) -> Execution:
         loop, known = self._loop, state.execution
@@ -146,7 +149,10 @@ class ClosedLoopDrive:
         try:
             loop.tick(stamp, now, state.enabled)
         except Exception as error:
+            if self._failed:  # not even coming to rest works: what was told ahead ends at rest
+                loop.end(stamp, cause_of(error), str(error))
             loop.stop(stamp, cause_of(error), str(error))
+            self._failed = True
             if not isinstance(error, DloPlannerError):
                 raise
         execution = loop.execution or loop.last or self._known

@@ -94,8 +94,9 @@ class Worker:
         if process is None or process.stdin is None or process.stdout is None:
             return None
         end, unwanted = monotonic() + _PATIENCE + patience, False
+        asked = pickle.dumps((deadline, call), pickle.HIGHEST_PROTOCOL)  # whole, or not at all
         try:
-            pickle.dump((deadline, call), process.stdin, pickle.HIGHEST_PROTOCOL)
+            process.stdin.write(asked)
             process.stdin.flush()
             while not select([process.stdout], [], [], _LOOK)[0]:
                 if not unwanted and not wanted():
