@@ -15,12 +15,14 @@ from robot_arms import (
     ur5,
     way,
 )
-from scipy.interpolate import BPoly
+from scipy.interpolate import BPoly, PPoly
 from scipy.spatial.transform import Rotation
 from specimens import values
 
 from dlo_planner import DeadlineExceeded, Infeasible, Limits, Pose
 from dlo_planner.arm import Arm, joint_trajectory
+from dlo_planner.arm.following import Lost
+from dlo_planner.arm.proof import smallest_distance
 from dlo_planner.model.pose import angle_between
 
 TOOL = Pose((0.02, -0.01, 0.1), (0.0, -np.sqrt(0.5), 0.0, np.sqrt(0.5)))  # x along the tool's z
@@ -208,6 +210,23 @@ def test_links_that_come_together_are_named():
     made = joint_trajectory(trajectory, blind, current=UR5_READY)
     assert np.isnan(made.self_clearance)
     assert len(made.not_looked_at) == 7
+
+
+def test_links_that_come_together_between_two_samples_are_found():
+    arm = ur5()
+    bent = np.array([0, 0, 1.25, -1.2, 0, 0])  # there and back from one sample to the next
+    with pytest.raises(Lost, match='come together'):
+        smallest_distance(arm, PPoly(np.array([-4 * bent, 4 * bent, UR5_READY])[:, None], [0, 1]),
+                          lambda: None)
+
+
+def test_between_far_points_the_tool_is_where_it_shall_be(monkeypatch):
+    monkeypatch.setattr('dlo_planner.arm.planning._STEP', 0.4)
+    arm = ur5()
+    trajectory = timed(way(arm.pose(UR5_READY), (-0.05, 0.12, 0.08), (0.2, -0.3, 0.4)),
+                       Limits(0.05, 0.2))
+    made = joint_trajectory(trajectory, arm, current=UR5_READY)
+    check(made, trajectory, arm, limit=3e-5)
 
 
 def test_a_clearance_is_kept():

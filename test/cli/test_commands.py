@@ -18,6 +18,7 @@ from dlo_planner import DirectSimulator, Plan, Plane, Pose, Rod, Shape, Validati
 from dlo_planner.cli.doctor import findings
 from dlo_planner.cli.figures import scripts, shows
 from dlo_planner.cli.main import BAD_INPUT, FAULT, INTERRUPTED, NO_SOLUTION, main
+from dlo_planner.cli.reading import read_poses
 from dlo_planner.parallel import slices
 
 COMMANDS = ['shape', 'thread', 'replay', 'identify', 'map', 'figures', 'doctor']
@@ -69,10 +70,11 @@ def test_a_shape_is_that_of_the_library():
 
 
 def test_the_dlo_follows_several_poses_also_from_a_file():
-    Path('way.yaml').write_text('- {position: [0, 0, 1], orientation: {w: 1.0}}\n'
+    Path('way.yaml').write_text('- {position: [0, 0, 1], orientation: {y: 0.6, w: 0.8}}\n'
                                 '- [0, 0, 0.9, 1, 0, -1]\n')
     result = run('shape', 'copper_wire', *QUICK, '--grippers', 'way.yaml', '-o', 'last.npz')
     assert result.exit_code == 0, result.output
+    assert read_poses(Path('way.yaml'))[0].quaternion.tolist() == [0.0, 0.6, 0.0, 0.8]
     gripper = Shape.load('last.npz').gripper
     np.testing.assert_allclose(gripper.matrix, Pose.looking_along((0, 0, 0.9), (1, 0, -1)).matrix,
                                atol=1e-12)
@@ -464,8 +466,10 @@ def test_a_map_is_of_the_cell_that_was_asked_for(monkeypatch):
     drawn = []
     monkeypatch.setattr('dlo_planner.cli.capability.slices', lambda *given: drawn.append(
         given[1:]) or slices(*given))
+    Path('block.yaml').write_text('- box: {pose: [0.4, 0.1, 1], size: [0.1, 0.1, 0.1]}\n')
     given = ['map', 'copper_wire', *QUICK, '--x', '0.4', '--y', '-0.1:0.1:2', '--z', '1',
              '--radius', '0.02', '--start', '-0.6,-0.1,1', '--folder', 'kept',
+             '--obstacles', 'block.yaml',
              '--axis', 'x', '--quantity', 'clearance', '-o', 'map.csv', '-o', 'map.png']
     result = run(*given)
     assert result.exit_code == 0, result.output
@@ -474,6 +478,7 @@ def test_a_map_is_of_the_cell_that_was_asked_for(monkeypatch):
         rows = list(csv.DictReader(file))
     assert [float(row['y']) for row in rows] == [-0.1, 0.1]
     assert {row['start'] for row in rows} != {'-1'}  # from that pose there is a way
+    assert [row['outcome'] == 'threaded' for row in rows] == [True, False]  # one is blocked
     parts = {path: path.stat().st_mtime_ns for path in Path('kept').iterdir()}
     assert parts and run(*given).exit_code == 0  # it goes on from there
     assert {path: path.stat().st_mtime_ns for path in Path('kept').iterdir()} == parts

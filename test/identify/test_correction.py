@@ -55,6 +55,17 @@ def test_a_dlo_that_is_known_is_aimed_well(rng):
                                        correction.grippers[k].matrix, atol=1e-7)
 
 
+def test_it_aims_where_the_cutout_was_seen():
+    observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, cutout=3e-3)
+    estimate = observer.see_cutout(observer.begin(), HOLE.center, HOLE.center + (0, 2e-3, -1e-3),
+                                   1e-5)
+    correction = correct(estimate, PLAN)
+    assert correction.converged
+    np.testing.assert_allclose(correction.offsets[:, 3:], np.tile((0, 2e-3, -1e-3), (13, 1)),
+                               atol=1e-6)
+    assert correction.miss.distance.max() < 1e-6
+
+
 def test_closed_loop_against_open_loop():
     # `python test/closed_loops.py` is the same with more seeds and looks
     for seed in range(3):

@@ -22,6 +22,7 @@ from dlo_planner import (
     Uncertainty,
     gripper_at,
 )
+from dlo_planner.identify.memory import Consistency
 from dlo_planner.identify.predicted_miss import PredictedMiss, _bound, crossing
 from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
@@ -153,6 +154,15 @@ def test_a_sway_is_another_one_in_each_look(rng):
     assert two < one  # who does not know of it is too sure
 
 
+def test_a_sway_as_stated_agrees(rng):
+    truth = Truth.drawn(rng)
+    estimate = looked(truth, OBSERVER, rng, START, 8)
+    look = truth.seen(rng, START, outliers=0.0, known=True)
+    swayed = Observation(START, look.points + (look.s[:, None] / WIRE.length) ** 2 * (0, 8e-3, 0))
+    assert not OBSERVER.update(estimate, swayed).agrees
+    assert OBSERVER.update(estimate, swayed, sway=5e-3).agrees
+
+
 def test_a_cutout_seen_by_the_same_camera(rng):
     # 3 mm of bias move all that is seen: where the cut-out is seen too, the miss does not notice
     observer = Observer(DirectSimulator(WIRE), Uncertainty(natural_curvature=0.05), noise=NOISE,
@@ -221,6 +231,15 @@ def test_a_robot_that_errs_more_than_stated_makes_the_bound_larger():
             look.inflation * calm.miss(PLAN, [0]).covariance[0])
 
 
+@pytest.mark.parametrize('which', [0, 2])
+def test_what_moves_the_state_and_what_does_not_fit_count_each_by_itself(which):
+    chi_squares = np.zeros(4)
+    chi_squares[which:which + 2] = 200.0
+    assert Consistency().after(*chi_squares).inflation == 1
+    chi_squares[which] *= 4  # errors twice as large as stated: some of it is left to chance
+    assert 3 < Consistency().after(*chi_squares).inflation < 4
+
+
 def test_points_that_do_not_fit_are_no_news_of_the_dlo(rng):
     truth = Truth.drawn(rng)
     estimate = looked(truth, OBSERVER, rng, START, 5)
@@ -232,10 +251,11 @@ def test_points_that_do_not_fit_are_no_news_of_the_dlo(rng):
     assert not OBSERVER.update(estimate, Observation(START, rough)).agrees
 
 
-def test_the_robot_errs_anew_in_the_miss():
+def test_the_robot_errs_anew_in_the_miss(rng):
     observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, **ROBOT)
     sure = replace(observer.begin(), covariance=np.zeros_like(observer.begin().covariance))
-    found = sure.miss(PLAN, [0]).covariance[0]
+    miss = sure.miss(PLAN, [0])
+    found = miss.covariance[0]
     gripper, (center, s, _) = PLAN.grippers[0], PLAN.via_points[0][0]
     expected = np.zeros((3, 3))
     for k in range(6):  # by shapes whose gripper is elsewhere
@@ -247,6 +267,9 @@ def test_the_robot_errs_anew_in_the_miss():
         slope = (moved[0] - moved[1]) / 0.2
         expected += np.outer(slope, slope)
     np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
+    drawn = rng.multivariate_normal(miss.off[0], expected, 100_000)
+    assert miss.bound[0] == pytest.approx(np.quantile(np.linalg.norm(drawn, axis=1), 0.95),
+                                          rel=0.02)
 
 
 def test_the_robots_error_is_forgotten_with_time(rng):
@@ -322,10 +345,12 @@ def test_the_bound_of_a_normal_distribution():
 
 
 def test_the_covariance_of_a_miss_against_other_states(rng):
-    uncertain = OBSERVER.uncertain
+    uncertain = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, cutout=3e-3).uncertain
     z = uncertain.deviations * rng.normal(size=uncertain.size)
-    for k in rng.integers(uncertain.size, size=4):
-        step = 1e-2 * uncertain.deviations[k] * np.eye(uncertain.size)[k]
+    # of one state each, and of all together, where their signs count
+    for way in (*np.eye(uncertain.size)[rng.integers(uncertain.size, size=3)],
+                *rng.normal(size=(2, uncertain.size))):
+        step = 1e-2 * uncertain.deviations * way
         off, back, ahead = (Estimate(uncertain, z + d * step, np.outer(step, step)).miss(PLAN, [3])
                             for d in (0, -1, 1))
         known = 0.5 * (ahead.off[0] - back.off[0])

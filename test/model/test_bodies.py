@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Capsule, CutOut, InvalidTask, Limits, Plane, Pose, Sheet, Uncertainty
+from dlo_planner import (
+    Box,
+    Capsule,
+    CutOut,
+    Cylinder,
+    InvalidTask,
+    Limits,
+    Plane,
+    Pose,
+    Sheet,
+    Sphere,
+    Uncertainty,
+)
 
 PLATE = Pose.looking_along((0.1, 0.2, 0.3), (1.0, 2.0, 0.5))
 
@@ -49,6 +61,16 @@ def test_nothing_hangs_on_the_size_of_the_world(scale):
         Sheet(pose, 0.2 * scale, 0.2 * scale, cutouts=[
             CutOut(Pose((1.001 * scale, scale, scale), (0, 0, 0, 1)), radius=0.05 * scale)])
     np.testing.assert_allclose(Plane((0, 0, 0), (0, 0, 1e-30)).normal, (0, 0, 1))
+
+
+@pytest.mark.parametrize(('kind', 'given'), [
+    (Plane, ((0, 0, 0), (0, 0, 1))), (Sphere, ((0, 0, 0), 0.1)),
+    (Capsule, ((0, 0, 0), (1, 0, 0), 0.1)), (Cylinder, ((0, 0, 0), (1, 0, 0), 0.1)),
+    (Box, (PLATE, (1, 1, 1))), (Sheet, (PLATE, 0.2, 0.1))])
+def test_friction_gives_no_energy(kind, given):
+    assert kind(*given, friction=0.0).friction == 0
+    with pytest.raises(InvalidTask, match=f'{kind.__name__}.friction = -0.01'):
+        kind(*given, friction=-0.01)
 
 
 def test_what_is_checked_is_what_is_used():

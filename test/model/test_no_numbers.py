@@ -53,3 +53,9 @@ ASKING = {
 def test_what_is_no_number_is_refused_by_name(name, odd):
     with pytest.raises(DloPlannerError, match=name.split('.')[-1].rsplit(' ', maxsplit=1)[-1]):
         ASKING[name](MALFORMED[odd]())
+
+
+@pytest.mark.parametrize('name', ['Pose.position', 'Sphere.center', 'gravity', 'direction'])
+def test_masked_numbers_are_refused(name):
+    with pytest.raises(DloPlannerError, match='none masked'):
+        ASKING[name](MALFORMED['masked']())

@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from dlo_planner import DloPlannerError, Infeasible, InvalidTask, Pose
-from dlo_planner.ros.arm import _LATCHED, ArmOutput
+from dlo_planner.ros.arm import _LATCHED, ArmOutput, _current
 from dlo_planner.settings.entries import ARM
 
 STAMP = Time(sec=5)
@@ -153,6 +153,14 @@ def test_old_joint_states_do_not_count(cell, monkeypatch):
     monkeypatch.setattr('dlo_planner.ros.arm._STALE', 0.0)
     with pytest.raises(InvalidTask, match='no position of shoulder_pan_joint, .* in the last 0 s'):
         cell.output.on_proof(timed(way(ur5().pose(UR5_READY), (0, 0.1, 0))), TOOL, STAMP)
+
+
+def test_positions_count_for_a_second():
+    arm = ur5()
+    known = {name: (value, 5.0) for name, value in zip(arm.joints, UR5_READY, strict=True)}
+    np.testing.assert_array_equal(_current(arm, known, 5.9), UR5_READY)
+    with pytest.raises(InvalidTask, match='no position of shoulder_pan_joint, .* in the last 1 s'):
+        _current(arm, known, 6.1)
 
 
 def test_joints_that_carry_the_arm_have_to_be_known(cell):

@@ -259,6 +259,13 @@ def test_bias_and_cutout_are_uncertain_as_stated():
         [pytest.approx(4e-3)] * 3 + [pytest.approx(3e-3)] * 3)
 
 
+def test_the_robot_errs_as_stated():
+    robot = observing(seeing=replace(SEEING, robot_position=2e-4, robot_rotation=7e-4,
+                                     robot_way=0.3, robot_time=5.0)).estimate.robot
+    assert robot.deviations.tolist() == [7e-4] * 3 + [2e-4] * 3
+    assert (robot.way, robot.time) == (0.3, 5.0)
+
+
 def test_a_cutout_that_is_seen_is_where_it_is_seen_and_no_farther_than_it_may_be():
     out = observing(seeing=replace(SEEING, cutout=2e-3, bias=1e-3))
     stated, off = np.array([0.4, 0.0, 1.0]), np.array([1e-3, -2e-3, 5e-4])

@@ -78,6 +78,15 @@ def test_clearance_from_a_ball(plan):
         [ball], WIRE.radius, shape)
 
 
+def test_the_clearance_of_a_replay_is_that_of_obstacles_too(plan):
+    middle, = plan.shapes[10].positions_at([0.5])
+    ball = Sphere(middle - (0, 0, 0.013), 0.01)
+    report = replay(DIRECT, plan, obstacles=[ball])
+    assert report.clearance == pytest.approx(min(
+        clearance([ball], WIRE.radius, shape) for shape in plan.shapes), abs=1e-6)
+    assert report.clearance < 0.5 * plan.clearance.min()
+
+
 def test_a_hole_without_a_size_has_no_clearance():
     hole = CutOut(ROUND.pose)
     plan = InverseSimulator(DIRECT).thread(hole, depths=[0.0, 0.5])
@@ -255,7 +264,7 @@ def test_a_contact_that_is_lost_in_motion_is_not_safe(slide):
     assert report.dynamic_bend_margin < report.bend_margin < 8.0
 
 
-def test_a_range_of_friction_is_validated_where_it_is_stated(slide):
+def test_a_range_of_friction_is_validated_where_it_is_stated(slide, monkeypatch):
     over, plan = slide
     report = replay(over, plan, limits=Limits())
     assert not report.safe and 'no friction is stated' in report.reason
@@ -272,6 +281,13 @@ def test_a_range_of_friction_is_validated_where_it_is_stated(slide):
     assert not stuck.safe and stuck.largest_friction == 50.0
     with pytest.raises(InvalidTask, match='friction = -1'):
         replay(over, plan, friction=-1.0)
+    # both ends count: where it falls without friction alone, the range is not safe
+    track = DirectSimulator.track
+    monkeypatch.setattr(DirectSimulator, 'track', lambda self, *given: [
+        replace(shape, jumped=any(one.friction == 0 for one in self.obstacles))
+        for shape in track(self, *given)])
+    fallen = replay(over.with_friction(0.2), plan, trajectory=report.trajectory, friction=0.3)
+    assert not fallen.safe and not fallen.converged
 
 
 def test_the_deviation_is_that_of_the_shapes(plan):

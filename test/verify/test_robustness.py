@@ -111,6 +111,18 @@ def test_causes_in_the_robot_against_solving_again(cause):
         assert got.first_order[k] == pytest.approx(np.sqrt(squares), rel=1e-4)
 
 
+def test_of_two_centers_the_worse_one_counts():
+    second = CutOut(Pose.looking_along((0.3, 0.06, 0.98), (1, 0.2, 0)), radius=0.05)
+    plan = InverseSimulator(DIRECT).thread_two(HOLE, second, depths=[0.0, 0.2, 0.4, 0.5])
+    assert max(len(passes) for passes in plan.via_points) == 2
+    spread = Uncertainty(gripper_rotation=1e-3)
+    both, first, last = (robustness(DIRECT, replace(plan, via_points=tuple(
+        passes[part] for passes in plan.via_points)), spread).first_order
+        for part in (slice(2), slice(1), slice(1, 2)))
+    assert (np.abs(first - last) > 0.1 * first)[last > 0].any()
+    np.testing.assert_allclose(both, np.maximum(first, last))
+
+
 SPREAD = Uncertainty(0.02, 0.05, 0.02, 0.001, 0.01, 0.5e-3, 0.002)
 
 

@@ -30,6 +30,7 @@ from dlo_planner.plan.motion.in_motion import in_motion
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import TimedPath
+from dlo_planner.plan.motion.trajectory import _tolerance
 from dlo_planner.plan.passing import holes_passed, worst_miss
 from dlo_planner.progress import Progress
 
@@ -165,6 +166,8 @@ def test_frequencies_may_be_off_both_ways(wide):
         return case.deviation(law, case.response.rest)[0]
 
     task = tasks('wire')[-1]
+    for case, factor in zip(task.cases, (1.0, 0.95, 1.05), strict=False):
+        np.testing.assert_allclose(case.response.rates, factor * task.response.rates)
     task = LegTask(task.leg, task.response, task.limits, task.holes, task.last)
     u, rates = fastest_rates(task.leg, task.limits)
     law = TimeLaw(u, rates / 2, wide * 2 * np.pi / task.response.rates[-1, :2])
@@ -233,6 +236,11 @@ def test_the_default_tolerance_is_a_quarter_of_the_room(short, short_way):
     endless = Trajectory(plan, tolerance=np.inf)
     assert endless.motion is None and np.isnan(endless.mode_margin)
     assert endless.duration <= way.duration
+
+
+def test_of_several_holes_the_narrowest_one_gives_the_tolerance():
+    rooms = np.array([[[0.02], [np.inf]], [[0.03], [0.004]], [[0.05], [-0.001]]])
+    assert _tolerance(None, SimpleNamespace(clearances=rooms)) == pytest.approx(0.25 * 0.004)
 
 
 def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(short, monkeypatch):
