@@ -10,7 +10,7 @@ from kirchhoff import true_held_rod, true_rod
 
 from dlo_planner import Box, DirectSimulator, FarEnd, PointLoad, Pose, Rod
 from dlo_planner.direct import statics
-from dlo_planner.direct.indicator import like_before
+from dlo_planner.direct.indicator import like_before, mode_may_be_missed, surely_within
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 
@@ -150,6 +150,26 @@ def test_the_shape_before_vouches_for_three_times_its_error():
     assert not like_before(replace(shape, jumped=True), before, 1.0)
     assert not like_before(replace(shape, stability=0.09), before, 1.0)
     assert not like_before(shape, None, 1.0)
+
+
+def test_what_is_said_without_an_estimate_is_above_it():
+    # a DLO that hardly stands: its error is twice `truncation`, of others it is below
+    rod = Rod(1.0, 0.1, (0.0441137, 0.184684), 0.0369670, natural_curvature=(4.69162, -1.40828),
+              tip_mass=0.2)
+    shape = DirectSimulator(rod, basis='local', n_elements=16).solve(
+        Pose((0, 0, 0), (-0.453073, -1.065838, -0.346121, -0.005876)))
+    assert shape.stability > 0.1
+    assert not surely_within(shape, 0.999 * shape.error_estimate)
+    assert surely_within(shape, 3 * shape.error_estimate)
+
+
+def test_a_series_that_hardly_stands_is_looked_at_by_another_mesh():
+    rod = Rod(1.0, 0.1, 0.3, 0.2)
+    series, local = (DirectSimulator(rod, **how).solve(LEVEL) for how in (
+        {'n_elements': 32}, {'n_elements': 32, 'basis': 'local'}))
+    for shape, missed in ((series, True), (local, False)):
+        assert not mode_may_be_missed(shape)
+        assert mode_may_be_missed(replace(shape, stability=0.09)) == missed
 
 
 def test_rods_that_are_twisted_by_nature_keep_an_accuracy():

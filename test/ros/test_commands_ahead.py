@@ -156,6 +156,18 @@ def test_cancel_does_not_wait_for_the_horizon(late):
     assert rates(places[350:]) < 1.3 * Limits().linear_acceleration
 
 
+def test_a_stop_begins_where_a_robot_has_heard_of_it():
+    line = Line()
+    line.run(4.0)
+    going, stopping = line.execution, line.execution.canceled()
+    (times, before), (_, after) = coming(going), coming(stopping)
+    slower = [np.linalg.norm(one.position - other.position) for one, other in zip(
+        before, after, strict=False)]
+    heard = int(np.searchsorted(times - times[0], 0.1 - 1e-9)) + 1  # 0.1 s until it has
+    assert max(slower[:heard]) < 1e-9
+    assert slower[heard + 4] > 1e-5
+
+
 def test_who_is_canceled_at_once_has_to_be_told():
     line = Line()
     line.run(2.0)
