@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Everything that `dlo_planner` raises on purpose; each error carries its evidence."""
+"""Everything that `dlo_planner` raises on purpose; each error carries its evidence.
+
+The types of that evidence stand in the docstrings alone: they are made far above, from here no
+import goes up.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from dlo_planner.direct.shape import Shape
-    from dlo_planner.plan.plan import Plan
+from typing import Any
 
 
 class DloPlannerError(Exception):
@@ -47,7 +47,7 @@ class NotConverged(DloPlannerError):
         The last shape, with `converged` False and its residual (None if there is none).
     """
 
-    def __init__(self, message: str, shape: Shape | None = None) -> None:
+    def __init__(self, message: str, shape: Any = None) -> None:
         super().__init__(message)
         self.shape = shape
 
@@ -68,7 +68,7 @@ class Infeasible(DloPlannerError):
     """
 
     def __init__(self, message: str, waypoint: int, constraint: str, amount: float,
-                 plan: Plan | None = None) -> None:
+                 plan: Any = None) -> None:
         super().__init__(message)
         self.waypoint = waypoint
         self.constraint = constraint

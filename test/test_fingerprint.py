@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import dlo_planner
+from dlo_planner.geometry.boxed import read
+from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import COMPILED, cache, kernel
 from dlo_planner.kernels.fingerprint import Unseen, _scanned, dependencies, fingerprint
-from dlo_planner.ritz.boxed import read
-from dlo_planner.ritz.record import Record
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='kernels are plain Python')
 PACKAGE = Path(dlo_planner.__file__).parent
@@ -191,6 +191,6 @@ def test_the_package_tells_numba_nothing_behind_the_back_of_the_fingerprint():
                     users.setdefault(path.relative_to(PACKAGE).as_posix(), set()).update(names)
     assert users.keys() - {f'kernels/{name}.py' for name in (
         '__init__', 'cache', 'dispatcher', 'files', 'fingerprint', 'folders', 'lean', 'linking',
-        'lowering', 'pipeline', 'processor', 'shortcuts')} == {'ritz/boxed.py'}
+        'lowering', 'pipeline', 'processor', 'shortcuts')} == {'geometry/boxed.py'}
     assert not UNKNOWN & set().union(*users.values())
-    assert 'overload' in users['ritz/boxed.py']
+    assert 'overload' in users['geometry/boxed.py']

@@ -42,11 +42,12 @@ from dlo_planner.direct.sensitivity import (
     node_twists,
     twists_inside,
 )
-from dlo_planner.energy.distance import signed_distance
-from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.plastic import settled
+from dlo_planner.energy.ccd import sweeps_through
+from dlo_planner.energy.gap import closest_point_in_element, signed_distance
+from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
-from dlo_planner.energy.rolling import nearest_inside
+from dlo_planner.geometry.basis import equidistribute
+from dlo_planner.geometry.kinematics import frame_along, nearest_place
 from dlo_planner.identify import looking, response
 from dlo_planner.identify.misfit import nearest
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
@@ -58,34 +59,27 @@ from dlo_planner.inverse.solvers.points.spanning import two_points_hanging
 from dlo_planner.kernels.linking import kernel_of
 from dlo_planner.minimize.bearing import correction
 from dlo_planner.minimize.contact_forces import move_multipliers
+from dlo_planner.minimize.convergence import gradient_noise
 from dlo_planner.minimize.expected_error import foresee, resampled_means
 from dlo_planner.minimize.friction import with_friction
-from dlo_planner.minimize.hanging import hang
-from dlo_planner.minimize.hanging_rods import hang_rods
-from dlo_planner.minimize.held import descend_held, led
-from dlo_planner.minimize.holding import hold_on
-from dlo_planner.minimize.newton import leashed_descent
-from dlo_planner.minimize.residual import gradient_noise
+from dlo_planner.minimize.newton import led, newton_descent
 from dlo_planner.minimize.resting import bear_on, touch_down
 from dlo_planner.minimize.sliding import add_sliding
+from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_free_rods
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import curve_distance, workspace
 from dlo_planner.plan.motion.oscillators import turned, vibrated
-from dlo_planner.ritz.grading import even_shares
-from dlo_planner.ritz.kinematics import frame_along
-from dlo_planner.ritz.nearest_place import nearest_place
 
 _KINDS = 3
-KERNELS = [leashed_descent, unknowns_of, aligned_newton, integrate_from_tip, frame_along,
-           passes_through, evaluate, nearest_inside, nearest, signed_distance, settled, watching,
-           with_friction, descend_held, led, gradient_noise, touching, truth, move_multipliers,
-           add_sliding, gripper_answers, curve_distance.element_rooms,
-           curve_distance._distances, workspace._distances, _strains_by, response._moved,
-           looking._points_at, turned, vibrated, nearest_place, aligned_hanging, two_points_hanging,
-           hang_rods, touch_down, bear_on, correction, hold_on, foresee,
-           resampled_means, even_shares, node_twists, twists_inside, fill_misses, fill_slopes,
-           _nearest_hanging]
+KERNELS = [newton_descent, unknowns_of, aligned_newton, integrate_from_tip, frame_along,
+           sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
+           watching, with_friction, led, gradient_noise, touching, truth, move_multipliers,
+           add_sliding, gripper_answers, curve_distance.element_rooms, curve_distance._distances,
+           workspace._distances, _strains_by, response._moved, looking._points_at, turned, vibrated,
+           nearest_place, aligned_hanging, two_points_hanging, solve_free_rods, touch_down, bear_on,
+           correction, solve_between_grips, foresee, resampled_means, equidistribute, node_twists,
+           twists_inside, fill_misses, fill_slopes, _nearest_hanging]
 
 
 def use_everything():
@@ -185,7 +179,7 @@ def test_one_signature_for_each_kind_of_dlo(index, signatures):
 
 def test_a_dlo_that_hangs_freely_compiles_nothing_of_contact_ends_or_plasticity():
     assert DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7)).solve(Pose.identity()).converged
-    waiting, code = [(hang, hang.signatures[0])], b''
+    waiting, code = [(solve_free, solve_free.signatures[0])], b''
     while waiting:  # all that it consists of
         kernel, kinds = waiting.pop()
         _, called, (library, *_) = next(kernel._cache._kept(kinds, 'kernel'), (0, (), (0,)))
@@ -193,7 +187,7 @@ def test_a_dlo_that_hangs_freely_compiles_nothing_of_contact_ends_or_plasticity(
             pytest.skip('no folder in which compiled kernels are kept')
         code += library[2][0]
         waiting += [(kernel_of(one), one.kinds) for one in called]
-    assert all(name in code for name in (b'second_order', b'factorize_turns', b'lowest_mode'))
+    assert all(name in code for name in (b'second_order', b'factorize_blocks', b'lowest_mode'))
     assert not any(name in code for name in (
-        b'add_contacts', b'passes_through', b'add_plastic', b'add_hold', b'complemented',
-        b'factorize_twists'))
+        b'add_contacts', b'sweeps_through', b'add_plastic', b'add_hold', b'complemented',
+        b'fill_rows_of_turns'))

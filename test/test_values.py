@@ -28,7 +28,7 @@ from dlo_planner import (
     Sheet,
 )
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.history import History
+from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.model.value import Value
 
@@ -124,7 +124,7 @@ def test_whatever_it_comes_from(more):
 
 def test_what_travels_inside(more):
     assert isinstance(more['discretization'], Discretization)
-    assert isinstance(more['history'], History)
+    assert isinstance(more['history'], Memory)
     assert isinstance(more['surroundings'], Surroundings)
 
 

@@ -10,8 +10,7 @@ from scipy.interpolate import PPoly
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import array, items, number, row, shown
-from dlo_planner.model.computed import figure
+from dlo_planner.model.checks import array, figure, items, number, row, shown
 from dlo_planner.model.value import Value, brief, put
 
 

@@ -11,8 +11,8 @@ from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import PICTURES, POSES, VALUES, checked, write
 from dlo_planner.cli.reading import read_poses
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.supports import FarEnd
 
 _ENDINGS = (*PICTURES, *VALUES, '.csv', *POSES)
 

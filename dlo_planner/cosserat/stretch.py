@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.model.along import Stepwise
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.varying import Stepwise
 
 _NEGLIGIBLE = 1e-6  # strains: what they displace is less than this part of the length
 

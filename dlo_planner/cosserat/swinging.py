@@ -16,10 +16,10 @@ from dlo_planner.cosserat.cord import Cord, settled
 from dlo_planner.cosserat.stretch import Stretch
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.model.along import Stepwise
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.varying import Stepwise
 
 _HINGE = 1e-6       # of the length
 _SOFT = 1e-3, 1e-5  # moment of a hinge per rad: of EI / L, and of the weight times L at least

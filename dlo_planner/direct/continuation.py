@@ -4,9 +4,9 @@
 
 A step is taken as it is where nothing speaks against it: no more motion than the grips can cause,
 no energy lost that neither work nor friction accounts for, no unstable shape on the way (`sound`).
-Where a contact comes, goes, turns over an edge, or begins to slide, two half steps have to lead to
-the same shape as well. Any other step is made in halves. What is still in doubt in the shortest
-parts is a fall: it is made, and said.
+Where a contact comes, goes, turns over an edge, begins to slide, or slides by much, two half steps
+have to lead to the same shape as well; where one goes, the step is short. Any other step is made in
+halves. What is still in doubt in the shortest parts is a fall: it is made, and said.
 """
 
 from collections.abc import Callable
@@ -16,19 +16,18 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from dlo_planner.direct.contact import friction_work
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.touch import friction_work
-from dlo_planner.energy.passage import passes_through
+from dlo_planner.energy.ccd import sweeps_through
+from dlo_planner.geometry.so3 import matrix, partway, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.leash import largest_turn_between
+from dlo_planner.minimize.newton import largest_turn_between
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
-from dlo_planner.ritz.matrix3 import matrix, times_transposed
-from dlo_planner.ritz.rotation import partway, rotation_vector
 
 Equilibrium: TypeAlias = Callable[..., 'tuple[Shape, int]']  # see `follow`
 
@@ -40,9 +39,13 @@ _FAILURES = 7           # the same, where no equilibrium is found
 _AFTER = 3              # the same, for what comes after a jump
 _LEAP = 0.1             # rad: change of shape that a vanishing step of the gripper cannot cause
 _LEAP_ON = 0.05         # the same, of a DLO that touches
+_LEAP_OFF = 0.02        # the same, of a DLO that comes off an obstacle
+_OFF = 2e-3             # rad and of the length: the longest step in which it does
 _FOLLOWING = 3.0        # rad of shape per rad of the gripper: more is looked at in smaller steps
+_SLIDING = 2.0          # the same, where it slides
 _SPREAD = 0.2           # of how much the work depends on when forces change in a step: its error
 _ROUGH = 0.01           # of the elastic energy: what a mesh makes of it
+_EVENLY = 0.75          # of a step's change: more in half of it is a leap, perhaps
 _SAME = 0.01            # rad: two shapes that differ by less are one
 _SLIDES = 1 - 1e-6      # of friction's limit
 _TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as beyond an edge
@@ -102,12 +105,14 @@ def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: 
         if not shape.converged and (shape.jumped or goal.far_end is not None):
             return shape  # it went in parts already: the way is blocked, or out of reach
         good = shape.converged and not kicks and _continues(previous, shape, turn)
-        if good and (last or not _changes(previous, shape)):
+        if good and (last or not _is_doubtful(previous, shape, turn)):
             if last or not shape.contacts or not _is_long(previous, shape, goal, turn, at_once):
                 return shape
         elif last:
             return _jumped(shape)
-        elif good and not _is_long(previous, shape, goal, turn, at_once):
+        elif (good and not _is_long(previous, shape, goal, turn, at_once)
+              and not (turn + _shift(previous, goal.gripper) > _OFF
+                       and _comes_off(previous, shape))):
             agree, half = _by_halves(equilibrium, previous, goal, shape)
             if agree:
                 return shape
@@ -123,6 +128,8 @@ def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: 
             shape, _ = equilibrium(goal.gripper, previous, goal.far_end, np.inf)
         return _jumped(shape)
     rest = _followed(equilibrium, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
+    if not rest.converged and shape is not None and shape.converged:
+        return _jumped(shape)  # the whole step has an end, which its parts do not reach
     jumped = rest.jumped or middle.jumped
     if (shape is not None and shape.converged and shape.mesh is not None and shape.mesh.hangs
             and goal.far_end is None and shape_change(rest, shape) <= _SAME):
@@ -132,14 +139,21 @@ def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: 
 
 def _by_halves(equilibrium: Equilibrium, previous: Shape, goal: _Grips,
                shape: Shape) -> tuple[bool, tuple[Shape, int]]:
-    """Return whether two half steps lead to `shape` as well; and the first, with its kicks."""
+    """Return whether two half steps lead to `shape` as well; and the first, with its kicks.
+
+    They do not where one of them alone changes as much as both: what leaps does so in any step.
+    """
     there = _partway(previous, goal)
     first = equilibrium(there.gripper, previous, there.far_end, np.inf)
     if not sound(previous, *first):
         return False, first
     end, kicks = equilibrium(goal.gripper, first[0], goal.far_end, np.inf)
-    return (sound(first[0], end, kicks) and not _changes(shape, end)
-            and shape_change(shape, end) <= _SAME), first
+    agree = (sound(first[0], end, kicks) and not _changes(shape, end)
+             and shape_change(shape, end) <= _SAME)
+    if agree:
+        most = max(shape_change(previous, first[0]), shape_change(first[0], end))
+        agree = most <= max(_LEAP_OFF, _EVENLY * shape_change(previous, shape))
+    return agree, first
 
 
 def _jumped(shape: Shape) -> Shape:
@@ -200,9 +214,9 @@ def _continues(previous: Shape, shape: Shape, turn: float) -> bool:
 
 def surely_follows(previous: Shape, shape: Shape, kicks: int) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
-    return (sound(previous, shape, kicks) and not _changes(previous, shape)
-            and not _is_long(previous, shape, _Grips(shape.gripper, shape.far_end), angle_between(
-                previous.gripper.rotation, shape.gripper.rotation), False))
+    turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
+    return (sound(previous, shape, kicks) and not _is_doubtful(previous, shape, turn)
+            and not _is_long(previous, shape, _Grips(shape.gripper, shape.far_end), turn, False))
 
 
 def fell(previous: Shape, shape: Shape) -> bool:
@@ -222,7 +236,8 @@ def _fell(previous: Shape, shape: Shape, turn: float) -> bool:
     if not (previous.contacts or shape.contacts):
         return change > _LEAP + _FOLLOWING * turn
     # where it touches, the gripper's displacement deforms the DLO as well
-    allowed = _LEAP_ON + _FOLLOWING * (turn + _shift(previous, shape.gripper))
+    leap = _LEAP_OFF if _comes_off(previous, shape) else _LEAP_ON
+    allowed = leap + _FOLLOWING * (turn + _shift(previous, shape.gripper))
     return change > allowed or previous.far_end is None and _lost(previous, shape)
 
 
@@ -276,6 +291,21 @@ def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats
     return 0.5 * work, 0.5 * spread
 
 
+def _comes_off(previous: Shape, shape: Shape) -> bool:
+    """Whether an obstacle that was touched is not touched any more."""
+    return not ({contact.obstacle for contact in previous.contacts}
+                <= {contact.obstacle for contact in shape.contacts})
+
+
+def _is_doubtful(previous: Shape, shape: Shape, turn: float) -> bool:
+    """Whether contacts change in a step by a `turn` (rad), or slide on another branch perhaps."""
+    if _changes(previous, shape):
+        return True
+    if not any(contact.friction.any() for contact in shape.contacts):
+        return False
+    return shape_change(previous, shape) > _SLIDING * (turn + _shift(previous, shape.gripper))
+
+
 def _changes(one: Shape, other: Shape) -> bool:
     """Whether contacts come, go, turn over an edge, or begin or cease to slide between Shapes."""
     if not (one.contacts or other.contacts):
@@ -314,7 +344,7 @@ def _passes(previous: Shape, shape: Shape) -> bool:
         return False
     arrays = (previous.element_strains, previous.frames, previous.positions, shape.frames,
               shape.positions)
-    return bool(passes_through(mesh.given('contact'), mesh.full.lengths,
+    return bool(sweeps_through(mesh.given('contact'), mesh.full.lengths,
                                *(np.array(array) for array in arrays)))
 
 

@@ -4,7 +4,7 @@
 
 An obstacle that is not touched and a yield stress that is not reached add zeros to the equations.
 So a step is made first on the mesh without them (`Discretization.free`), by the quick way of a DLO
-that hangs freely. `energy.effects.acts` then looks at the end of the step and at the straight way
+that hangs freely. `energy.terms.may_act` then looks at the end of the step and at the straight way
 to it. Where nothing acts there, that is the answer; else the step is made again with all that acts.
 What a DLO remembers (contacts, friction, a set) has it made so at once.
 """
@@ -15,24 +15,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dlo_planner.direct.acting import ACTING
-from dlo_planner.direct.one_step import past_of
-from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.state import State
-from dlo_planner.energy.effects import acts
-from dlo_planner.energy.potential import placed
+from dlo_planner.direct.memory import ACTING
+from dlo_planner.direct.shape import Shape, State, with_state
+from dlo_planner.direct.step import past_of
+from dlo_planner.energy.potential import configuration_at
+from dlo_planner.energy.terms import may_act
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.value import freeze, same
 
 if TYPE_CHECKING:
     from dlo_planner.direct.discretization import Discretization
-    from dlo_planner.direct.history import History
-    from dlo_planner.direct.part import Left
-    from dlo_planner.energy.system import System
+    from dlo_planner.direct.memory import Memory
+    from dlo_planner.direct.terms import Left
+    from dlo_planner.energy.problem import Problem
     from dlo_planner.model.pose import Pose
 
-_OF_FREE = '_expected'  # computed from a Shape, and another thing where something may act
 
 
 class Acts(Exception):  # noqa: N818  (no error: caught where it is asked for)
@@ -140,11 +138,11 @@ def acting_on(mesh: Discretization, strains: Floats, positions: Floats, before: 
 
 
 @kernel
-def _fill_acting(system: System, strains: Floats, positions: Floats, before: Floats,
+def _fill_acting(system: Problem, strains: Floats, positions: Floats, before: Floats,
                  found: Bools) -> None:
     """Fill found (n,) as `acting_on`; the arrays are read-only."""
     for k in range(found.size):
-        found[k] = acts(system.effects, system, strains[k], positions[k], before[k])
+        found[k] = may_act(system.effects, system, strains[k], positions[k], before[k])
 
 
 def _before(free: Discretization, before: Shape | None, gripper: Pose) -> Floats:
@@ -155,12 +153,12 @@ def _before(free: Discretization, before: Shape | None, gripper: Pose) -> Floats
         return before.positions
     else:
         strains, pose = free.strains_from(before.s, before.element_strains), before.gripper
-    there: Floats = placed(free.system(pose.rotation), strains).positions + pose.position
+    there: Floats = configuration_at(free.system(pose.rotation), strains).positions + pose.position
     freeze(there)
     return there
 
 
-def _freed(shape: Shape, free: Discretization) -> tuple[History, History]:
+def _freed(shape: Shape, free: Discretization) -> tuple[Memory, Memory]:
     """Return the past of a Shape on a mesh without what may act, after and before its step."""
     known = shape.state.history
     if known is None or shape.far_end is None:
@@ -174,11 +172,7 @@ def _left(mesh: Discretization, left: Left) -> dict[str, Any]:
     return {name: left[name] for name in mesh.left_anyway}
 
 
-def _on(shape: Shape, mesh: Discretization, past: tuple[History, History]) -> Shape:
+def _on(shape: Shape, mesh: Discretization, past: tuple[Memory, Memory]) -> Shape:
     """Return the same Shape on another mesh of the same nodes, with its past after and before."""
-    other = object.__new__(type(shape))  # nothing is to be judged again
-    contents = other.__dict__
-    contents.update(shape.__dict__)
-    contents.pop(_OF_FREE, None)
-    contents['state'] = State.made(mesh, *past, shape.state.estimate)
-    return other
+    known = shape.state
+    return with_state(shape, State(mesh, *past, known.estimate, known.error_ratio))

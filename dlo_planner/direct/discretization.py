@@ -11,20 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.acting import ACTING, always, changing, others
-from dlo_planner.direct.history import History, past_on
+from dlo_planner.direct.memory import ACTING, Memory, always, changing, others, past_on
 from dlo_planner.direct.mesh import mapped, with_breaks
-from dlo_planner.direct.part import Held, Part
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.effects import needs_of
+from dlo_planner.direct.terms import Held, Part
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
-from dlo_planner.energy.system import System
+from dlo_planner.energy.problem import Problem
+from dlo_planner.energy.terms import structure_of
+from dlo_planner.geometry.basis import orthonormal_basis, very_twisted
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, freeze, put
-from dlo_planner.ritz.series import orthonormal_basis
-from dlo_planner.ritz.truncation import very_twisted
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.shape import Shape
@@ -54,10 +52,10 @@ class Discretization(Value):
         Stiffness of contacts, N/m: where one end is held, where both are.
     hold_spring : float
         Stiffness of a grip of the far end, N/m.
-    bare : System
-        The System with what acts on every DLO.
-    start : History
-        The History of a DLO without a past, on this mesh.
+    bare : Problem
+        The Problem with what acts on every DLO.
+    start : Memory
+        The Memory of a DLO without a past, on this mesh.
     """
 
     PARTS = ('surroundings', 's', 'basis', 'n_terms')
@@ -69,8 +67,8 @@ class Discretization(Value):
     spring: float
     held_spring: float
     hold_spring: float
-    bare: System
-    start: History
+    bare: Problem
+    start: Memory
     _given: dict[str, Any]
 
     def __init__(self, surroundings: Surroundings, s: Floats, basis: str, n_terms: int) -> None:
@@ -90,15 +88,15 @@ class Discretization(Value):
         for name, stiff, most in _SPRINGS:
             put(self, **{name: min(stiff * (weight + bend), most * bend) / rod.length})
         effects = always(rod, pull)
-        put(self, bare=System(
+        put(self, bare=Problem(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), effects,
-            needs_of(effects, s.size), np.zeros((0, 3)), 0.0), _given={})
-        put(self, start=History.empty(self))
+            structure_of(effects, s.size), np.zeros((0, 3)), 0.0), _given={})
+        put(self, start=Memory.empty(self))
 
     @cached_property
-    def full(self) -> System:
-        """The System with all effects that a simulator may bring."""
+    def full(self) -> Problem:
+        """The Problem with all effects that a simulator may bring."""
         return self.bare._replace(**others(self, self.start.left))
 
     def given(self, name: str) -> Any:
@@ -121,8 +119,8 @@ class Discretization(Value):
         return float(_LEVER * self.s[-1])
 
     def system(self, rotation: Floats, origin: ArrayLike | None = None,
-               history: History | None = None, far_end: FarEnd | None = None) -> System:
-        """Return the kernel's System, its multipliers fresh copies.
+               history: Memory | None = None, far_end: FarEnd | None = None) -> Problem:
+        """Return the kernel's Problem, its multipliers fresh copies.
 
         Parameters
         ----------
@@ -130,8 +128,8 @@ class Discretization(Value):
             Rotation of the gripper.
         origin : array_like or None, optional
             (3,) position of the gripper; only obstacles and a far end need it.
-        history : History or None, optional
-            History on this mesh. If None, no past.
+        history : Memory or None, optional
+            Memory on this mesh. If None, no past.
         far_end : FarEnd or None, optional
         """
         system = self.static if far_end is None else self.full
@@ -215,7 +213,7 @@ class Discretization(Value):
 
     @cached_property
     def told_by_truncation(self) -> bool:
-        """Whether `ritz.truncation` bounds the error: nothing varies, little natural twist."""
+        """Whether `truncation` bounds the error: nothing varies, little natural twist."""
         around = self.surroundings
         return not (around.rod.varies or around.point_loads or callable(around.load)
                     or bool(very_twisted(np.abs(self.natural[:, 0]) @ self.bare.lengths)))
@@ -244,8 +242,8 @@ class Discretization(Value):
         return at
 
     @cached_property
-    def static(self) -> System:
-        """The System at rest: kernels are compiled for one that hangs freely, and for others."""
+    def static(self) -> Problem:
+        """The Problem at rest: kernels are compiled for one that hangs freely, and for others."""
         return self.bare if self.hangs else self.full
 
     def unknowns(self, strains: Floats) -> Floats:
@@ -261,8 +259,8 @@ class Discretization(Value):
         system = self.bare
         return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
 
-    def past(self, history: History | None, own: History | None = None) -> History:
-        """Return `history.past_on` this mesh."""
+    def past(self, history: Memory | None, own: Memory | None = None) -> Memory:
+        """Return `memory.past_on` this mesh."""
         return past_on(self, history, own)
 
     @property
@@ -326,7 +324,7 @@ class Discretization(Value):
         freeze(strains)
         return strains
 
-    def stress_free(self, history: History | None) -> Floats:
+    def stress_free(self, history: Memory | None) -> Floats:
         """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
         left = self.past(history).left if self.stores else {}
         return sum((part.strains(self, left) for part in self.stores), np.array(self.natural))

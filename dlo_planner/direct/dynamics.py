@@ -1,27 +1,377 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Motion of the DLO under moving grips, in steps as long as their error and the energy allow."""
+"""Motion of the DLO under moving grips: how it begins, its steps, and how far it may be off.
+
+Steps are as long as their error and the energy allow. The error comes from a second run, every
+element and every step halved.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from itertools import groupby
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+import scipy
+from numpy.typing import ArrayLike
 
-from dlo_planner.direct.beginning import check_velocity
-from dlo_planner.direct.books import given_back
-from dlo_planner.direct.instant import Instant
-from dlo_planner.direct.integrator import KinematicState
-from dlo_planner.direct.leg import MOST, Leg, Limits, leg_of
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.integrator import KinematicState, Scheme, given_back
+from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Boxed, Motion
-from dlo_planner.direct.motion_error import HALVINGS, Begun, Recipe, Trace, error_of
-from dlo_planner.direct.setting_off import begin, renewed
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import MAX_ITERATIONS
-from dlo_planner.direct.stepping import Stepper
+from dlo_planner.direct.statics import MAX_ITERATIONS, Search, equilibrium, shape_of, solve
+from dlo_planner.direct.step import past_of
+from dlo_planner.direct.stepper import (
+    MOST,
+    Limits,
+    StepBatch,
+    Stepper,
+    TimePoint,
+    begin,
+    leg_of,
+    renewed,
+)
+from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.energy.potential import configuration_at
+from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import array, number, returned, vector
+from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.progress import Progress
+
+# At time 0: of the nodes, or a callable of s
+Velocity: TypeAlias = ArrayLike | Callable[[float], ArrayLike]
+
+_SAME_POSE = 1e-6    # of the length, and rad: poses nearer to each other are the same
+_SAME = 1e-9         # of the length, of the energy: what differs by less is the same
+_DEEP = 1e-3         # of the length: a DLO so far inside an obstacle is no state of a motion
+_FINEST = 96         # elements at least, where an accuracy chooses the mesh
+_TOLERANCE = 1e-3    # of the length
+_DIFFERENT = 0.1     # of the velocities: what grips and inextensibility may change of them
+
+
+def refuse_motion(around: Surroundings, strains: str) -> None:
+    """Raise InvalidTask where motions in these Surroundings, or by such strains, have no solver."""
+    if around.pinned:
+        raise InvalidTask('grip = \'pinned\': expected a simulator whose gripper clamps the '
+                          'DLO where motions are simulated')
+    if strains != 'components':
+        raise InvalidTask(f'strains = {strains!r}: expected a simulator with \'components\' '
+                          'where motions are simulated')
+    if around.has_moments:
+        raise InvalidTask('point_loads: expected forces alone in a motion, dead moments have '
+                          'no potential')
+
+
+def motion_tolerance(tolerance: float | None, length: float) -> float:
+    """Return the tolerance of a motion in m; infinity is one."""
+    if tolerance is None:
+        return _TOLERANCE * length
+    endless = isinstance(tolerance, float) and tolerance == np.inf
+    return tolerance if endless else number('tolerance', tolerance, minimum=1e-9 * length)
+
+
+def last_of(motion: Shape | Motion | None,
+            velocity: Velocity | None) -> tuple[Shape | None, Velocity | None]:
+    """Return the last Shape of a Motion and the velocities there, unless others are given."""
+    if not isinstance(motion, Motion):
+        return motion, velocity
+    if not len(motion):
+        raise InvalidTask('initial: expected a Motion with instants, it has none')
+    return motion.shapes[-1], motion.velocities[-1] if velocity is None else velocity
+
+
+def moving_mesh(known: Discretization) -> Discretization:
+    """Return a Discretization for motions, as fine as `known`, everywhere L / 96 or finer.
+
+    A mesh that was graded for one shape has to serve all that come.
+    """
+    s = known.s
+    parts = np.ceil(np.diff(s) * (_FINEST / s[-1]) - 1e-9).astype(int)
+    if parts.max() <= 1:
+        return known
+    finer = np.concatenate([np.linspace(one, other, n, endpoint=False) for one, other, n in
+                            zip(s, s[1:], parts, strict=False)] + [s[-1:]])
+    return Discretization(known.surroundings, finer, known.basis, known.n_terms)
+
+
+def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd | None,
+                initial: Shape, history: Memory | None) -> Shape:
+    """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings.
+
+    Parameters
+    ----------
+    far_end : FarEnd or None
+        FarEnd at time 0, or None.
+    history : Memory or None
+        Memory that the DLO has if `initial` is not one of its shapes.
+
+    Raises
+    ------
+    InvalidTask
+        `initial` is held elsewhere than the motion begins, or lies in an obstacle.
+    """
+    length = discretization.s[-1]
+    _meets('initial', 'gripper', 'grippers[0]', initial.gripper, gripper, length)
+    if far_end is not None:
+        end = initial.at(float(initial.s[-1]))
+        _meets('initial', 'far end', 'far_ends[0]', end, _allowed(far_end, end), length)
+    history = past_of(discretization, initial, history)
+    system = discretization.system(gripper.rotation, gripper.position, history, far_end)
+    q = discretization.unknowns(discretization.strains_from(initial.s, initial.element_strains))
+    found = solve(discretization, system, gripper, q, history, Search(0, False))
+    # nothing was solved yet that could have failed
+    first = replace(shape_of(discretization, gripper, found, history, far_end), converged=True)
+    if initial.state.mesh is discretization and _alike(first, initial):
+        first = initial
+    if first.converged and first.violation > _DEEP * length:
+        raise InvalidTask(f'initial: expected a Shape outside of all obstacles, it is '
+                          f'{first.violation:.3g} m inside one')
+    return first
+
+
+def _allowed(far_end: FarEnd, end: Pose) -> Pose:
+    """Return the Pose nearest to that of an `end` which the grip of a FarEnd allows."""
+    place, pose = _held(far_end, end.position), far_end.pose
+    if far_end.grip == 'pinned':
+        return replace(end, position=place)
+    if far_end.grip == 'aligned':  # free to turn about its tangent: that of `end`, tilted
+        axis = np.cross(end.direction, pose.direction)
+        sine = np.linalg.norm(axis)
+        tilt = axis * (np.arctan2(sine, end.direction @ pose.direction) / sine if sine else 0.0)
+        turn = scipy.spatial.transform.Rotation.from_rotvec(tilt).as_matrix()
+        return Pose.from_rotation(place, turn @ end.rotation)
+    return replace(pose, position=place)
+
+
+def _held(far_end: FarEnd, position: Floats) -> Floats:
+    """Return the position (3,) nearest to `position` at which a FarEnd may be."""
+    if far_end.grip != 'sleeve':
+        return far_end.pose.position
+    free = far_end.pose.direction
+    return far_end.pose.position + free * (free @ (position - far_end.pose.position))
+
+
+def _meets(name: str, what: str, where: str, pose: Pose, wanted: Pose, length: float) -> None:
+    shift = np.linalg.norm(pose.position - wanted.position)
+    turn = angle_between(pose.rotation, wanted.rotation)
+    if shift > _SAME_POSE * length or turn > _SAME_POSE:
+        raise InvalidTask(f'{name}: expected a Shape whose {what} is at {where}, where the '
+                          f'motion begins; it is {shift:.3g} m away and {turn:.3g} rad turned')
+
+
+def _alike(one: Shape, other: Shape) -> bool:
+    """Whether two Shapes on one mesh are the same, and know the same energy."""
+    away = np.abs(one.positions - other.positions).max()
+    size = abs(one.energy) + one.elastic_energy
+    return away <= _SAME * one.s[-1] and abs(one.energy - other.energy) <= _SAME * size
+
+
+def nodes_velocity(velocity: Velocity | None, initial: Shape | None, first: Shape) -> Floats | None:
+    """Return (N + 1, 3) m/s at the nodes of the Shape `first`, None for a DLO at rest.
+
+    Parameters
+    ----------
+    velocity : array_like or callable or None
+        (n + 1, 3) at the nodes of `initial`, a callable of s (m), or None.
+    initial : Shape or None
+        Shape. If None, its nodes are those of `first`.
+
+    Raises
+    ------
+    InvalidTask
+        It is something else.
+    """
+    if velocity is None:
+        return None
+    if callable(velocity):
+        return np.array([vector(f'velocity({s:g})', returned('velocity', velocity, s), 3)
+                         for s in first.s])
+    s = first.s if initial is None else initial.s
+    given = array('velocity', velocity, (s.size, 3))
+    return np.column_stack([np.interp(first.s, s, one) for one in given.T])
+
+
+def check_velocity(masses: Floats, wanted: Floats, possible: Floats) -> None:
+    """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible.
+
+    Parameters
+    ----------
+    masses : ndarray, shape (N + 1,)
+        Masses of the nodes, kg.
+    wanted, possible : ndarray, shape (N + 1, 3)
+        Velocities, m/s.
+    """
+    size, change = (np.sqrt(masses @ np.sum(one**2, axis=1)) for one in (
+        wanted, possible - wanted))
+    if change > _DIFFERENT * size:
+        raise InvalidTask(
+            'velocity: expected one that the grips and a constant length allow; the nearest such '
+            f'motion differs from it by {100 * change / size if size else np.inf:.3g} % '
+            '(root mean square by mass)')
+
+
+HALVINGS = 12  # of an interval between two instants, at most
+_SHORTER = 4   # halvings of a step of the finer motion that is not solved
+_STILL = 1e-7  # of the length: what moves no farther rests
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a motion was computed with, so that it can be repeated.
+
+    Attributes
+    ----------
+    instants : int
+        Number of instants.
+    integrator : str
+        One of INTEGRATORS.
+    tolerance : float
+        Tolerance in m; infinite: only what cannot be solved or gains energy is halved.
+    steps : tuple of int
+        Numbers of halvings of the steps made, in their order.
+    """
+
+    instants: int
+    integrator: str
+    tolerance: float
+    steps: tuple[int, ...] = ()
+
+    def scheme(self, dt: float, halvings: int) -> Scheme:
+        """Return the Scheme of a step of dt (s), halved so often."""
+        return Scheme.named(self.integrator, dt / (1 << halvings))
+
+
+class Begun(NamedTuple):
+    """How a motion begins: the Shape that was given, if any, that on its mesh, velocities."""
+
+    initial: Shape | None
+    start: Shape
+    velocity: Floats | None
+
+
+class Trace(NamedTuple):
+    """Where a motion was: places of the instants, positions there, samples (see `StepBatch`)."""
+
+    places: list[float]
+    positions: list[Floats]
+    samples: Floats | None
+
+
+def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floats:
+    """Return (n,) how far, in m, nodes are from the true ones at most until each instant.
+
+    Looked at are all nodes at the instants and some of them after each step. What halving
+    everything changes is three quarters of a second-order error, half of a first-order one
+    (Richardson's extrapolation).
+    """
+    coarse = stepper.discretization
+    mesh = coarse.finer
+    finer = Stepper(mesh, stepper.grips, stepper.dt, watched=2 * stepper.watched)
+    velocity = begun.velocity
+    if velocity is not None:
+        velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
+    now = begin(finer, finer_start(mesh, begun), velocity)
+    found = np.full(len(trace.places), np.inf)
+    found[0] = worst = _apart(now.nodes.position[::2], trace.positions[0])
+    made = at = 0  # steps, and time in the shortest ones
+    for level, steps in groupby(plan.steps):
+        left, size = 2 * len(list(steps)), 1 << (HALVINGS - level)
+        scheme = plan.scheme(stepper.dt, level + 1)
+        if made and not now.touched:
+            now = renewed(finer, now, scheme.dt)
+        while left:
+            places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
+            leg = leg_of(finer, now, (), places, scheme, Limits())
+            if leg.refused is not None and not leg.errors.size:
+                leg = _in_parts(finer, now, float(places[0]), scheme)
+            if not leg.errors.size:
+                return _estimate(coarse, plan, found)
+            count = len(leg.errors)
+            ends = np.arange(1 - made % 2, count, 2)  # two of these are one of the others
+            if trace.samples is not None and ends.size:
+                worst = max(worst, _apart(leg.samples[ends], trace.samples[(made + ends) // 2]))
+            for instant in leg.kept:
+                k = round(instant.place)
+                worst = found[k] = max(worst, _apart(instant.nodes.position[::2],
+                                                     trace.positions[k]))
+            now, made, at, left = leg.last, made + count, at + size * count, left - count
+    if now.place == trace.places[-1]:  # of one that ended early, between two instants
+        found[-1] = max(worst, _apart(now.nodes.position[::2], trace.positions[-1]))
+    return _estimate(coarse, plan, found)
+
+
+def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) -> StepBatch:
+    """Return the StepBatch of one step that is not solved at once, made in shorter ones.
+
+    Its errors are empty if it is not solved so either.
+    """
+    for halvings in range(1, _SHORTER + 1):
+        parts = 1 << halvings
+        brief = replace(scheme, dt=scheme.dt / parts)
+        begun = now if now.touched else renewed(stepper, now, brief.dt)
+        last = begun
+        for at in now.place + (place - now.place) * np.arange(1, parts + 1) / parts:
+            leg = leg_of(stepper, last, (), np.array([at]), brief, Limits())
+            if leg.refused is not None:
+                break
+            last = leg.last
+        if leg.refused is None:
+            last = last if last.touched else renewed(stepper, last, scheme.dt)
+            return leg._replace(kept=[last] if place == round(place) else [], last=last)
+    return leg._replace(errors=np.zeros(0))
+
+
+def _estimate(coarse: Discretization, plan: Recipe, found: Floats) -> Floats:
+    """Return the errors (n,) that differences `found` (n,) from a finer motion tell, m."""
+    rounding = 1e-15 * coarse.s.size * coarse.s[-1]
+    second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
+    errors: Floats = (4 / 3 if second else 2.0) * np.maximum.accumulate(found) + rounding
+    return errors
+
+
+def _apart(one: Floats, other: Floats) -> float:
+    """Return the largest distance between places (..., 3), m."""
+    return float(np.linalg.norm(one - other, axis=-1).max())
+
+
+def finer_start(mesh: Discretization, begun: Begun) -> Shape:
+    """Return the Shape at time 0 on a mesh whose elements are halves of those of the motion.
+
+    A DLO at rest hangs otherwise there: this is a part of the error, and no reason to swing. So is
+    one that was at rest in other surroundings, as `initial` may have been.
+    """
+    start = begun.start
+    strains = _at_rest_on(begun.initial or start, mesh)
+    if strains is None:
+        strains = np.repeat(start.element_strains, 2, axis=0)
+    state = replace(start.state, mesh=mesh, history=mesh.past(start.state.history))
+    there = configuration_at(mesh.system(start.gripper.rotation), strains)
+    return replace(start, s=mesh.s, element_strains=strains, frames=there.rotations,
+                   positions=there.positions + start.gripper.position, state=state)
+
+
+def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
+    """Return the strains (N, 3) on a mesh with which a Shape rests; None: it does not rest."""
+    own = shape.state.mesh
+    if own is None:
+        return None
+    coarse, fine = (
+        equilibrium(each, shape.gripper, strains, 'newton', each.past(shape.state.history),
+                    shape.far_end)[0]
+        for each, strains in ((own, np.array(shape.element_strains)),
+                              (own.finer, np.repeat(shape.element_strains, 2, axis=0))))
+    moved = np.abs(coarse.positions - shape.positions).max()
+    if not (coarse.converged and fine.converged and moved <= _STILL * own.s[-1]):
+        return None
+    result: Floats = mesh.strains_from(fine.s, fine.element_strains)
+    return result
+
 
 _PATIENCE = 60       # Newton steps after which it is better to halve the step
 _NOISE = 1e-5        # of weight times length and of a bend by 1 rad: the same, at rest
@@ -37,8 +387,8 @@ class Run(NamedTuple):
 
     Attributes
     ----------
-    reached : list of Instant
-        Instants at 0, 1, 2 ...; the last one is where it ended: not solved, or the last before a
+    reached : list of TimePoint
+        TimePoints at 0, 1, 2 ...; the last one is where it ended: not solved, or the last before a
         step that gained energy.
     steps : list of int
         Halvings of all steps.
@@ -49,10 +399,10 @@ class Run(NamedTuple):
     message : str
         Message of `Motion`.
     samples : ndarray, shape (k, m, 3), or None
-        Places after each step, see `Leg`.
+        Places after each step, see `StepBatch`.
     """
 
-    reached: list[Instant]
+    reached: list[TimePoint]
     steps: list[int]
     local: float
     status: str = 'complete'
@@ -75,19 +425,19 @@ def simulate(stepper: Stepper, begun: Begun, plan: Recipe, progress: Progress) -
     return _motion(stepper, made, plan.tolerance, estimate)
 
 
-def run(stepper: Stepper, first: Instant, instants: int, tolerance: float,
-        progress: Progress) -> tuple[list[Instant], bool]:
-    """Return the Instants at 0, 1, 2 ... of a motion that goes on from `first`.
+def run(stepper: Stepper, first: TimePoint, instants: int, tolerance: float,
+        progress: Progress) -> tuple[list[TimePoint], bool]:
+    """Return the TimePoints at 0, 1, 2 ... of a motion that goes on from `first`.
 
-    And whether all steps were good; the last Instant is where it ended, see `Run`.
+    And whether all steps were good; the last TimePoint is where it ended, see `Run`.
     """
     plan = Recipe(instants, 'generalized_alpha', tolerance)
     made = _run(stepper, first, plan, progress)
     return made.reached, made.status == 'complete'
 
 
-def _run(stepper: Stepper, first: Instant, plan: Recipe, progress: Progress) -> Run:
-    """Return the Run that begins with the Instant `first`."""
+def _run(stepper: Stepper, first: TimePoint, plan: Recipe, progress: Progress) -> Run:
+    """Return the Run that begins with the TimePoint `first`."""
     pace, reached = _Pace(stepper, first, plan), [first]
     while len(reached) < plan.instants:
         leg = pace.go_on(progress)
@@ -111,13 +461,13 @@ class _Pace:
 
     Attributes
     ----------
-    now : Instant
+    now : TimePoint
         At the end of the last good step.
     stuck : bool
         Whether the next step is not good, however short it is.
     """
 
-    def __init__(self, stepper: Stepper, first: Instant, plan: Recipe) -> None:
+    def __init__(self, stepper: Stepper, first: TimePoint, plan: Recipe) -> None:
         self.now, self.stuck = first, False
         self._stepper, self._plan = stepper, plan
         self._fixed = plan.integrator == 'paper'
@@ -133,13 +483,13 @@ class _Pace:
         self._noise = _NOISE * (np.abs(mesh.load).sum() * mesh.rod.length
                                 + max(mesh.rod.stiffness[1:]) / mesh.rod.length)
 
-    def run(self, reached: list[Instant], status: str = 'complete', message: str = '') -> Run:
+    def run(self, reached: list[TimePoint], status: str = 'complete', message: str = '') -> Run:
         """Return the Run so far."""
         return Run(reached, self._steps, float(sum(self._errors)), status, message,
                    np.concatenate(self._samples) if self._samples else None)
 
-    def go_on(self, progress: Progress) -> Leg:
-        """Return the Leg of the next steps, which are entered here."""
+    def go_on(self, progress: Progress) -> StepBatch:
+        """Return the StepBatch of the next steps, which are entered here."""
         level = self._level
         last_try = level == HALVINGS or self._fixed
         leg = self._steps_of(level, last_try)
@@ -153,8 +503,8 @@ class _Pace:
             self._level, self._calm = level - 1, 0
         return leg
 
-    def _longer(self, leg: Leg, progress: Progress) -> Leg:
-        """Return the Leg of a step that is good though the shortest, of `leg`, is not, or `leg`.
+    def _longer(self, leg: StepBatch, progress: Progress) -> StepBatch:
+        """Return a StepBatch of a step that is good though the shortest, of `leg`, is not, or that.
 
         The shorter a step over obstacles is, the larger are the forces of what is pressed in, and
         the more sets of contacts are tried: a step that was too long for a few Newton steps, and
@@ -170,8 +520,8 @@ class _Pace:
                 return longer
         return leg
 
-    def _steps_of(self, level: int, patient: bool, most: int = MOST) -> Leg:
-        """Return the Leg of the next steps, `most` of them at most, which are entered here."""
+    def _steps_of(self, level: int, patient: bool, most: int = MOST) -> StepBatch:
+        """Return a StepBatch of the next steps, `most` of them at most, which are entered here."""
         plan, stepper = self._plan, self._stepper
         scheme = plan.scheme(stepper.dt, level)
         now, books = self.now, self._books.copy()
@@ -215,7 +565,7 @@ def _before(nodes: KinematicState, dt: float) -> list[tuple[float, Floats]]:
              + 0.5 * (k * dt) ** 2 * nodes.acceleration) for k in (2, 1)]
 
 
-def _reason(status: str, stepper: Stepper, now: Instant, place: float) -> str:
+def _reason(status: str, stepper: Stepper, now: TimePoint, place: float) -> str:
     times = f'from {now.place * stepper.dt:.6g} s to {place * stepper.dt:.6g} s'
     if status == 'energy':
         return f'a step {times} gains energy, however short it is'
@@ -244,5 +594,5 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
         losses, tolerance, made.status, message, **given)
 
 
-def _shapes(reached: list[Instant]) -> tuple[Shape, ...]:
+def _shapes(reached: list[TimePoint]) -> tuple[Shape, ...]:
     return tuple(instant.shape for instant in reached)

@@ -14,18 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.grips import poses
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.boundary_motion import poses
+from dlo_planner.direct.shape import Shape, State
 from dlo_planner.direct.simulator import DirectSimulator, known_options
-from dlo_planner.direct.state import State
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.checks import instance, items, number, shown
-from dlo_planner.model.part import BACK, part_of_loads, part_of_rod
-from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.rod import BACK, Rod, part_of_loads, part_of_rod
+from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.value import Value, brief, figures, put
+from dlo_planner.model.varying import SeenFrom
 from dlo_planner.progress import OnProgress, Progress
 
 _TURNED = np.diag([-1.0, 1.0, -1.0])  # of frames

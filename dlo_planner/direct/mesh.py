@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dlo_planner.ritz.grading import even_shares
+from dlo_planner.geometry.basis import equidistribute
 
 Breaks: TypeAlias = NDArray[np.float64] | tuple[()]
 
@@ -42,7 +42,7 @@ def even_mesh(length: float, elements: int, breaks: Breaks = ()) -> NDArray[np.f
 
 def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: int,
                 breaks: Breaks = ()) -> NDArray[np.float64]:
-    """Return nodes that share out evenly the error of arcs of constant strain: `even_shares`.
+    """Return nodes that share out evenly the error of arcs of constant strain: `equidistribute`.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: 
     breaks : ndarray, shape (n,), optional
         Arc lengths of jumps, m.
     """
-    return nodes_at(s, even_shares(np.diff(s), np.array(strains)), elements, breaks)
+    return nodes_at(s, equidistribute(np.diff(s), np.array(strains)), elements, breaks)
 
 
 def nodes_at(s: NDArray[np.float64], shares: NDArray[np.float64], elements: int,

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from dlo_planner.direct.modes import MOST, Modes, modes_from, solved
+from dlo_planner.direct.modes import MOST, Linearized, Modes, modes_from, solved
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.vibration import Linearized
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import integer, items

@@ -1,9 +1,19 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Vibrations of a DLO: natural frequencies, damping and mode shapes about a shape at rest.
+"""Vibrations of a DLO about a shape at rest: frequencies, damping, mode shapes, and the matrices.
 
-Torsion of a straight DLO moves no mass, so the mass matrix M is singular. The eigenvalue problem is
-therefore M x = mu K x with mu = 1 / omega^2; K is positive definite at a stable shape.
+Small motions y about an equilibrium obey  M y'' + K y = 0  while the grips rest. K is the second
+derivative of the potential with its reactions (weight, dead forces, contacts that bear). M is the
+second derivative of the kinetic energy by the velocities, with the masses on the nodes as in
+`simulate`. The coordinates y are:
+* The unknowns q (m, 3) of the simulator, flattened: the terms of its series ('local': elements)
+  for torsion, curvature about n, about b. They are scaled so that the elastic energy is half the
+  sum of their squares (exactly so where the stiffness does not vary along the DLO).
+* Three more with a pinned gripper: the rotation of the beginning.
+* With a held far end, coefficients of an orthonormal basis of the changes that its grip allows.
+
+Torsion of a straight DLO moves no mass, so M is singular. The eigenvalue problem is therefore
+M x = mu K x with mu = 1 / omega^2; K is positive definite at a stable shape.
 """
 
 from __future__ import annotations
@@ -16,16 +26,257 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
-from dlo_planner.direct.vibration import Linearized, Vibration
+from dlo_planner.direct.ball_joint import hinge_unknowns, pinned_newton, with_hinge
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.sensitivity import gripper_answers
+from dlo_planner.energy.elastic import purely_elastic
+from dlo_planner.energy.inertia import InertiaTerm
+from dlo_planner.energy.loads import node_masses
+from dlo_planner.energy.plastic import PlasticSection
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
-from dlo_planner.minimize.held import HELD_NEUTRAL
+from dlo_planner.minimize.convergence import residual_of
+from dlo_planner.minimize.hessian import Hessian
+from dlo_planner.minimize.multipliers import constrained_newton, firm
+from dlo_planner.minimize.newton import HELD_NEUTRAL
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import integer, shown
-from dlo_planner.model.computed import results
+from dlo_planner.model.checks import integer, results, shown
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
-if TYPE_CHECKING:  # it imports this module
+if TYPE_CHECKING:
     from dlo_planner.direct.shape import Shape
+
+_AT_REST = 1e-4   # residual above which a shape is not at rest; rounding errors are below it
+_SETTLED = 1e-8   # residual of an equilibrium on a finer mesh
+_EXACT = 1e-10    # of the length: violation of a constraint that Newton's method leaves
+_VIOLATED = 1e-6  # of the length: violation with which a finer mesh is not used
+_MOST = 200       # Newton steps on a finer mesh
+_DEPENDENT = 1e-7  # of the largest row: constraint rows below it depend on the others
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """The linearized DLO; c coordinates, N + 1 nodes, world axes.
+
+    Attributes
+    ----------
+    stiffness : ndarray, shape (c, c)
+        Stiffness in J per square of the coordinates' unit.
+    mass : ndarray, shape (c, c)
+        Mass in J s^2 per square of the coordinates' unit.
+    jacobian : ndarray, shape (N + 1, 3, c)
+        Displacement of the nodes by the coordinates, m.
+    strains : ndarray, shape (N, 3, c)
+        Change of the element strains, 1/m.
+    carried : ndarray, shape (N + 1, 3, 6)
+        Displacement of the nodes per displacement (3) and rotation (3, about the gripper's origin)
+        of a slowly moving gripper: the DLO is always in equilibrium.
+    masses : ndarray, shape (N + 1,)
+        Masses of the nodes, kg.
+    resistance : ndarray, shape (N, 3)
+        Length times stiffness of the elements, N m^3.
+    """
+
+    stiffness: np.ndarray
+    mass: np.ndarray
+    jacobian: np.ndarray
+    strains: np.ndarray
+    carried: np.ndarray
+    masses: np.ndarray
+    resistance: np.ndarray
+
+
+class Linearized:
+    """A Shape, and the Vibrations about it on its own mesh and on finer ones.
+
+    Parameters
+    ----------
+    shape : Shape
+        Converged Shape from a simulator, without friction and dead moments, not grasped inside.
+    name : str, optional
+        Name of the shape, for messages.
+
+    Raises
+    ------
+    InvalidTask
+        The shape is not of this kind.
+    """
+
+    def __init__(self, shape: Shape, name: str = 'shape'):
+        _check(shape, name)
+        self.shape, self.name, self._mesh = shape, name, shape.state.made_on
+        self._past = shape.state.held
+
+    @cached_property
+    def vibration(self) -> Vibration:
+        """The Vibration about the shape.
+
+        Raises
+        ------
+        InvalidTask
+            The shape is not in equilibrium, like one of a motion.
+        """
+        mesh, gripper = self._mesh, self.shape.gripper
+        system = mesh.system(gripper.rotation, gripper.position, self._past, self.shape.far_end)
+        q = mesh.unknowns(self.shape.element_strains)
+        residual = residual_of(system, _state(system, q))
+        if residual > _AT_REST:
+            raise InvalidTask(f'{self.name}: expected one in equilibrium, not in motion; at rest '
+                              f'its residual would be {residual:.2g}')
+        return _vibration(mesh, system, q)
+
+    def resolving(self, n: int) -> Vibration:
+        """Return a Vibration that resolves n modes: without a series of fewer than n terms.
+
+        A series of N_c terms resolves N_c / 2 modes in each plane well.
+        """
+        mesh, known = self._mesh, self.vibration
+        if mesh.basis == 'local' or n <= mesh.n_terms:
+            return known
+        free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
+        return self._settled(free, self.shape.element_strains) or known
+
+    @cached_property
+    def finer(self) -> Vibration | None:
+        """The Vibration with every element halved and without the series; None: not found."""
+        return self._settled(self._mesh.finer, np.repeat(self.shape.element_strains, 2, axis=0))
+
+    def _settled(self, mesh: Discretization, strains: Floats) -> Vibration | None:
+        """Return the Vibration on another mesh, in equilibrium near strains (N, 3), or None."""
+        shape = self.shape
+        past = mesh.past(shape.state.before)
+        system = mesh.system(shape.gripper.rotation, shape.gripper.position, past, shape.far_end)
+        q = mesh.unknowns(strains)
+        newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
+        found = newtons(system, q, 0.01 * _SETTLED, _MOST, False, _EXACT * mesh.s[-1],
+                        np.zeros((0, 6)))
+        if (found.residual > max(_SETTLED, 10 * shape.residual)
+                or found.violation > _VIOLATED * mesh.s[-1]):
+            return None
+        return _vibration(mesh, found.system, found.state.q)
+
+
+def _check(shape: Shape, name: str) -> None:
+    """Raise InvalidTask for a shape without vibrations that are linear and known."""
+    if shape.parts is not None:
+        raise InvalidTask(f'{name}: expected one held at its end; of a DLO grasped inside each of '
+                          'Shape.parts vibrates by itself')
+    if shape.state.mesh is None or shape.state.before is None:
+        raise InvalidTask(f'{name}: expected one that comes from a simulator')
+    if not shape.converged:
+        raise InvalidTask(f'{name} is {shape.status}: expected a converged one')
+    around = shape.state.mesh.surroundings
+    if around.has_moments:
+        raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
+    if any(around.obstacles[contact.obstacle].friction for contact in shape.contacts):
+        raise InvalidTask(f'{name}: expected one that touches nothing with friction, whose law is '
+                          'not linear however small the vibrations are')
+
+
+def _state(system: Problem, q: Floats) -> Configuration:
+    state = new_configuration(system)
+    state.q[:] = q
+    evaluate(system, state)
+    result: Configuration = state
+    return result
+
+
+def _vibration(mesh: Discretization, system: Problem, q: Floats) -> Vibration:
+    """Return the Vibration about the equilibrium of a Problem at q (m, 3)."""
+    masses = np.maximum(node_masses(mesh.rod, mesh.s), 0.0)  # rounding may take more than all
+    nodes = slice(0, None)
+    if mesh.surroundings.pinned:
+        system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
+    # what has yielded springs back: vibrations are elastic
+    system = system._replace(elastic=purely_elastic(), plastic=_without_springs(system.plastic))
+    system = firm(system, _state(system, q))
+    count = system.lengths.size + 1
+    # springs of no strength, so that displacements are assembled too
+    system = system._replace(anchor=InertiaTerm(np.zeros((count, 3)), np.zeros(count)))
+    state, answers, hessian = gripper_answers(system, q)
+    jacobian = _jacobian(system, hessian, state.positions)
+    carried = _rigid(state.positions) + jacobian @ answers.reshape(6, -1).T
+    border = hessian.border
+    free = None if border is None else _free(border.rows.reshape(len(border.rows), q.size))
+    stiffness, strains = _stiffness(system, hessian), _strains(system)
+    if free is not None:
+        stiffness = free.T @ stiffness @ free
+        jacobian, strains = jacobian @ free, strains @ free
+    jacobian = jacobian[nodes]
+    moved = (np.sqrt(masses)[:, None, None] * jacobian).reshape(-1, len(stiffness))
+    return Vibration(stiffness, moved.T @ moved, jacobian, strains[nodes],
+                     np.roll(carried[nodes], 3, axis=2), masses,
+                     (system.lengths[:, None] * system.stiffness)[nodes])
+
+
+def _without_springs(layers: PlasticSection | None) -> PlasticSection | None:
+    return None if layers is None else layers._replace(share=np.zeros(0))
+
+
+def _jacobian(system: Problem, hessian: Hessian, positions: Floats) -> Floats:
+    """Return (N + 1, 3, 3 m): displacement of the nodes; positions (N + 1, 3) from the gripper."""
+    turning, basis = hessian.twist_jacobian, system.basis
+    n = len(turning)
+    if basis.shape[1]:
+        twists = np.einsum('ej,eki->ekji', basis, turning)
+    else:
+        twists = np.zeros((n, 6, n, 3))
+        twists[np.arange(n), :, np.arange(n)] = turning
+    twists = np.cumsum(twists.reshape(n, 6, -1), axis=0)  # of what lies beyond each element
+    moved = np.zeros((n + 1, 3, twists.shape[2]))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        moved[1:, i] = (twists[:, 3 + i] + twists[:, j] * positions[1:, k, None]
+                        - twists[:, k] * positions[1:, j, None])
+    return moved
+
+
+def _rigid(positions: Floats) -> Floats:
+    """Return (N + 1, 3, 6): displacement by rotation about the gripper, then displacement of it."""
+    moved = np.zeros((len(positions), 3, 6))
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        moved[:, i, j], moved[:, i, k] = positions[:, k], -positions[:, j]
+        moved[:, i, 3 + i] = 1.0
+    return moved
+
+
+def _stiffness(system: Problem, hessian: Hessian) -> Floats:
+    """Return the symmetric Hessian (3 m, 3 m), of one unknown after the other."""
+    if system.basis.shape[1]:
+        dense: Floats = 0.5 * (hessian.dense + hessian.dense.T)
+        return dense
+    n = len(hessian.twist_jacobian)
+    product = (hessian.cross.reshape(3 * n, 6)
+               @ hessian.twist_jacobian.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
+    earlier = np.tri(n, k=-1)[:, None, :, None]  # cross_f turning_e holds for e < f
+    lower = product * earlier
+    lower[np.arange(n), :, np.arange(n)] = 0.5 * hessian.diagonal
+    lower = lower.reshape(3 * n, 3 * n)
+    result: Floats = lower + lower.T
+    return result
+
+
+def _strains(system: Problem) -> Floats:
+    """Return (N, 3, 3 m): change of the elements' strains by the unknowns."""
+    n = system.lengths.size
+    basis = system.basis if system.basis.shape[1] else np.eye(n)
+    strains = np.zeros((n, 3, basis.shape[1], 3))
+    for i in range(3):
+        strains[:, i, :, i] = system.scale[:, i, None] * basis
+    return strains.reshape(n, 3, -1)
+
+
+def _free(held: Floats) -> Floats | None:
+    """Return an orthonormal basis (c, c - rank) of the kernel of rows (K, c); None: no rows."""
+    if not len(held):
+        return None
+    axes, triangle, _ = scipy.linalg.qr(held.T, pivoting=True)
+    size = np.abs(np.diag(triangle))
+    result: Floats | None = axes[:, int(np.sum(size > _DEPENDENT * size.max())):]
+    return result
+
 
 MOST = 1000         # modes that may be asked for
 _TIE = 1e-10        # added to the stiffness: a motion without stiffness and mass is held by it

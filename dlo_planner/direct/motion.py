@@ -10,12 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.storage import load, pack, save, unpack
+from dlo_planner.direct.shape import Shape, pack, unpack
+from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, items, shown
-from dlo_planner.model.computed import figure, results
+from dlo_planner.model.checks import choice, figure, items, results, shown
 from dlo_planner.model.value import Constant, brief, freeze, put
 from dlo_planner.pictured import Filmed
 
@@ -162,7 +161,7 @@ class Motion(Filmed):
             mark = f'{k}/'
             own = {key[len(mark):]: value for key, value in arrays.items()
                    if key.startswith(mark)}
-            shapes.append(unpack(Shape, own))
+            shapes.append(unpack(own))
         return cls(shapes=tuple(shapes), **{name: arrays[name] for name in _ARRAYS},
                    **{name: arrays[name].item() for name in _FIGURES},
                    _estimate=Constant(arrays['error_estimate']))

@@ -17,18 +17,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.energy.effects import fill_miss, fill_rows, row_count
 from dlo_planner.energy.potential import at_element, evaluate, project, unknowns_of
-from dlo_planner.energy.system import State, System, new_state, turned_system, unknown_count
+from dlo_planner.energy.problem import (
+    Configuration,
+    Problem,
+    new_configuration,
+    unknown_count,
+    with_gripper,
+)
+from dlo_planner.energy.terms import constraint_jacobian, constraint_value, row_count
 from dlo_planner.errors import InvalidTask
+from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import Hessian, assemble, factorize, new_hessian, solve_held
+from dlo_planner.minimize.hessian import Hessian, assemble, factorize, new_hessian, solve_held
 from dlo_planner.minimize.multipliers import firm
 from dlo_planner.minimize.sliding import add_sliding
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import Rod
-from dlo_planner.ritz.kinematics import forward_kinematics, part_of_element
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.shape import Shape
@@ -66,7 +72,7 @@ class Sensitivity:
         system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
         q = here.unknowns(shape.element_strains)
         if shape.contacts:
-            state = new_state(system)
+            state = new_configuration(system)
             state.q[:] = q
             evaluate(system, state)
             system = firm(system, state)
@@ -128,11 +134,11 @@ class Sensitivity:
         Parameters
         ----------
         fields
-            Fields of the System that change.
+            Fields of the Problem that change.
         """
         # one unknown strain an element: these strains, whatever the basis
         system = self._system._replace(basis=np.zeros((self._system.lengths.size, 0)), **fields)
-        state = new_state(system)
+        state = new_configuration(system)
         state.q[:] = (self._state.strains - system.natural) / system.scale
         evaluate(system, state)
         return state.gradient / system.scale, state.positions
@@ -174,18 +180,18 @@ class Sensitivity:
 
 
 @kernel
-def _one_step(system: System, known: System, at: State,
+def _one_step(system: Problem, known: Problem, at: Configuration,
               hessian: Hessian) -> tuple[Floats, Floats, Floats]:
     """Return strains, frames and positions of `system` after a step from another one's state.
 
     It begins with the strains of that state, where its ends are: what holds them is stiff.
     """
-    state = new_state(system)
+    state = new_configuration(system)
     unknowns_of(system, at.strains, state.q)
     evaluate(system, state)
     step, last = np.empty_like(at.q), system.lengths.size
     miss = np.empty(row_count(system.needs.border))
-    fill_miss(system.effects, state.rotations[last], state.positions[last], miss)
+    constraint_value(system.effects, state.rotations[last], state.positions[last], miss)
     # the known gradient is zero but for rounding, which differences would blow up
     solve_held(known, hessian, at.gradient - state.gradient, miss, step, np.empty_like(miss))
     state.q[:] += step
@@ -194,7 +200,7 @@ def _one_step(system: System, known: System, at: State,
 
 
 @kernel
-def _strains_by(system: System, hessian: Hessian, slopes: Floats) -> Floats:
+def _strains_by(system: Problem, hessian: Hessian, slopes: Floats) -> Floats:
     """Return (k, N, 3) the answers of the strains to slopes (k, N, 3) of the potential by them."""
     out = np.empty_like(slopes)
     m = unknown_count(system)
@@ -212,15 +218,15 @@ def _strains_by(system: System, hessian: Hessian, slopes: Floats) -> Floats:
 
 
 @kernel
-def _hanging_answers(system: System, base: Floats,
-                     strains: Floats) -> tuple[System, State, Floats, Hessian]:
-    """Return a System that hangs freely in a gripper, and there what `gripper_answers` returns.
+def _hanging_answers(system: Problem, base: Floats,
+                     strains: Floats) -> tuple[Problem, Configuration, Floats, Hessian]:
+    """Return a Problem that hangs freely in a gripper, and there what `gripper_answers` returns.
 
     Args:
         base: (3, 3), read-only, rotation of the gripper
         strains: (N, 3), read-only, in equilibrium, 1/m
     """
-    here = turned_system(system, base.copy(), system.origin)
+    here = with_gripper(system, base.copy(), system.origin)
     q = np.empty((unknown_count(system), 3))
     unknowns_of(here, strains.copy(), q)
     state, answers, hessian = gripper_answers(here, q)
@@ -228,9 +234,9 @@ def _hanging_answers(system: System, base: Floats,
 
 
 @kernel
-def gripper_answers(system: System, q: Floats) -> tuple[State, Floats, Hessian]:
-    """Return the State at q (m, 3), its change (6, m, 3) by the gripper's twist, the Hessian."""
-    state = new_state(system)
+def gripper_answers(system: Problem, q: Floats) -> tuple[Configuration, Floats, Hessian]:
+    """Return the Configuration at q (m, 3), its change (6, m, 3) by the gripper, the Hessian."""
+    state = new_configuration(system)
     state.q[:] = q
     evaluate(system, state)
     hessian = new_hessian(system)
@@ -240,7 +246,7 @@ def gripper_answers(system: System, q: Floats) -> tuple[State, Floats, Hessian]:
     load = np.empty_like(q)
     held, last = row_count(system.needs.border), system.lengths.size
     moved, reaction = np.empty((held, 6)), np.empty(held)  # the grip does not go with the gripper
-    fill_rows(system.effects, state.rotations[last], state.positions[last], moved)
+    constraint_jacobian(system.effects, state.rotations[last], state.positions[last], moved)
     for column in range(hessian.cross.shape[2]):
         project(system.basis, -hessian.cross[:, :, column], load)
         solve_held(system, hessian, load, moved[:, column].copy(), answers[column], reaction)
@@ -248,7 +254,7 @@ def gripper_answers(system: System, q: Floats) -> tuple[State, Floats, Hessian]:
 
 
 @kernel
-def node_twists(system: System, state: State, answers: Floats, columns: int) -> Floats:
+def node_twists(system: Problem, state: Configuration, answers: Floats, columns: int) -> Floats:
     """Return (N + 1, 6, 6) the twists of the nodes' frames by that of the gripper.
 
     Args:
@@ -268,8 +274,8 @@ def node_twists(system: System, state: State, answers: Floats, columns: int) -> 
 
 
 @kernel
-def twists_inside(system: System, state: State, answers: Floats, columns: int, begin: Floats,
-                  element: int, fraction: float) -> Floats:
+def twists_inside(system: Problem, state: Configuration, answers: Floats, columns: int,
+                  begin: Floats, element: int, fraction: float) -> Floats:
     """Return (6, 6) the same inside `element`, whose beginning has the twists `begin` (6, 6)."""
     out = begin.copy()
     part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
@@ -278,8 +284,8 @@ def twists_inside(system: System, state: State, answers: Floats, columns: int, b
 
 
 @kernel
-def _carry_on(system: System, state: State, answers: Floats, columns: int, e: int, share: float,
-              part: Floats, arm: Floats, value: Floats, out: Floats) -> None:
+def _carry_on(system: Problem, state: Configuration, answers: Floats, columns: int, e: int,
+              share: float, part: Floats, arm: Floats, value: Floats, out: Floats) -> None:
     """Turn the twists `out` (6, 6) at the beginning of element e into those at a share of it.
 
     Args:

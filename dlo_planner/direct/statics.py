@@ -2,37 +2,193 @@
 # SPDX-License-Identifier: Apache-2.0
 """One equilibrium: from a gripper's pose and a discretization to a Shape with its proof."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from dlo_planner.direct.acting import ACTING
+from dlo_planner.direct.ball_joint import pinned_newton
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.far_hold import Limits, limits_of
-from dlo_planner.direct.hinge import pinned_newton
-from dlo_planner.direct.history import History
-from dlo_planner.direct.moments import balanced
-from dlo_planner.direct.part import Solved
-from dlo_planner.direct.proof import CONVERGED, proved, stored_after, violation
-from dlo_planner.direct.shape import Shape, made_shape
-from dlo_planner.direct.state import State
-from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.energy.system import State as KernelState
-from dlo_planner.energy.system import System
-from dlo_planner.minimize.hanging import hang
-from dlo_planner.minimize.holding import hold_on
-from dlo_planner.minimize.methods import search
-from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.direct.memory import ACTING, Memory
+from dlo_planner.direct.shape import NO_WRENCH, Shape, State
+from dlo_planner.direct.terms import Left, Limits, Part, Solved, limits_of
+from dlo_planner.energy.elastic import with_couples
+from dlo_planner.energy.plastic import yields
+from dlo_planner.energy.potential import configuration_at, evaluate, unknowns_of
+from dlo_planner.energy.problem import Configuration as KernelState
+from dlo_planner.energy.problem import Problem, new_configuration
+from dlo_planner.energy.terms import stored
+from dlo_planner.geometry.so3 import jacobians, matrix, plus, put_vector, transposed_applied, vector
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.classic import search
+from dlo_planner.minimize.convergence import Minimum, gradient_noise
 from dlo_planner.minimize.multipliers import constrained_newton
-from dlo_planner.minimize.newton import NEUTRAL, newton
+from dlo_planner.minimize.newton import HELD_NEUTRAL, NEUTRAL, newton
+from dlo_planner.minimize.solve import solve_between_grips, solve_free
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
 
-Found: TypeAlias = tuple[Any, ...]  # what `minimize.hanging.hang` returns
+CONVERGED = 1e-8   # residual that is promised
+KEPT = 1e-6        # of the length: violation that still counts as converged
+_BLURRED = 1e-5    # a residual that rounding may make larger than this tells nothing
+
+
+def proved(solved: Solved, found: Minimum, rounding: float = 0.0) -> bool:
+    """Return whether a Minimum is a stable or neutral equilibrium that keeps all constraints.
+
+    Parameters
+    ----------
+    solved : Solved
+        The same as a step.
+    found : Minimum
+    rounding : float, optional
+        Rounding error of the residual, where it is larger than usual.
+    """
+    mesh, system = solved.mesh, solved.system
+    bound = [part for part in ACTING if part.constrains(system)]
+    neutral = HELD_NEUTRAL if bound or mesh.surroundings.pinned else NEUTRAL
+    return bool((_moved_by_less(system, found.residual, bound)
+                 or _promised(solved, found.residual, rounding, bound))
+                and found.stability > -neutral
+                and all(part.kept(solved) for part in ACTING)
+                and violation(solved, found) <= KEPT * mesh.s[-1])
+
+
+def violation(solved: Solved, found: Minimum) -> float:
+    """Return by how much a constraint is violated at most, m."""
+    return max(float(found.violation), *(part.violation(solved) for part in ACTING))
+
+
+def _moved_by_less(system: Problem, residual: float, bound: Sequence[Part]) -> bool:
+    """Whether a residual is as small as promised, of a DLO whose inertia tells where it is.
+
+    However large the rounding errors of its forces are, see `minimize.convergence`.
+    """
+    promised = max((part.residual for part in bound), default=CONVERGED)
+    moves = system.anchor is not None and system.anchor.weight.size > 0
+    return moves and residual < promised
+
+
+def _promised(solved: Solved, residual: float, rounding: float, bound: Sequence[Part]) -> bool:
+    """Whether the residual is below what is promised, or where constrained, what rounding leaves.
+
+    Forces that rounding errors hide, of a DLO that is nearly taut, are no answer.
+    """
+    if not bound:
+        return residual < CONVERGED + 100 * rounding
+    noise = gradient_noise(solved.system, solved.state)
+    return as_rounded(residual - 100 * rounding, noise, max(part.residual for part in bound))
+
+
+def as_rounded(residual: float, noise: float, promised: float) -> bool:
+    """Whether a residual is as small as promised, or as the `noise` that rounding may leave."""
+    return residual < max(promised, noise) and noise < _BLURRED
+
+
+def stored_after(solved: Solved, left: Left) -> float:
+    """Return the energy in J that is stored in the DLO after a step."""
+    mesh, system, state = solved.mesh, solved.system, solved.state
+    if mesh.isometric and not mesh.stores and np.array_equal(system.natural, mesh.natural):
+        return 0.5 * float(np.vdot(state.q, state.q))  # what the unknowns are scaled for
+    return elastic_energy(mesh, state.strains, left)
+
+
+def elastic_energy(mesh: Discretization, strains: Floats, left: Left) -> float:
+    """Return the energy in J that is stored at strains (N, 3), after what effects have left."""
+    system = mesh.static
+    if not mesh.stores:
+        bent = strains - system.natural
+        return 0.5 * float(np.sum(system.lengths[:, None] * system.stiffness * bent**2))
+    strains = strains.copy()
+    return sum((part.stored(mesh, left, strains) for part in mesh.stores),
+               stored(system.effects, system, strains))
+
+
+_ROUNDS = 60
+_REMEMBERED = 8   # rounds that tell the next one where to go
+_SETTLED = 1e-10  # part of the moments by which they may still turn
+
+
+def balanced(solved: Callable[[Problem, Floats], Minimum], system: Problem, q: Floats,
+             moments: Floats) -> Minimum:
+    """Return what `solved` returns in equilibrium with dead moments, its residual theirs too.
+
+    The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
+
+    Parameters
+    ----------
+    solved : callable
+        Function (system, q) -> Minimum.
+    system : Problem
+        Problem without the moments.
+    q : ndarray, shape (m, 3)
+        Unknowns to begin with.
+    moments : ndarray, shape (N + 1, 3)
+        Moments on the nodes, N m, world axes.
+    """
+    free, unit = system, np.abs(moments).sum()
+    state = new_configuration(system)
+    state.q[:] = q
+    evaluate(system, state)
+    known = _couples(system.lengths, state.strains, state.rotations, moments) / unit
+    strains, iterations = state.strains, 0
+    tried: list[Floats] = []
+    missed: list[Floats] = []
+    for _ in range(_ROUNDS):
+        loaded = _pulled(system, free, unit * known)
+        found = solved(loaded, configuration_at(loaded, strains).q)
+        state, system = found.state, found.system
+        iterations += found.iterations
+        strains = state.strains
+        miss = _couples(system.lengths, strains, state.rotations, moments) / unit - known
+        off = np.abs(miss).max()
+        if off <= _SETTLED:
+            break
+        tried, missed = [*tried, known][-_REMEMBERED:], [*missed, miss][-_REMEMBERED:]
+        known = _next(tried, missed)
+    return found._replace(residual=max(found.residual, off), iterations=iterations)
+
+
+def _pulled(system: Problem, free: Problem, couples: Floats) -> Problem:
+    """Return a Problem like `system`, but that couples (N, 3) in N m pull at the strains of `free`.
+
+    What cannot yield is as though its natural strains were others.
+    """
+    if yields(free.plastic):
+        return system._replace(elastic=with_couples(free.elastic, couples))
+    return system._replace(natural=free.natural + couples / free.stiffness)
+
+
+def _next(tried: list[Floats], missed: list[Floats]) -> Floats:
+    """Return where the misses (n, 3) would vanish, by least squares over what was tried."""
+    best = tried[-1] + missed[-1]
+    if len(tried) == 1:
+        return best
+    of_misses = np.column_stack([(one - missed[-1]).ravel() for one in missed[:-1]])
+    share, *_ = np.linalg.lstsq(of_misses, -missed[-1].ravel(), rcond=1e-10)
+    for part, one, miss in zip(share, tried[:-1], missed[:-1], strict=True):
+        best = best + part * (one + miss - tried[-1] - missed[-1])
+    return best
+
+
+@kernel
+def _couples(lengths: Floats, strains: Floats, rotations: Floats, moments: Floats) -> Floats:
+    """Return (N, 3): the work of all moments beyond, per length and strain of each element, N m."""
+    out = np.empty(strains.shape)
+    beyond = (0.0, 0.0, 0.0)
+    for e in range(lengths.size - 1, -1, -1):
+        h = lengths[e]
+        beyond = plus(beyond, vector(moments[e + 1]))
+        turning, _ = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
+        own = transposed_applied(matrix(rotations[e]), beyond)
+        put_vector(transposed_applied(turning, own), out[e])
+    return out
+
+
+Found: TypeAlias = tuple[Any, ...]  # what `minimize.solve.solve_free` returns
 
 TOLERANCE = 1e-10  # of the residual; the last step of a quadratic method overshoots it
 EXACT = 1e-10      # of the length: violation of a constraint aimed at
@@ -42,7 +198,7 @@ _NO_PAST = np.zeros((0, 6))  # nothing has touched: where it was does not matter
 
 
 def equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
-                method: str = 'newton', history: History | None = None,
+                method: str = 'newton', history: Memory | None = None,
                 far_end: FarEnd | None = None) -> tuple[Shape, int]:
     """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
 
@@ -54,8 +210,8 @@ def equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
         Of the elements, 1/m, where the descent starts.
     method : str, optional
         One of METHODS.
-    history : History or None, optional
-        History on the same mesh. If None, no past.
+    history : Memory or None, optional
+        Memory on the same mesh. If None, no past.
     far_end : FarEnd or None, optional
     """
     if method == 'newton' and far_end is None and discretization.hangs:
@@ -88,15 +244,71 @@ def hanging(discretization: Discretization, gripper: Pose, strains: Floats,
     if strains.flags.writeable:  # another type for kernels
         strains = np.array(strains)
         freeze(strains)
-    found = hang(discretization.static, gripper.rotation, gripper.position, strains, TOLERANCE,
-                 MAX_ITERATIONS, frames, before, nodes, most)
-    return found_hanging(discretization, gripper, found), found[-1]
+    found = solve_free(discretization.static, gripper.rotation, gripper.position, strains,
+                       TOLERANCE, MAX_ITERATIONS, frames, before, nodes, most)
+    return hanging_shape(discretization, gripper, found), found[-1]
 
 
-def found_hanging(discretization: Discretization, gripper: Pose, found: Found) -> Shape:
-    """Return the Shape of a DLO that hangs freely with its error, as `hanging_shape` without."""
-    estimate = partial(_estimate_hanging, discretization, gripper, found[0], found[2])
-    return hanging_shape(discretization, gripper, found, 0.0, estimate)
+class Solution(NamedTuple):
+    """What a search found, as attributes of a Shape; nodes and forces in world axes.
+
+    Attributes
+    ----------
+    element_strains, frames, positions, gripper_wrench : ndarray
+    elastic_energy, energy, residual, stability : float
+    iterations : int
+    converged : bool
+        Whether it is a stable or neutral equilibrium that keeps all constraints.
+    evaluations : int
+    violation : float
+    far_wrench : ndarray
+    contacts : tuple
+    dissipated : float
+    """
+
+    element_strains: Floats
+    frames: Floats
+    positions: Floats
+    gripper_wrench: Floats
+    elastic_energy: float
+    energy: float
+    residual: float
+    stability: float
+    iterations: int
+    converged: bool
+    evaluations: int = 0
+    violation: float = 0.0
+    far_wrench: Floats = NO_WRENCH
+    contacts: tuple[Any, ...] = ()
+    dissipated: float = 0.0
+
+
+class Way(NamedTuple):
+    """The past that a step begins with, that it leaves, and what holds the far end then."""
+
+    before: Memory
+    after: Memory
+    far_end: FarEnd | None = None
+
+
+def shape_from(mesh: Discretization, gripper: Pose, solution: Solution, way: Way,
+               estimate: Callable[[], float] | None = None) -> Shape:
+    """Return the Shape of a Solution on a mesh: all that simulators return are made here.
+
+    Parameters
+    ----------
+    gripper : Pose
+        In which the DLO begins.
+    estimate : callable or None, optional
+        Function that returns its error, m. If None, it is `estimated`.
+    """
+    for array in solution[:4]:
+        array.flags.writeable = False
+    if estimate is None:
+        estimate = partial(estimated, mesh, gripper, solution.element_strains, solution.positions,
+                           way.before, way.far_end)
+    return Shape(gripper=gripper, s=mesh.s, far_end=way.far_end,
+                 state=State(mesh, way.after, way.before, estimate), **solution._asdict())
 
 
 def unknown() -> float:
@@ -104,40 +316,33 @@ def unknown() -> float:
     return np.inf
 
 
-def hanging_shape(discretization: Discretization, gripper: Pose, found: Found, rounding: float,
-                  estimate: Callable[[], float] = unknown) -> Shape:
+def hanging_shape(mesh: Discretization, gripper: Pose, found: Found, rounding: float = 0.0,
+                  estimate: Callable[[], float] | None = None) -> Shape:
     """Return the Shape of a DLO that hangs freely, or on which nothing acts that may.
 
     Parameters
     ----------
     found : tuple
-        What `minimize.hanging.hang` returns.
-    rounding : float
+        What `minimize.solve.solve_free` returns.
+    rounding : float, optional
         Rounding error of the residual, where it is larger than usual.
-    estimate : callable, optional
-        Function that returns its error, m.
+    estimate : callable or None, optional
+        As of `shape_from`.
     """
-    (strains, frames, positions, wrench, elastic, energy, residual, stability, iterations,
+    (strains, frames, positions, wrench, elastic, energy, residual, stability, steps,
      _) = found
-    before = past = discretization.start
-    if not discretization.hangs:  # where something acts, the next step counts from here
-        past = before.followed(positions, frames[:, :, 0].copy())
-    return made_shape(
-        gripper=gripper, s=discretization.s, positions=positions, frames=frames,
-        element_strains=strains, energy=energy, elastic_energy=elastic, gripper_wrench=wrench,
-        residual=residual, stability=stability, iterations=iterations,
-        converged=bool(hangs_still(residual - 100 * rounding, stability)), far_wrench=_NOTHING,
-        state=State.made(discretization, past, before, estimate))
+    after = mesh.start
+    if not mesh.hangs:  # where something acts, the next step counts from here
+        after = after.followed(positions, frames[:, :, 0].copy())
+    good = bool(hangs_still(residual - 100 * rounding, stability))
+    solution = Solution(strains, frames, positions, wrench, elastic, energy, residual, stability,
+                        steps, good)
+    return shape_from(mesh, gripper, solution, Way(mesh.start, after), estimate)
 
 
 def hangs_still(residual: Any, stability: Any) -> Any:
     """Whether a DLO that hangs freely is in a stable or neutral equilibrium."""
     return (residual < CONVERGED) & (stability > -NEUTRAL)
-
-
-def _estimate_hanging(discretization: Discretization, gripper: Pose, strains: Floats,
-                      positions: Floats) -> float:
-    return estimated(discretization, gripper, strains, positions - gripper.position, None, None)
 
 
 NO_NODES: Ints = np.zeros(0, dtype=np.int64)  # of no Leash
@@ -171,7 +376,7 @@ THOROUGH = Search()
 
 def held_nearby(mesh: Discretization, gripper: Pose, far_end: FarEnd, strains: Floats,
                 force: Floats) -> list[Any] | None:
-    """Return what `minimize.holding.hold_on` finds next to given strains; None if it is not near.
+    """Return what `solve_between_grips` finds next to given strains; None if it is not near.
 
     Parameters
     ----------
@@ -192,14 +397,14 @@ def held_nearby(mesh: Discretization, gripper: Pose, far_end: FarEnd, strains: F
         return None
     rows[:, :3] *= mesh.lever
     exact = limits.exact * length
-    found, *held = hold_on(
+    found, *held = solve_between_grips(
         mesh.full, gripper.rotation, gripper.position, far_end.pose.position,
         far_end.pose.rotation, far_end.share, rows, strains, force, TOLERANCE, exact)
     return held if found else None
 
 
-def solve(discretization: Discretization, system: System, gripper: Pose, q: Floats,
-          history: History | None, how: Search = THOROUGH) -> Minimum:
+def solve(discretization: Discretization, system: Problem, gripper: Pose, q: Floats,
+          history: Memory | None, how: Search = THOROUGH) -> Minimum:
     """Return the Minimum that is reached from q (m, 3) and the past `history` or None."""
     most, check, exact, rounding = how
     before = _NO_PAST
@@ -207,7 +412,7 @@ def solve(discretization: Discretization, system: System, gripper: Pose, q: Floa
         before = np.hstack([history.positions - gripper.position, history.tangents])
     newtons = pinned_newton if discretization.surroundings.pinned else constrained_newton
 
-    def solved(system: System, q: Floats) -> Minimum:
+    def solved(system: Problem, q: Floats) -> Minimum:
         return newtons(system, q, TOLERANCE + rounding, most, check,
                        exact * discretization.s[-1], before)
 
@@ -216,7 +421,7 @@ def solve(discretization: Discretization, system: System, gripper: Pose, q: Floa
     return solved(system, q)
 
 
-def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: History | None = None,
+def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: Memory | None = None,
              far_end: FarEnd | None = None, rounding: float = 0.0) -> Shape:
     """Return the Shape of a kernel's result.
 
@@ -232,21 +437,18 @@ def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: Histo
     history = history or mesh.start
     solved = Solved(mesh, system, state, gripper, far_end, history.left)
     positions = state.positions + gripper.position
-    past = History.after(solved, positions, state.rotations[:, :, 0].copy())
+    past = Memory.after(solved, positions, state.rotations[:, :, 0].copy())
     elastic = stored_after(solved, past.left)
     energy = (elastic + float(np.vdot(system.load.pull, state.positions))
               + float(mesh.load @ gripper.position))
-    reports = {name: value for part in ACTING
-               for name, value in part.reports(solved, past.left).items()}
-    estimate = partial(estimated, mesh, gripper, state.strains, state.positions, history, far_end)
-    return Shape(gripper, mesh.s, positions, state.rotations, state.strains, energy,
-                 elastic, _wrench(mesh, state), float(found.residual),
-                 float(found.stability), int(found.iterations), proved(solved, found, rounding),
-                 evaluations=found.evaluations, violation=violation(solved, found), far_end=far_end,
-                 state=State.made(mesh, past, history, estimate), **reports)
-
-
-_NOTHING = np.zeros(6)
+    reports: dict[str, Any] = {name: value for part in ACTING
+                               for name, value in part.reports(solved, past.left).items()}
+    solution = Solution(
+        state.strains, state.rotations, positions, _wrench(mesh, state), elastic, energy,
+        float(found.residual), float(found.stability), int(found.iterations),
+        proved(solved, found, rounding), evaluations=found.evaluations,
+        violation=violation(solved, found), **reports)
+    return shape_from(mesh, gripper, solution, Way(history, past, far_end))
 
 
 def _wrench(discretization: Discretization, state: KernelState) -> Floats:
@@ -258,7 +460,7 @@ def _wrench(discretization: Discretization, state: KernelState) -> Floats:
 
 
 def estimated(discretization: Discretization, gripper: Pose, strains: Floats, positions: Floats,
-              history: History | None, far_end: FarEnd | None) -> float:
+              history: Memory | None, far_end: FarEnd | None) -> float:
     """Return how far, in m, the nodes are from the true rod's: see `Shape.error_estimate`.
 
     The elements are of second order, so halving them removes three quarters of their error.
@@ -266,8 +468,8 @@ def estimated(discretization: Discretization, gripper: Pose, strains: Floats, po
     what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
     friction for instance: then nothing is known, and the estimate is infinite.
     """
-    finer = discretization.finer
-    past, halved = finer.past(history), np.repeat(strains, 2, axis=0)
+    finer, hangs = discretization.finer, discretization.hangs and far_end is None
+    past, halved = finer.past(None if hangs else history), np.repeat(strains, 2, axis=0)
     freeze(halved)
     held = None if far_end is None else held_nearby(finer, gripper, far_end, halved,
                                                     past.left['hold'])
@@ -277,7 +479,7 @@ def estimated(discretization: Discretization, gripper: Pose, strains: Floats, po
         system = finer.system(gripper.rotation, gripper.position, past, far_end)
         q = np.empty((finer.n_unknowns, 3))
         unknowns_of(system, halved.copy(), q)
-        if discretization.hangs and far_end is None:
+        if hangs:
             there = newton(system, q, 1e-9, 4, False).state.positions
         else:
             found = solve(finer, system, gripper, q, past)
@@ -285,7 +487,7 @@ def estimated(discretization: Discretization, gripper: Pose, strains: Floats, po
             if not proved(Solved(finer, found.system, found.state, gripper, far_end, past.left),
                           found):
                 return np.inf
-    moved = np.linalg.norm(there[::2] - positions, axis=1).max()
+    moved = np.linalg.norm(there[::2] + gripper.position - positions, axis=1).max()
     may_let_go = any(part.lets_go and part.acts(discretization.surroundings) for part in ACTING)
     if may_let_go and moved > _ELSEWHERE * discretization.s[-1]:
         return np.inf

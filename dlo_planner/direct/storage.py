@@ -1,92 +1,74 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes and motions as npz or JSON files."""
+"""Shapes and motions in files: npz, or JSON."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dlo_planner.direct.contacts import Contact
-from dlo_planner.direct.history import History
-from dlo_planner.direct.json_arrays import read_json, write_json
-from dlo_planner.direct.state import State
 from dlo_planner.errors import InvalidTask
 from dlo_planner.files import readable, writable
-from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
-from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Constant
 
-if TYPE_CHECKING:  # it imports this file
-    from dlo_planner.direct.shape import Shape
+_TYPES = {'f': 'float', 'i': 'int', 'u': 'int', 'b': 'bool', 'U': 'str'}  # by NumPy's kinds
+_WORDS = {'nan': np.nan, 'inf': np.inf, '-inf': -np.inf}
+_CONTENTS = {'float': (int, float), 'int': (int,), 'bool': (bool,), 'str': (str,)}
+
+
+def write_json(path: str | PathLike[str], arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write a mapping of arrays of numbers, truth values or strings to a file.
+
+    Each is {"type", "shape", "data"}, its data in one row; Python writes as many digits of a number
+    as tell it from all others.
+    """
+    Path(path).write_text(json.dumps({name: _described(np.asarray(array))
+                                      for name, array in arrays.items()}, allow_nan=False),
+                          encoding='utf-8')
+
+
+def read_json(path: str | PathLike[str]) -> dict[str, NDArray[Any]]:
+    """Return the mapping of arrays in a file.
+
+    Raises
+    ------
+    OSError, ValueError, KeyError, TypeError
+        It cannot be read, or says something else.
+    """
+    known = json.loads(Path(path).read_text(encoding='utf-8'))
+    if not isinstance(known, dict):
+        raise TypeError(f'it holds a {type(known).__name__}, not named arrays')
+    return {name: _array(name, one) for name, one in known.items()}
+
+
+def _described(array: NDArray[Any]) -> dict[str, Any]:
+    data = array.ravel().tolist()
+    if array.dtype.kind == 'f':
+        data = [one if np.isfinite(one) else str(one) for one in data]
+    return {'type': _TYPES[array.dtype.kind], 'shape': list(array.shape), 'data': data}
+
+
+def _array(name: str, one: Any) -> NDArray[Any]:
+    kind, data = one['type'], one['data']
+    if kind == 'float':
+        data = [_WORDS[item] if isinstance(item, str) else item for item in data]
+    for item in data:
+        if not isinstance(item, _CONTENTS[kind]) or isinstance(item, bool) != (kind == 'bool'):
+            raise TypeError(f'{name} holds {item!r}, which is no {kind}')
+    return np.array(data, dtype=kind).reshape(one['shape'])
+
 
 T = TypeVar('T')
-ShapeT = TypeVar('ShapeT', bound='Shape')
 
 _FORMAT = 2  # 1: files of 0.1.0, which do not say what they hold
 _MOST = 2**32  # bytes in a file, unpacked
-_PAST, _WAY = 'past_', ('s', 'positions', 'tangents')
 _RENAMED = {'Report': 'ValidationReport'}  # in older files
-_ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
-_NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
-            'jumped', 'evaluations', 'violation', 'dissipated')
-
-
-def pack(shape: Shape, prefix: str = '') -> dict[str, NDArray[Any]]:
-    """Return a dict of arrays that hold all of a Shape but the rod and its surroundings."""
-    packed = {name: getattr(shape, name) for name in _ARRAYS + _NUMBERS}
-    packed['gripper'] = np.concatenate([shape.gripper.position, shape.gripper.quaternion])
-    packed['error_estimate'] = shape.error_estimate
-    if shape.far_end is not None:
-        end = shape.far_end
-        packed['far_end'] = np.concatenate([end.pose.position, end.pose.quaternion])
-        packed['far_grip'] = end.grip
-    packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
-                                    c.penetration] for c in shape.contacts]).reshape(-1, 13)
-    if shape.state.history is not None:
-        past = shape.state.history
-        packed |= {_PAST + name: array for name, array in past.left.items()}
-        packed |= {_PAST + name: getattr(past, name) for name in _WAY}
-    return {prefix + key: np.asarray(value) for key, value in packed.items()}
-
-
-def unpack(shape_class: type[ShapeT], stored: Mapping[str, Any], prefix: str = '') -> ShapeT:
-    """Return the Shape whose arrays are in the mapping `stored` under `prefix`."""
-    def get(name: str) -> Any:
-        return stored[prefix + name]
-
-    gripper = get('gripper')
-    far_end = None
-    if prefix + 'far_end' in stored:
-        end = get('far_end')
-        far_end = FarEnd(Pose(end[:3], end[3:]), str(get('far_grip')))
-    contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
-                     for row in get('contacts'))
-    mark = prefix + _PAST
-    past = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
-    history = _history(past, get('frames')).judged(float(get('s')[-1])) if past else None
-    estimate = float(get('error_estimate'))
-    values = {name: get(name) for name in _ARRAYS}
-    values |= {name: get(name).item() for name in _NUMBERS}
-    return shape_class(gripper=Pose(gripper[:3], gripper[3:]), contacts=contacts, far_end=far_end,
-                       state=State(history=history, estimate=Constant(estimate)), **values)
-
-
-def _history(past: dict[str, Any], frames: Floats) -> History:
-    """Return the History of arrays by name; those of older files lack some."""
-    s, positions = past.pop('s'), past.pop('positions')
-    tangents = past.pop('tangents', frames[:len(positions), :, 0])
-    past['set'] = past['set'].reshape(len(past['set']), -1)  # files of 0.1.0: layers apart
-    for name in ('point_shear', 'point_slid'):  # not in files of 1.0
-        past.setdefault(name, np.zeros_like(past['point_anchor']))
-    return History(s, past, positions, tangents)
 
 
 def save(path: str | PathLike[str], arrays: Mapping[str, Any], kind: str) -> None:

@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.along import breaks_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, items, returned, vector
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
-from dlo_planner.model.part import loads_of_length
-from dlo_planner.model.point_load import PointLoad
-from dlo_planner.model.profile import Profile, resolved
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.rod import Rod, loads_of_length
+from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.value import Value, put
+from dlo_planner.model.varying import Profile, breaks_of, resolved
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 GRIPPERS = ('clamped', 'pinned')

@@ -18,12 +18,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.history import History
+from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
-from dlo_planner.ritz.rotation import turn_between
+from dlo_planner.model.supports import FarEnd
 
 _TAUT = 10.0    # l in the length: with so many tension decides
 _SURELY, _SLACK = 1e-9, 0.05  # of the length: slack that is looked at
@@ -144,7 +144,7 @@ def _from_clamp(bend: float, longest: float) -> Floats:
 
 
 def first_shape(mesh: Discretization, gripper: Pose, far_end: FarEnd,
-                history: History) -> tuple[Pose, Floats, History] | None:
+                history: Memory) -> tuple[Pose, Floats, Memory] | None:
     """Return gripper, strains (N, 3) and the past of a DLO near its shape; None if not nearly taut.
 
     The gripper is turned to its beginning if that is pinned. The past has the forces of the far
@@ -152,8 +152,8 @@ def first_shape(mesh: Discretization, gripper: Pose, far_end: FarEnd,
 
     Parameters
     ----------
-    history : History
-        History on this mesh.
+    history : Memory
+        Memory on this mesh.
     """
     span = span_of(mesh, gripper, far_end)
     if span is None:

@@ -1,46 +1,50 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Contact with obstacles: the DLO's surface stays outside, and friction resists its sliding.
+"""Contact with obstacles and friction: where, with which forces and second derivatives."""
 
-Every node is watched, and the nearest point inside an element wherever it comes nearer to an
-obstacle than the nodes do; of a rectangular DLO each of its edges, and its faces where they are
-nearer (`energy.outline`). Each such point has a gap g to each obstacle and a multiplier m >= 0:
-the augmented Lagrangian  (max(0, m - k g)^2 - m^2) / (2 k)  pushes with the force max(0, m - k g);
-the minimizer's outer loop moves m until the gaps under force are zero.
-
-The nearest point slides along the DLO as the shape changes, which the second derivative accounts
-for: d2g - (d(dg/ds))^2 / g_ss. A point beside the axis exerts a moment as well.
-
-Friction is `energy.friction`'s; each point of contact that rubs has a point of friction of its own.
-"""
+from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
 
-from dlo_planner.energy.distance import signed_distance
-from dlo_planner.energy.friction import add_friction
-from dlo_planner.energy.outline import (
+from dlo_planner.energy.ccd import sweeps_through
+from dlo_planner.energy.gap import (
+    along_the_dlo,
+    closest_point,
     gap_at,
-    is_face,
-    longest_stretch,
-    nodes_of,
+    near_nodes,
+    next_touching,
+    node_gap,
     radius_at_node,
+    signed_distance,
+    sliding,
 )
-from dlo_planner.energy.passage import passes_through
-from dlo_planner.energy.pushing import push, push_beside, push_node
-from dlo_planner.energy.rolling import watched
-from dlo_planner.energy.scene import AXIS, SHEET, Scene
+from dlo_planner.energy.scene import AXIS, NODE_FACE, SHEET, Scene
+from dlo_planner.geometry.kinematics import point_inside, sort_points, spring_at
+from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.ritz.attached import sort_points
-from dlo_planner.ritz.kinematics import point_inside
-from dlo_planner.ritz.record import Record, makes
+
+# ------------------------------------------------------------------------------------------------
+# Contact with obstacles: the DLO's surface stays outside, and friction resists its sliding.
+#
+# Every node is watched, and the nearest point inside an element wherever it comes nearer to an
+# obstacle than the nodes do; of a rectangular DLO each of its edges, and its faces where they are
+# nearer (`energy.gap`). Each such point has a gap g to each obstacle and a multiplier m >= 0:
+# the augmented Lagrangian  (max(0, m - k g)^2 - m^2) / (2 k)  pushes with the force max(0, m - k
+# g); the minimizer's outer loop moves m until the gaps under force are zero.
+#
+# The nearest point slides along the DLO as the shape changes, which the second derivative accounts
+# for: d2g - (d(dg/ds))^2 / g_ss. A point beside the axis exerts a moment as well.
+#
+# Each point of contact that rubs has a point of friction of its own (below).
+
 
 _MOST_LEAPS = 64  # of a look along a way: nearer to an obstacle it is not told to be clear
 
 
-class Contacts(Record):
+class ContactSet(Record):
     """Points where the DLO may touch, and what is known of their forces.
 
     Attributes
@@ -81,14 +85,6 @@ class Contacts(Record):
     grip: float
 
 
-@makes(Contacts)
-@kernel
-def _new_contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, shear,
-                  grip):
-    return Contacts(stiffness, node, element, obstacle, multiplier, fraction, anchor, normal, shear,
-                    grip)
-
-
 class Contact(Record):
     """Obstacles and where they are touched.
 
@@ -101,22 +97,7 @@ class Contact(Record):
     """
 
     scene: Scene
-    contacts: Contacts
-
-
-@makes(Contact)
-@kernel
-def _new_contact(scene, contacts):
-    return Contact(scene, contacts)
-
-
-@kernel
-def moved_scene(scene, shift):
-    """Return the same Scene for a gripper displaced by shift (3,), m."""
-    return Scene(scene.source, scene.kind, scene.axes, scene.center, scene.size, scene.friction,
-                 scene.hole_of, scene.hole_center, scene.hole_axis, scene.hole_size, scene.radius,
-                 scene.origin + shift, scene.feature, scene.offset, scene.rounding, scene.span,
-                 scene.radii)
+    contacts: ContactSet
 
 
 def obstructed(effect: Contact | None) -> bool:
@@ -158,7 +139,7 @@ def add_forces(effect, system, state):
 
 
 @kernel
-def noise(effect, system, state, length):
+def roundoff(effect, system, state, length):
     """Return forces in N whose relative rounding errors those of contacts have."""
     if effect is None:
         return 0.0
@@ -176,18 +157,18 @@ def noise(effect, system, state, length):
 
 
 @kernel
-def blocks(effect, system, before, after):
+def forbids(effect, system, before, after):
     """Whether an obstacle is between two States."""
     if effect is None:
         return False
     if effect.scene.kind.size == 0:
         return False
-    return passes_through(effect.scene, system.lengths, before.strains, before.rotations,
+    return sweeps_through(effect.scene, system.lengths, before.strains, before.rotations,
                           before.positions, after.rotations, after.positions)
 
 
 @kernel
-def acts(effect, system, strains, positions, before):
+def may_act(effect, system, strains, positions, before):
     """Whether an obstacle may be touched on the straight way between two places of a DLO.
 
     Each node is looked at as a ball that holds all of the section, and of the elements up to the
@@ -206,7 +187,7 @@ def acts(effect, system, strains, positions, before):
 
 @kernel
 def _near(scene, o, lengths, positions, before):
-    """Whether body `o` may be touched, see `acts`."""
+    """Whether body `o` may be touched, see `may_act`."""
     x, normal, hessian, shift = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
     n, farthest, thickest = lengths.size, 0.0, 0.0
     beside = np.sqrt(scene.offset[o, 0] ** 2 + scene.offset[o, 1] ** 2)
@@ -263,7 +244,7 @@ def _clear_way(scene, o, x, shift, around, normal, hessian):
 
 
 @kernel
-def may_block(effect):
+def may_forbid(effect):
     """Whether anything may be in the way."""
     if effect is None:
         return False
@@ -278,27 +259,14 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     frame, offset, second = np.empty((3, 3)), np.zeros(2), np.empty((9, 9))
     for o in range(scene.kind.size):
-        if is_face(scene, o):
-            continue
-        offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
-        varies = scene.radii.shape[0] > 0
-        radius = radius_at_node(scene, o, 0)
-        begin, end = nodes_of(scene, o, lengths.size)
-        longest = longest_stretch(scene, o, strains)
-        node = max(1, begin)
-        while node <= end:
-            for i in range(3):
-                x[i] = (scene.origin[i] + positions[node, i] + rotations[node, i, 1] * offset[0]
-                        + rotations[node, i, 2] * offset[1])
-            if varies:
-                radius = radius_at_node(scene, o, node)
-            gap = signed_distance(scene, o, x, normal, hessian) - radius
+        node, last, longest = near_nodes(scene, o, strains)
+        while node <= last:
+            gap = node_gap(scene, o, node, rotations, positions, offset, x, normal, hessian)
             force = contacts.node[o, node] - k * gap
             if force > 0.0:
                 energy += 0.5 * force * force / k
                 push_node(scene, o, node, force, k, rotations[node], offset, normal, hessian,
-                          second,
-                           pull, attached)
+                          second, pull, attached)
             energy -= 0.5 * contacts.node[o, node] ** 2 / k
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
@@ -313,8 +281,8 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             attached.element[c] = e
             energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)
             continue
-        gap, e, fraction = watched(scene, contacts, c, lengths, strains, rotations, positions,
-                                   normal, hessian)
+        gap, e, fraction = closest_point(scene, contacts, c, lengths, strains, rotations, positions,
+                                         normal, hessian)
         attached.element[c], attached.fraction[c] = e, fraction
         point_inside(lengths, strains, rotations, positions, e, fraction, frame, x)
         force = contacts.multiplier[c] - k * gap
@@ -332,22 +300,186 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
     return energy
 
 
-@kernel
-def next_touching(lengths, multiplier, node, gap):
-    """Return the next node after `node` that may touch an obstacle, N + 1 if none does.
+# ------------------------------------------------------------------------------------------------
+# Forces and second derivatives of one contact, at a node or at a point inside an element.
 
-    No node is nearer to it by more than the DLO between them is long. Far obstacles cost nothing.
+
+@kernel
+def push_node(scene, o, node, force, k, rotation, offset, normal, hessian, second, pull, attached):
+    """Add the force and the stiffness of a contact at a node."""
+    spring = spring_at(attached, node)
+    for i in range(3):
+        pull[node, i] -= force * normal[i]
+    if scene.feature[o] == AXIS:
+        for i in range(3):
+            for j in range(3):
+                spring[i, j] += k * normal[i] * normal[j] - force * hessian[i, j]
+        return
+    _second(scene, o, False, force, k, normal, rotation, offset, normal, hessian, second)
+    for i in range(6):
+        for j in range(6):
+            attached.node_matrix[node, i, j] += second[i, j]
+    _add_moment(force, rotation, offset, normal, attached.node_moment[node],
+                attached.node_first[node])
+
+
+@kernel
+def push_beside(scene, o, c, force, k, rolls, strain, rotation, offset, normal, hessian, second,
+                attached):
+    """Write the force, moment and stiffness of a contact beside the axis, inside an element."""
+    inside = rolls and 0.0 < attached.fraction[c] < 1.0  # at an end the point does not slide
+    _second(scene, o, inside, force, k, strain, rotation, offset, normal, hessian, second)
+    for i in range(3):
+        attached.force[c, i] = -force * normal[i]
+    attached.matrix[c] = second[:6, :6]
+    attached.own[c] = second[6:]
+    _add_moment(force, rotation, offset, normal, attached.moment[c], attached.first[c])
+
+
+@kernel
+def _add_moment(force, rotation, offset, normal, moment, first):
+    """Add what a force -force normal at an offset from the axis does to the frame there."""
+    arm = rotation[:, 1] * offset[0] + rotation[:, 2] * offset[1]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        moment[i] -= force * (arm[j] * normal[k] - arm[k] * normal[j])
+        for j in range(3):
+            first[i, j] -= force * normal[i] * arm[j]
+
+
+@kernel
+def _second(scene, o, along, force, k, strain, rotation, offset, normal, hessian, second):
+    """Fill second (9, 9), the second derivative of the potential of a contact beside the axis.
+
+    By the twist (rotation, displacement) of the frame there and by the element's own strain, on
+    which the slope of an edge depends directly; the part that is not due to the force being
+    carried along.
 
     Args:
-        multiplier: (N + 1,) of the nodes; one that has some is never left out
-        gap: m, of `node`, per length of what may touch along the DLO (`outline.longest_stretch`)
+        along: whether the point slides along the DLO
     """
-    last = lengths.size
-    distance = 0.0
-    while node <= last:
-        if node < last:
-            distance += lengths[node]
-        node += 1
-        if distance >= gap or node <= last and multiplier[node] > 0.0:
-            break
-    return node
+    moves, curves, by = np.empty((3, 3)), np.empty((3, 3)), np.zeros((3, 9))
+    second[:] = 0.0
+    for i in range(3):
+        for j in range(3):
+            second[3 + i, 3 + j] = k * normal[i] * normal[j] - force * hessian[i, j]
+    count = sliding(scene, o, along, rotation, strain, offset, normal, hessian, moves, curves)
+    for a in range(count):  # change of the slope by coordinate a
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            by[a, i] = moves[a, j] * normal[m] - moves[a, m] * normal[j]
+            for j in range(3):
+                by[a, 3 + i] += hessian[i, j] * moves[a, j]
+    if along and scene.feature[o] != NODE_FACE:
+        n0 = n1 = n2 = 0.0
+        for i in range(3):
+            n0 += rotation[i, 0] * normal[i]
+            n1 += rotation[i, 1] * normal[i]
+            n2 += rotation[i, 2] * normal[i]
+        by[count - 1, 6] = offset[0] * n2 - offset[1] * n1
+        by[count - 1, 7] = offset[1] * n0
+        by[count - 1, 8] = -offset[0] * n0
+    for a in range(count):
+        if curves[a, a] <= 0.0:
+            continue
+        for i in range(9):
+            for j in range(9):
+                second[i, j] += force / curves[a, a] * by[a, i] * by[a, j]
+        for other in range(a + 1, count):
+            factor = curves[other, a] / curves[a, a]
+            for j in range(9):
+                by[other, j] -= factor * by[a, j]
+            for j in range(a + 1, count):
+                curves[other, j] -= factor * curves[a, j]
+    _about_the_axis(rotation[:, 1] * offset[0] + rotation[:, 2] * offset[1], second)
+
+
+@kernel
+def _about_the_axis(arm, second):
+    """Change second (9, 9) from displacements of a point to those of the axis, at -arm (3,)."""
+    for r in range(9):
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            second[r, i] += arm[j] * second[r, 3 + k] - arm[k] * second[r, 3 + j]
+    for r in range(9):
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            second[i, r] += arm[j] * second[3 + k, r] - arm[k] * second[3 + j, r]
+
+
+@kernel
+def push(c, force, k, rolls, strain, rotation, normal, hessian, attached):
+    """Write the force and the stiffness of a contact where the DLO's frame is `rotation`."""
+    matrix = attached.matrix[c]
+    for i in range(3):
+        attached.force[c, i] = -force * normal[i]
+        for j in range(3):
+            matrix[3 + i, 3 + j] = k * normal[i] * normal[j] - force * hessian[i, j]
+    if not (rolls and 0.0 < attached.fraction[c] < 1.0):
+        return  # at an end the point does not slide
+    _, curve = along_the_dlo(normal, hessian, rotation, strain)
+    if curve <= 0.0:
+        return
+    lever = np.empty(6)  # change of dg/ds by rotation and displacement of the frame there
+    for i in range(3):
+        first, second = (i + 1) % 3, (i + 2) % 3
+        lever[i] = rotation[first, 0] * normal[second] - rotation[second, 0] * normal[first]
+        lever[3 + i] = (hessian[i, 0] * rotation[0, 0] + hessian[i, 1] * rotation[1, 0]
+                        + hessian[i, 2] * rotation[2, 0])
+    for i in range(6):
+        for j in range(6):
+            matrix[i, j] += force / curve * lever[i] * lever[j]
+
+
+# ------------------------------------------------------------------------------------------------
+# Coulomb friction at one point of contact: it sticks to where it is, or slides and is held back.
+#
+# The force that a sliding by s across the normal meets is the trial force t = shear + grip s, cut
+# to the limit mu N:  T = t min(1, mu N / |t|).  With `shear` the force itself at the end of the
+# minimizer's outer loop, s vanishes where the point sticks, and where it slides T opposes s (the
+# augmented Lagrangian of Simo and Laursen 1992). For a given limit T has a potential, which is
+# what the minimizer sees; the outer loop moves limit and shear.
+
+
+@kernel
+def trial_traction(contacts: ContactSet, c: int, x: Floats, trial: Floats) -> float:
+    """Fill trial (3,), what would pull point of friction c back to its anchor; return its size.
+
+    Args:
+        x: (3,) where the point is, relative to the gripper
+    """
+    normal = contacts.normal[c]
+    out = 0.0
+    for i in range(3):
+        out += (x[i] - contacts.anchor[c, i]) * normal[i]
+    square = 0.0
+    for i in range(3):
+        slid = x[i] - contacts.anchor[c, i] - out * normal[i]
+        trial[i] = contacts.shear[c, i] + contacts.grip * slid
+        square += trial[i] * trial[i]
+    return np.sqrt(square)
+
+
+@kernel
+def add_friction(contacts, c, lengths, strains, rotations, positions, attached):
+    """Write force and stiffness of point of friction c; return its potential in J."""
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    e, limit, normal, grip = (contacts.element[c], contacts.multiplier[c], contacts.normal[c],
+                              contacts.grip)
+    attached.fraction[c] = contacts.fraction[c]
+    point_inside(lengths, strains, rotations, positions, e, contacts.fraction[c], rotation, x)
+    size = trial_traction(contacts, c, x, trial)
+    if size <= limit:
+        for i in range(3):
+            attached.force[c, i] = trial[i]
+            for j in range(3):
+                attached.matrix[c, 3 + i, 3 + j] = grip * ((i == j) - normal[i] * normal[j])
+        return 0.5 * size * size / grip
+    for i in range(3):
+        trial[i] /= size
+        attached.force[c, i] = limit * trial[i]
+    for i in range(3):
+        for j in range(3):
+            attached.matrix[c, 3 + i, 3 + j] = grip * limit / size * (
+                (i == j) - normal[i] * normal[j] - trial[i] * trial[j])
+    return limit * (size - 0.5 * limit) / grip

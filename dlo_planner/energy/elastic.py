@@ -9,9 +9,9 @@ from functools import cache
 
 import numpy as np
 
+from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.record import Record, makes
 
 
 class Elastic(Record):
@@ -27,12 +27,6 @@ class Elastic(Record):
 
     part: Floats
     couple: Floats
-
-
-@makes(Elastic)
-@kernel
-def _new_elastic(part, couple):
-    return Elastic(part, couple)
 
 
 @cache

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.record import Record, makes
 
 
-class Anchor(Record):
+class InertiaTerm(Record):
     """Where the masses of the nodes are drawn to.
 
     Attributes
@@ -34,25 +34,20 @@ class Anchor(Record):
     weight: Floats
 
 
-@makes(Anchor)
-@kernel
-def _new_anchor(place, weight):
-    return Anchor(place, weight)
+def no_inertia() -> InertiaTerm:
+    """Return the InertiaTerm of a DLO at rest."""
+    return InertiaTerm(np.zeros((0, 3)), np.zeros(0))
 
 
-def no_anchor() -> Anchor:
-    """Return the Anchor of a DLO at rest."""
-    return Anchor(np.zeros((0, 3)), np.zeros(0))
-
-
-def needs(effect: Anchor) -> dict[str, Any]:
+def needs(effect: InertiaTerm) -> dict[str, Any]:
     """Return what the solver has to provide for."""
     return {'displaced': effect.weight.size > 0}
 
 
-def hinged(effect: Anchor, _: float) -> Anchor:
+def hinged(effect: InertiaTerm, _: float) -> InertiaTerm:
     """Return the same with one more element before the first."""
-    return Anchor(*(np.concatenate([0.0 * one[:1], one]) for one in (effect.place, effect.weight)))
+    return InertiaTerm(*(np.concatenate([0.0 * one[:1], one])
+                         for one in (effect.place, effect.weight)))
 
 
 @kernel
@@ -81,7 +76,7 @@ def add_forces(effect, system, state):
 
 
 @kernel
-def noise(effect, system, state, length):
+def roundoff(effect, system, state, length):
     """Return forces in N whose relative rounding errors the nodes' forces have."""
     forces = 0.0
     if effect is None:

@@ -9,12 +9,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.point_load import PointLoad
-from dlo_planner.model.profile import Profile
 from dlo_planner.model.rod import Rod
-from dlo_planner.ritz.record import Record, makes
+from dlo_planner.model.supports import PointLoad
+from dlo_planner.model.varying import Profile
 
 
 class Load(Record):
@@ -27,12 +27,6 @@ class Load(Record):
     """
 
     pull: Floats
-
-
-@makes(Load)
-@kernel
-def _new_load(pull):
-    return Load(pull)
 
 
 def hinged(effect: Load, _: float) -> Load:

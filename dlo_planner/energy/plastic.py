@@ -1,31 +1,39 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Plastic bending and torsion, sections 3.2.1, 3.2.2: springs that yield, side by side.
-
-A section is a bundle of springs that share its stiffness: fibers, which bending stretches in
-proportion to their heights over the neutral axis, and layers, which torsion shears. Each is elastic
-and ideally plastic with its own threshold (Besseling 1958, Iwan 1967). The paper's model is one
-spring for torsion and, for curvature as a vector, an ellipse of thresholds that all of the section
-leaves at once; it flows so that the energy used up is least. What never yields (hardening) is
-`energy.elastic`'s.
-
-With the strains of this step u and the set of the steps before p (Eq. of 3.2.2, D_new = u - p),
-W(u) is the energy stored plus the energy newly lost: its minimum is the step's solution, and its
-derivative the moment.
-"""
+"""Plastic bending and torsion: springs that yield, and those of the section of a rod."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from dlo_planner.energy.elastic import Elastic, purely_elastic
+from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.ritz.record import Record, makes
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.section import fibers, layers
+
+# ------------------------------------------------------------------------------------------------
+# Plastic bending and torsion, sections 3.2.1, 3.2.2: springs that yield, side by side.
+#
+# A section is a bundle of springs that share its stiffness: fibers, which bending stretches in
+# proportion to their heights over the neutral axis, and layers, which torsion shears. Each is
+# elastic and ideally plastic with its own threshold (Besseling 1958, Iwan 1967). The paper's model
+# is one spring for torsion and, for curvature as a vector, an ellipse of thresholds that all of
+# the section leaves at once; it flows so that the energy used up is least. What never yields
+# (hardening) is `energy.elastic`'s.
+#
+# With the strains of this step u and the set of the steps before p (Eq. of 3.2.2, D_new = u - p),
+# W(u) is the energy stored plus the energy newly lost: its minimum is the step's solution, and its
+# derivative the moment.
+
 
 SHARED = 3  # kind of springs that both curvatures strain; 0, 1, 2: one of the strains does
 
 
-class Layers(Record):
+class PlasticSection(Record):
     """How a section yields; J springs, none for an elastic DLO.
 
     Attributes
@@ -58,18 +66,12 @@ class Layers(Record):
     set: Floats
 
 
-@makes(Layers)
-@kernel
-def _new_layers(direction, limit, share, kind, strength, ellipse, set):
-    return Layers(direction, limit, share, kind, strength, ellipse, set)
-
-
-def yields(effect: Layers | None) -> bool:
-    """Whether a DLO with these Layers, or None, yields anywhere."""
+def yields(effect: PlasticSection | None) -> bool:
+    """Whether a DLO with these PlasticSection, or None, yields anywhere."""
     return effect is not None and effect.share.size > 0
 
 
-def hinged(effect: Layers, part: float) -> Layers:
+def hinged(effect: PlasticSection, part: float) -> PlasticSection:
     """Return the same with one more element before the first, of a `part` of that one's strength.
 
     It is set to nothing.
@@ -80,7 +82,7 @@ def hinged(effect: Layers, part: float) -> Layers:
 
 
 @kernel
-def yielded(d1, d2, k1, k2, l1, l2):
+def closest_point_projection(d1, d2, k1, k2, l1, l2):
     """Return the curvature (e1, e2) that stays elastic of (d1, d2), and the flow's multiplier.
 
     The elastic region is the ellipse (e1 / l1)^2 + (e2 / l2)^2 <= 1; the plastic rest is normal to
@@ -131,7 +133,7 @@ def add_forces(effect, system, state):
 
 
 @kernel
-def acts(effect, system, strains, positions, before):
+def may_act(effect, system, strains, positions, before):
     """Whether any spring yields at strains (N, 3), 1/m, of a DLO that is set to nothing."""
     if effect is None:
         return False
@@ -160,13 +162,13 @@ def add_stiffness(effect, system, state, diagonal):
 
 
 @kernel
-def add_plastic(lengths: Floats, strains: Floats, natural: Floats, layers: Layers,
+def add_plastic(lengths: Floats, strains: Floats, natural: Floats, layers: PlasticSection,
                 gradient: Floats) -> float:
     """Add dW/du (N, 3) to `gradient` and return W, stored and newly lost, in J.
 
     Args:
         lengths: (N,) m; strains, natural: (N, 3) 1/m
-        layers: Layers
+        layers: PlasticSection
     """
     energy = 0.0
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
@@ -200,11 +202,11 @@ def add_plastic(lengths: Floats, strains: Floats, natural: Floats, layers: Layer
 
 @kernel
 def _in_ellipse(e, d1, d2, layers):
-    """Return stiffness, curvature since the set, what of it is elastic (2 each), `yielded`'s g."""
+    """Return stiffness, curvature since the set, what of it is elastic (2 each), the multiplier."""
     k1, k2 = layers.strength[e, 1], layers.strength[e, 2]
     first = layers.limit.size
     x1, x2 = d1 - layers.set[e, first], d2 - layers.set[e, first + 1]
-    e1, e2, g = yielded(x1, x2, k1, k2, layers.ellipse[0], layers.ellipse[1])
+    e1, e2, g = closest_point_projection(x1, x2, k1, k2, layers.ellipse[0], layers.ellipse[1])
     return k1, k2, x1, x2, e1, e2, g
 
 
@@ -251,8 +253,8 @@ def _ellipse_stiffness(e, d1, d2, layers):
 
 
 @kernel
-def settled(lengths: Floats, strains: Floats, natural: Floats,
-            layers: Layers) -> tuple[Floats, float]:
+def return_map(lengths: Floats, strains: Floats, natural: Floats,
+               layers: PlasticSection) -> tuple[Floats, float]:
     """Return the set after the step to `strains`, as `layers.set`, and the energy lost in it, J."""
     direction, limit, share, kind = layers.direction, layers.limit, layers.share, layers.kind
     strength, plastic_strain = layers.strength, layers.set
@@ -277,11 +279,11 @@ def settled(lengths: Floats, strains: Floats, natural: Floats,
 
 
 @kernel
-def set_strains(stiffness: Floats, layers: Layers) -> Floats:
+def set_strains(stiffness: Floats, layers: PlasticSection) -> Floats:
     """Return (N, 3) the strains since the natural ones at which no moment acts, 1/m.
 
     Args:
-        stiffness: (N, 3); layers: a Layers, in which nothing yields on the way there
+        stiffness: (N, 3); layers: a PlasticSection, in which nothing yields on the way there
     """
     out = np.zeros(stiffness.shape)
     springs = layers.limit.size
@@ -294,3 +296,125 @@ def set_strains(stiffness: Floats, layers: Layers) -> Floats:
             out[e, 1 + i] += (layers.strength[e, 1 + i] / stiffness[e, 1 + i]
                               * layers.set[e, springs + i])
     return out
+
+
+# ------------------------------------------------------------------------------------------------
+# What the section of a rod consists of: `energy.elastic`, and the springs above.
+
+
+_SAME = 1e-9  # of the stiffness: as near as two axes of one section are
+_PROBES = 33  # nodes where a stiffness that varies is compared
+
+
+class _Springs(NamedTuple):
+    """Springs as of a PlasticSection: direction (J, 3), limit (J,) 1/m, share (J,), kind."""
+
+    direction: Floats
+    limit: Floats
+    share: Floats
+    kind: Ints
+
+
+def elastic_part(rod: Rod) -> Elastic:
+    """Return the Elastic of a Rod."""
+    if not rod.yields:
+        return purely_elastic()
+    return Elastic(np.full(3, float(rod.hardening)), np.zeros((0, 3)))
+
+
+def yielding_layers(rod: Rod, stiffness: Floats) -> PlasticSection:
+    """Return the PlasticSection of a Rod without a set; without springs if it does not yield.
+
+    Parameters
+    ----------
+    rod : Rod
+        The DLO.
+    stiffness : ndarray, shape (N, 3)
+        Stiffness of the elements, N m^2.
+    """
+    elements = len(stiffness)
+    strength = np.column_stack([stiffness, np.zeros(elements)])
+    springs: list[_Springs] = []
+    ellipse, hardening = np.zeros(0), 0.0
+    if rod.yields:
+        hardening = rod.hardening
+        springs.append(_torsion(rod))
+        if rod.yield_curvature is None:
+            springs += [_one(1), _one(2)]
+        elif rod.section_model == 'ideal':
+            ellipse = _thresholds(rod)
+        else:
+            springs += _bending(rod, strength)
+    joined = _Springs(*map(np.concatenate, zip(_NONE, *springs, strict=True)))
+    return PlasticSection(*joined, (1 - hardening) * strength, ellipse,
+                          np.zeros((elements, joined.limit.size + ellipse.size)))
+
+
+def _thresholds(rod: Rod) -> Floats:
+    """Return the curvatures (2,) in 1/m about n and b at which a Rod begins to yield."""
+    return np.array(rod.yield_curvature, dtype=float)
+
+
+def _bending(rod: Rod, strength: Floats) -> list[_Springs]:
+    """Return the springs of bending; what fibers share goes over to the last column of `strength`.
+
+    A homogeneous section has EI_n k_n^2 = EI_b k_b^2, k the thresholds. What one axis has beyond
+    that goes to layers which only this axis bends, so that both have their stiffness and their
+    curve.
+    """
+    outline, bore = rod.section_outline
+    first, second = _thresholds(rod).tolist()
+    ratio = (first / second) ** 2
+    fits = _all_fit(rod, ratio)
+    shared = strength[:, 1].copy()
+    if not fits:
+        shared = np.minimum(shared, strength[:, 2] / ratio)
+    strength[:, 1] -= shared
+    strength[:, 2] -= ratio * shared
+    strength[:, SHARED] = shared
+    together = _fibers(*fibers(outline, bore), first, second)
+    if fits:
+        return [together]
+    alone = layers(outline, bore)
+    return [_along(1, *alone, first), _along(2, *alone, second), together]
+
+
+def _all_fit(rod: Rod, ratio: float) -> bool:
+    """Whether the stiffness about both axes is that of one section, all along the rod."""
+    probes = np.linspace(0, rod.length, _PROBES)
+    _, first, second = rod.mean_stiffnesses(probes).T
+    return bool((np.abs(second - ratio * first) <= _SAME * second).all())
+
+
+def _torsion(rod: Rod) -> _Springs:
+    if rod.yield_torsion is None:
+        return _one(0)
+    if rod.section_model == 'ideal':
+        return _one(0, rod.yield_torsion)
+    outline, bore = rod.section_outline
+    return _along(0, *layers('rectangular' if outline == 'rectangular' else 'torsion', bore),
+                  rod.yield_torsion)
+
+
+def _one(axis: int, limit: float = np.inf) -> _Springs:
+    """Return the spring of a whole section that one strain strains evenly."""
+    return _along(axis, np.ones(1), np.ones(1), limit)
+
+
+def _along(axis: int, heights: Floats, weights: Floats, threshold: float) -> _Springs:
+    """Return springs that one of the three strains strains, in proportion to their heights."""
+    size = heights.size
+    return _Springs(np.tile(np.eye(3)[axis], (size, 1)), threshold / heights, weights * heights**2,
+                    np.full(size, axis))
+
+
+def _fibers(heights: Floats, weights: Floats, first: float, second: float) -> _Springs:
+    """Return springs that both curvatures strain, in proportion to heights over thresholds."""
+    strain = heights / (first, second)
+    size = np.linalg.norm(strain, axis=1)
+    direction = np.column_stack([np.zeros(size.size), strain / size[:, None]])
+    return _Springs(direction, 1 / size, weights * (first * size) ** 2,
+                    np.full(size.size, SHARED))
+
+
+_NONE = _Springs(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64))

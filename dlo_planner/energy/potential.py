@@ -10,19 +10,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.effects import add_forces, add_stiffness
-from dlo_planner.energy.system import State, System, new_state
+from dlo_planner.energy.problem import Configuration, Problem, new_configuration
+from dlo_planner.energy.terms import add_forces, add_stiffness
+from dlo_planner.geometry.hessian import second_order, widened
+from dlo_planner.geometry.kinematics import add_gradient, forward_kinematics, reset
+from dlo_planner.geometry.record import copy
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arrays import copy
-from dlo_planner.ritz.attached import cleared
-from dlo_planner.ritz.kinematics import add_gradient, forward_kinematics
-from dlo_planner.ritz.second_order import second_order
-from dlo_planner.ritz.springs import widened
 
 
 @kernel
-def unknowns_of(system: System, strains: Floats, q: Floats) -> None:
+def unknowns_of(system: Problem, strains: Floats, q: Floats) -> None:
     """Fill q (m, 3) with the unknowns whose strains are nearest to `strains` (N, 3)."""
     natural, scale, lengths = system.natural, system.scale, system.lengths
     series = system.basis.shape[1] > 0
@@ -83,7 +81,7 @@ def at_element(basis, q, e, i):
 
 
 @kernel
-def evaluate(system: System, state: State) -> tuple[float, float]:
+def evaluate(system: Problem, state: Configuration) -> tuple[float, float]:
     """Refill `state` for its q; return the potential and the size of its rounding errors, in J."""
     lengths, scale, slope, pull = system.lengths, system.scale, state.slope, state.pull
     n = lengths.size
@@ -98,7 +96,7 @@ def evaluate(system: System, state: State) -> tuple[float, float]:
         pull[n, i] = 0.0
     for k in range(state.weight.size):
         state.weight[k] = 0.0
-    cleared(state.attached)
+    reset(state.attached)
     energy, size = add_forces(system.effects, system, state)
     add_gradient(lengths, state.strains, state.arcs, state.rotations, state.positions, pull,
                  state.attached, slope, state.base_force, state.base_moment)
@@ -133,7 +131,7 @@ def project(basis, values, out):
 
 @kernel
 def element_hessian(system, state, twist_jacobian, cross, diagonal, base):
-    """Fill the semi-separable Hessian by the scaled strains (see `ritz.kinematics`).
+    """Fill the semi-separable Hessian by the scaled strains (see `geometry.kinematics`).
 
     The blocks have 3 rows (columns) in statics, where only the rotation of what lies beyond
     counts, and 6 where its displacement matters as well.
@@ -148,9 +146,9 @@ def element_hessian(system, state, twist_jacobian, cross, diagonal, base):
     add_stiffness(system.effects, system, state, diagonal)
 
 
-def placed(system: System, strains: Floats) -> State:
-    """Return the State of a System with element strains (N, 3), 1/m."""
-    state: State = new_state(system)
+def configuration_at(system: Problem, strains: Floats) -> Configuration:
+    """Return the Configuration of a Problem with element strains (N, 3), 1/m."""
+    state: Configuration = new_configuration(system)
     unknowns_of(system, strains, state.q)
     evaluate(system, state)
     return state

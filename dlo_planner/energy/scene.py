@@ -13,16 +13,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.surface import Surface
-from dlo_planner.ritz.record import Record, makes
+from dlo_planner.model.rod import Surface
 
 PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER = range(6)
 AXIS, EDGE, FACE, NODE_FACE = range(4)
+_SMOOTH = (PLANE, SPHERE, CAPSULE)  # edges of a section need not be rounded to touch it
+_BY_SECTIONS = (*_SMOOTH, BOX, SHEET)  # what edges and faces of a section are watched against
 _MOST_FOILS = 5
 _MOST_SLOTTED = 2  # rectangular cut-outs of a sheet: each doubles its bodies
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
@@ -38,7 +40,7 @@ class Scene(Record):
     edges, and each edge needs a nearest point of its own. So do those that meet in the corner of a
     rectangular hole, which are edges of two foils with slots. A round DLO has one feature, balls
     about its axis. A rectangular one has four edges along it; where an obstacle is curved or has
-    edges itself, also the faces between them (`energy.outline`).
+    edges itself, also the faces between them (`energy.gap`).
 
     Attributes
     ----------
@@ -52,7 +54,7 @@ class Scene(Record):
         Center in m, world.
     size : ndarray, shape (M, 3)
         Half sizes along the axes, m. A sphere's or capsule's radius is the last one, a capsule's
-        half length the first; a cylinder has (half length, radius, the smaller one).
+        half length the first; a cylinder has half length and radius.
     friction : ndarray, shape (M,)
         Coulomb's coefficients.
     hole_of : ndarray of int, shape (H,)
@@ -78,6 +80,8 @@ class Scene(Record):
         First and last node of the feature; it may end beyond the DLO.
     radii : ndarray, shape (N, 2)
         Radius of the DLO at both ends of its elements, m; (0, 2): `radius` everywhere.
+    inner : ndarray, shape (M,)
+        Of a convex body: how deep in it a point still knows its way out, m.
     """
 
     source: Ints
@@ -97,14 +101,16 @@ class Scene(Record):
     rounding: Floats
     span: Ints
     radii: Floats
+    inner: Floats
 
 
-@makes(Scene)
 @kernel
-def _new_scene(source, kind, axes, center, size, friction, hole_of, hole_center, hole_axis,
-               hole_size, radius, origin, feature, offset, rounding, span, radii):
-    return Scene(source, kind, axes, center, size, friction, hole_of, hole_center, hole_axis,
-                 hole_size, radius, origin, feature, offset, rounding, span, radii)
+def translated(scene, shift):
+    """Return the same Scene for a gripper displaced by shift (3,), m."""
+    return Scene(scene.source, scene.kind, scene.axes, scene.center, scene.size, scene.friction,
+                 scene.hole_of, scene.hole_center, scene.hole_axis, scene.hole_size, scene.radius,
+                 scene.origin + shift, scene.feature, scene.offset, scene.rounding, scene.span,
+                 scene.radii, scene.inner)
 
 
 class _Edge(NamedTuple):
@@ -121,16 +127,17 @@ class _Foil(NamedTuple):
     cutouts: tuple[CutOut, ...]
 
 
-_Part: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | _Foil | _Edge
+_Part: TypeAlias = Obstacle | _Foil | _Edge
 _Span: TypeAlias = tuple[int, int]  # first and last node
 
 
 class _Body(NamedTuple):
-    """What `Scene` says of one part of an obstacle: kind, pose, half sizes (3,) in m."""
+    """What `Scene` says of one part of an obstacle: kind, pose, half sizes (3,), `inner`."""
 
     kind: int
     pose: Pose
     size: ArrayLike
+    inner: float = 0.0
 
 
 class _Feature(NamedTuple):
@@ -171,11 +178,15 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
     for source, obstacle in enumerate(obstacles):
         for part in _parts(obstacle, surface):
             body = _body(part)
+            if surface.half is not None and body.kind not in _BY_SECTIONS:
+                raise InvalidTask(f'{obstacle!r}: expected a DLO with a round section, of a '
+                                  'rectangular one the faces are not watched there; a Capsule or '
+                                  'a Box is possible')
             for feature in _features(body, surface, rims, sharp):
                 if isinstance(part, _Foil):
                     holes += [(len(rows), *_hole(body.pose, cutout)) for cutout in part.cutouts]
                 rows.append((source, body.kind, body.pose.rotation, body.pose.position, body.size,
-                             obstacle.friction, *feature))
+                             obstacle.friction, *feature, body.inner))
 
     def column(index: int, *shape: int, dtype: type = float) -> Any:
         return np.array([row[index] for row in rows], dtype=dtype).reshape(-1, *shape)
@@ -187,7 +198,7 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
                    for k in (1, 2, 3)),
                  surface.radius, np.zeros(3), column(6, dtype=np.int64), column(7, 2), column(8),
                  column(9, 2, dtype=np.int64),
-                 np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)))
+                 np.zeros((0, 2)) if s is None else surface.radii(np.asarray(s)), column(10))
 
 
 def _parts(obstacle: Obstacle, surface: Surface) -> Sequence[_Part]:
@@ -196,9 +207,6 @@ def _parts(obstacle: Obstacle, surface: Surface) -> Sequence[_Part]:
         return [part for foil in _foils(obstacle, surface.least) for part in _slotted(foil)]
     if isinstance(obstacle, Box) and surface.half is not None:
         return [obstacle, *_edges(obstacle)]
-    if isinstance(obstacle, Cylinder) and surface.half is not None:
-        raise InvalidTask(f'{obstacle!r}: expected a DLO with a round section, of a rectangular '
-                          'one the faces are not watched at its rims; a Capsule has none')
     return [obstacle]
 
 
@@ -218,25 +226,27 @@ def _body(part: _Part) -> _Body:
     if isinstance(part, Plane):
         return _Body(PLANE, Pose.looking_along(part.point, part.normal), (0, 0, 0))
     if isinstance(part, Sphere):
-        return _Body(SPHERE, Pose(part.center, (0, 0, 0, 1)), (0, 0, part.radius))
+        return _Body(SPHERE, Pose(part.center, (0, 0, 0, 1)), (0, 0, part.radius), part.radius)
     if isinstance(part, Capsule | Cylinder):
         along = part.end - part.start
         pose = Pose.looking_along(0.5 * (part.start + part.end), along)
         half = float(0.5 * np.linalg.norm(along))
         if isinstance(part, Capsule):
-            return _Body(CAPSULE, pose, (half, 0, part.radius))
-        return _Body(CYLINDER, pose, (half, part.radius, min(half, part.radius)))
+            return _Body(CAPSULE, pose, (half, 0, part.radius), part.radius)
+        return _Body(CYLINDER, pose, (half, part.radius, 0), min(half, part.radius))
     if isinstance(part, Box):
-        return _Body(BOX, part.pose, 0.5 * part.size)
+        return _Body(BOX, part.pose, 0.5 * part.size, 0.5 * part.size.min())
     if isinstance(part, _Foil):
         return _Body(SHEET, part.sheet.pose, (0.0, 0.5 * part.sheet.width, 0.5 * part.sheet.height))
-    return _Body(CAPSULE, part.pose, (part.half, 0, 0))
+    if isinstance(part, _Edge):
+        return _Body(CAPSULE, part.pose, (part.half, 0, 0))
+    raise TypeError(f'{part!r}: no body stands for it')
 
 
 def _features(body: _Body, surface: Surface, rims: Iterable[tuple[float, _Span]],
               sharp: bool) -> list[_Feature]:
     """Return the features of a DLO's surface that may touch a body; rims: of `Surface.rims`."""
-    smooth = body.kind in (PLANE, SPHERE, CAPSULE)  # edges need not be rounded to touch it
+    smooth = body.kind in _SMOOTH
     if surface.half is None:
         features = [_Feature(AXIS, (0.0, 0.0), 0.0, _ALL)]
         for radius, span in rims:

@@ -17,7 +17,7 @@ from dlo_planner.identify.steering import Steered
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle, Sheet
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
@@ -85,21 +85,26 @@ def doubts(correction: Correction, inverse: InverseSimulator, largest: float) ->
         return (f'it moves the gripper by {moved:.3g} m: expected observe.largest_correction = '
                 f'{largest:g} m at most')
     workspace, surface = inverse.workspace, Surface.of(inverse.simulator.rod)
-    # at the sheet that it is led through the bound of the miss is judged
-    bodies: list[Obstacle] = [body for body in inverse.simulator.obstacles
-                              if not isinstance(body, Sheet)]
     if workspace is not None:
         name, room = min((workspace.min_margin(pose) for pose in correction.grippers),
                          key=lambda one: one[1])
         if room < 0:
             return f'it moves the gripper {-room:.3g} m beyond {name}'
-        bodies = [*workspace.keep_out, *(body for body in bodies
-                                         if body not in workspace.keep_out)]
-    for index, body in enumerate(bodies):
+    for index, body in enumerate(obstacles_around(inverse)):
         room = min(clearance([body], surface, shape) for shape in correction.shapes)
         if room < 0:
             return f'it moves the DLO {-room:.3g} m into {type(body).__name__} {index}'
     return ''
+
+
+def obstacles_around(inverse: InverseSimulator) -> tuple[Obstacle, ...]:
+    """Return what the DLO has to stay clear of, in the workspace and beside it.
+
+    Not the sheet that it is led through: there the bound of the miss is judged.
+    """
+    kept = () if inverse.workspace is None else inverse.workspace.keep_out
+    return (*kept, *(body for body in inverse.simulator.obstacles
+                     if not isinstance(body, Sheet) and body not in kept))
 
 
 def kept_out(miss: float, room: float, left: float, moving: float) -> str:

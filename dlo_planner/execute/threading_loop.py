@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.errors import InvalidTask
+from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.judge import bound_of, doubts, looked_at
+from dlo_planner.execute.judge import bound_of, doubts, looked_at, obstacles_around
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
@@ -196,7 +196,7 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
                          for passes in through.via_points))
     alone = estimate.miss(commanded, looked_at(through)).together
     tolerance = max(_LEAST_FOR_MOTION * task.room, 0.5 * (task.room - alone))
-    trajectory = Trajectory(whole, task.motion_limits, tolerance=tolerance)
+    trajectory = _trajectory(task, whole, tolerance)
     motion = _Motion(estimate, trajectory, whole.shapes[-1],
                      swing_of(trajectory, estimate, whole))
     entry = motion.steered
@@ -223,8 +223,19 @@ def _evenly(poses: Sequence[Pose]) -> list[Pose]:
     return [poses[k] for k in np.unique(chosen)]
 
 
+def _trajectory(task: Threading, plan: Plan, tolerance: float) -> Trajectory:
+    """Return the motion along a Plan of true poses, which keeps clear of what is around."""
+    trajectory = Trajectory(plan, task.motion_limits, tolerance=tolerance,
+                            obstacles=obstacles_around(task.inverse))
+    motion = trajectory.motion
+    if motion is not None and motion.clearance < 0:
+        raise Infeasible(f'in motion the DLO comes {-motion.clearance:.3g} m into what it has to '
+                         'stay clear of', 0, 'clearance', float(-motion.clearance))
+    return trajectory
+
+
 def _motion(task: Threading, estimate: Estimate, plan: Plan) -> _Motion:
-    trajectory = Trajectory(plan, task.motion_limits, tolerance=task.tolerance)
+    trajectory = _trajectory(task, plan, task.tolerance)
     return _Motion(estimate, trajectory, plan.shapes[-1], swing_of(trajectory, estimate, plan))
 
 

@@ -24,8 +24,7 @@ from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.inverse.solvers.points.one_point import aligned_on
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import flag, instance, integer, items
-from dlo_planner.model.computed import results
+from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.plan import Plan

@@ -25,8 +25,7 @@ from dlo_planner.identify.predicted_miss import (
 from dlo_planner.identify.settling import settled
 from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import flag, instance, integer, items, vector
-from dlo_planner.model.computed import figure, results
+from dlo_planner.model.checks import figure, flag, instance, integer, items, results, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod

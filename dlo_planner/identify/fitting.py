@@ -28,11 +28,10 @@ from dlo_planner.identify.observation import Observation, ObservedMotion, judge_
 from dlo_planner.identify.observed import ROUGHLY, Observed
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, flag, instance, items, number
-from dlo_planner.model.computed import figure, results
-from dlo_planner.model.far_end import FarEnd
+from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.verify.uncertainty import Uncertainty

@@ -17,12 +17,12 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
+from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.so3 import left_jacobian
 from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, displaced
-from dlo_planner.ritz.kinematics import point_inside
-from dlo_planner.ritz.rotation import left_jacobian
 
 # Of a Shape: column, Discretizations ahead and back, of each unknown that the rod depends on.
 Nearby: TypeAlias = Callable[[Shape], Iterable[tuple[int, Discretization, Discretization]]]

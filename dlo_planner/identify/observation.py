@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.grips import ends_of, poses
+from dlo_planner.direct.boundary_motion import ends_of, poses
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, instance, number, row, shown, vector
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 
 _ROUNDING = 1e-9  # of the duration

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.boundary_motion import Guide
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.guide import Guide
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.identify.misfit import (
@@ -29,9 +29,9 @@ from dlo_planner.identify.observation import Observation, ObservedMotion
 from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Bools, Floats
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.progress import Progress
 
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives

@@ -17,8 +17,7 @@ from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
 from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, number, row, shown
-from dlo_planner.model.computed import results
+from dlo_planner.model.checks import instance, number, results, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.plan import Plan

@@ -13,11 +13,11 @@ import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
+from dlo_planner.geometry.kinematics import part_of_element
+from dlo_planner.geometry.so3 import left_jacobian
 from dlo_planner.identify.uncertain import Uncertain, Varied, mesh_of
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.kinematics import part_of_element
-from dlo_planner.ritz.rotation import left_jacobian
 
 _LONGER = 1e-5  # of the length: step of the difference quotients by the length
 

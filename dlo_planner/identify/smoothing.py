@@ -24,7 +24,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.stats import chi2
 
-from dlo_planner.direct.indicator import surely_within
+from dlo_planner.direct.accuracy import surely_within
 from dlo_planner.direct.shape import Shape
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.looking import (

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.boundary_motion import poses
 from dlo_planner.direct.continuation import between
-from dlo_planner.direct.grips import poses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import number, row, shown
 from dlo_planner.model.pose import Pose

@@ -31,12 +31,11 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.along import Expanded, scaled
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.part import of_length
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.rod import Rod, of_length
 from dlo_planner.model.value import Value, put
+from dlo_planner.model.varying import Expanded, scaled
 from dlo_planner.verify.uncertainty import Uncertainty, variation_deviations
 
 _KEPT = 8     # meshes whose Varied is remembered
@@ -220,7 +219,7 @@ class Varied:
     legendre : ndarray, shape (N, n_terms)
         Means of P_j over the elements.
     by_length : dict
-        Derivatives of the System's fields by the length, by name; {} if it is certain.
+        Derivatives of the Problem's fields by the length, by name; {} if it is certain.
 
     Raises
     ------

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.along import Along, Scaled, Table, scaled
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.checks import choice, items, row
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.section import Section
+from dlo_planner.model.varying import Along, Scaled, Table, scaled
 from dlo_planner.verify.uncertainty import Uncertainty
 
 _BENT = 0.1    # rad along the length: how far a natural strain is moved as one unit

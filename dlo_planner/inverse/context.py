@@ -15,8 +15,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import number
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.progress import Progress

@@ -18,6 +18,8 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.scene import Scene, build_scene
+from dlo_planner.geometry.kinematics import nearest_place
+from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.inverse.penalty import cross_matrix, judged, length_of, weight_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import direction, instance, items, vector
@@ -25,8 +27,6 @@ from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.nearest import nearest
-from dlo_planner.ritz.nearest_place import nearest_place
-from dlo_planner.ritz.rotation import turn_between
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.storage import pack, unpack
+from dlo_planner.direct.shape import Shape, pack, unpack
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose
@@ -106,7 +105,7 @@ def _packed(name: str, kind: str, content: Mapping[str, Any]) -> Shape | Plan:
                   for key, part in content.items() if key != _TYPE}
         if kind == 'Plan':
             return Plan(**plan_contents(arrays), status=PlanStatus(str(arrays['status'])))
-        shape: Shape = unpack(Shape, arrays)
+        shape: Shape = unpack(arrays)
         return shape
     except Exception as error:  # whatever another content makes of the reader
         raise InvalidTask(f'{name}: expected a {kind} as `Task.to_dict` writes it, {error}'

@@ -11,26 +11,20 @@ alone tells whether something else touches, and whether the shape falls.
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts, moved_scene, next_touching
-from dlo_planner.energy.effects import blocks
-from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
-from dlo_planner.energy.passage import passes_through
+from dlo_planner.energy.ccd import sweeps_through
+from dlo_planner.energy.contact import ContactSet
+from dlo_planner.energy.gap import closest_point, near_nodes, next_touching, node_gap
 from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
-from dlo_planner.energy.rolling import watched
-from dlo_planner.energy.system import new_state, turned_system
+from dlo_planner.energy.problem import new_configuration, with_gripper
+from dlo_planner.energy.scene import translated
+from dlo_planner.energy.terms import forbids
+from dlo_planner.geometry.kinematics import forward_kinematics
+from dlo_planner.geometry.record import put_sum
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import lawful, put_forces
 from dlo_planner.minimize.friction import with_friction
-from dlo_planner.minimize.linear import (
-    assemble,
-    factorize,
-    largest_turn,
-    new_hessian,
-    solve,
-)
+from dlo_planner.minimize.hessian import assemble, factorize, largest_turn, new_hessian, solve
 from dlo_planner.minimize.touching import touching_system, truth
-from dlo_planner.ritz.arrays import put_sum
-from dlo_planner.ritz.kinematics import forward_kinematics
 
 _STEPS = 12
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
@@ -47,14 +41,14 @@ def carried(system, base, slid, strains, twist):
     To first order, and if nothing is in the way.
 
     Args:
-        system: System in the gripper after, its contacts those before
+        system: Problem in the gripper after, its contacts those before
         base: (3, 3) the gripper's rotation before
         slid: (C, 3) m, by how much points have slid: those go on sliding
         strains: (N, 3) in equilibrium, before
         twist: (6,) rotation in rad about the gripper and displacement in m, world
     """
     before, lengths = _before(system, base, slid, twist), system.lengths
-    state, after = new_state(before), new_state(system)
+    state, after = new_configuration(before), new_configuration(system)
     unknowns_of(system, strains, state.q)
     evaluate(before, state)
     hessian = new_hessian(before)
@@ -75,23 +69,23 @@ def carried(system, base, slid, strains, twist):
     for k in range(state.positions.shape[0]):
         for i in range(3):
             state.positions[k, i] -= twist[3 + i]
-    met = passes_through(system.effects.contact.scene, lengths, state.strains, state.rotations,
+    met = sweeps_through(system.effects.contact.scene, lengths, state.strains, state.rotations,
                          state.positions, after.rotations, after.positions)
     return not met, after.q
 
 
 @kernel
 def _before(system, base, slid, twist):
-    """Return the System before its gripper has moved by a twist.
+    """Return the Problem before its gripper has moved by a twist.
 
     What slides goes on along its way, and is held back across it as in the step before: friction
     has the direction of the whole step's way. Without it a DLO may slip aside that does not.
     """
     now, shift = system.effects.contact.contacts, twist[3:].copy()
-    contacts = Contacts(now.stiffness, now.node, now.element, now.obstacle, now.multiplier,
-                        now.fraction, now.anchor + shift - slid, now.normal, now.shear, now.grip)
-    moved = touching_system(system, contacts, moved_scene(system.effects.contact.scene, -shift))
-    return turned_system(moved, base, system.origin - shift)
+    contacts = ContactSet(now.stiffness, now.node, now.element, now.obstacle, now.multiplier,
+                          now.fraction, now.anchor + shift - slid, now.normal, now.shear, now.grip)
+    moved = touching_system(system, contacts, translated(system.effects.contact.scene, -shift))
+    return with_gripper(moved, base, system.origin - shift)
 
 
 @kernel
@@ -99,18 +93,19 @@ def borne(system, q, tolerance, exact, previous):
     """Return whether it is found, and what is known of it then.
 
     Args:
-        q: (m, 3) start; the System's multipliers are the forces there
+        q: (m, 3) start; the Problem's multipliers are the forces there
         tolerance: of the residual; exact: of gaps, m
         previous: as of `constrained_newton`
 
     Returns
     -------
-        whether, State, residual, violation, System with the forces, Hessian, factorized, of a State
-        from which the DLO has turned since by so many rad, steps made
+        whether, Configuration, residual, violation, Problem with the forces, Hessian,
+        factorized where the DLO has turned since by so many rad, steps made
     """
     loaded, turned, before = system, np.inf, np.inf
-    begin, hessian = new_state(system), new_hessian(system)
+    begin, hessian = new_configuration(system), new_hessian(system)
     begin.q[:] = q
+    never = turned < 0.0  # literals would be compiled for by themselves
     if not _bears(system.effects.contact.contacts):
         return False, begin, np.inf, np.inf, system, hessian, turned, 0
     _place(system, begin)
@@ -126,7 +121,7 @@ def borne(system, q, tolerance, exact, previous):
                 shear[a] = state.attached.force[table.rubbing[a]]
         if residual < tolerance and violation < exact:
             outside = (deepest > -_DEEP * np.sum(system.lengths)
-                       and not blocks(system.effects, system, begin, state))
+                       and not forbids(system.effects, system, begin, state))
             return outside, state, residual, violation, loaded, hessian, turned, steps
         wrong = max(residual / tolerance, violation / exact)
         if steps >= _GRACE and not wrong < _FALLS * before:
@@ -134,7 +129,7 @@ def borne(system, q, tolerance, exact, previous):
         before = wrong
         # near the end the factorization before is as good; what slides turns its friction
         fresh = not _STALE * turned * residual < tolerance or np.max(table.rubbing) >= 0
-        if not lawful(loaded, state, table, hessian, fresh, normal, shear, step):
+        if not lawful(loaded, state, table, hessian, fresh, never, normal, shear, step):
             break
         turn = largest_turn(loaded, hessian, step)
         turned = turn if fresh else turned + turn
@@ -148,12 +143,12 @@ def borne(system, q, tolerance, exact, previous):
 def correction(system, strains, positions):
     """Return how far, in m, one step of `borne` moves the nodes of a DLO with halved elements.
 
-    Infinite where there is no such step. Friction is that of the System's contacts.
+    Infinite where there is no such step. Friction is that of the Problem's contacts.
 
     Args:
         strains: (n, 3), positions: (n + 1, 3) from the gripper, m: of the DLO with n elements
     """
-    twice, state = np.empty((2 * strains.shape[0], 3)), new_state(system)
+    twice, state = np.empty((2 * strains.shape[0], 3)), new_configuration(system)
     for e in range(twice.shape[0]):
         twice[e] = strains[e // 2]
     unknowns_of(system, twice, state.q)
@@ -162,8 +157,9 @@ def correction(system, strains, positions):
     state, _, table, _ = truth(loaded, state.q)
     normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
     step = np.zeros_like(state.q)
-    if table.gap.size == 0 or not lawful(loaded, state, table, new_hessian(system),
-                                         table.gap.size > 0, normal, shear, step):
+    touches = table.gap.size > 0
+    if not touches or not lawful(loaded, state, table, new_hessian(system), touches, not touches,
+                                 normal, shear, step):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf
@@ -204,7 +200,7 @@ def _bears(contacts):
 
 @kernel
 def _loaded(system, state, previous):
-    """Return the System whose contacts, at `state`, push with the forces that are its multipliers.
+    """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
 
     What has none does not push, however deep it is. Friction is that of the contacts there. Also
     returned is the least gap, m, of the nodes that do not push.
@@ -217,12 +213,8 @@ def _loaded(system, state, previous):
     x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     deepest = np.inf
     for o in range(scene.kind.size):
-        if is_face(scene, o):
-            continue
-        longest = longest_stretch(scene, o, state.strains)
-        begin, end = nodes_of(scene, o, lengths.size)
-        node = max(1, begin)
-        while node <= end:
+        node, last, longest = near_nodes(scene, o, state.strains)
+        while node <= last:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            hessian)
             if contacts.node[o, node] <= 0.0:
@@ -231,8 +223,8 @@ def _loaded(system, state, previous):
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         if contacts.obstacle[c] >= 0:
-            gap, _, _ = watched(scene, contacts, c, lengths, state.strains, state.rotations,
-                                state.positions, normal, hessian)
+            gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
+                                      state.positions, normal, hessian)
             contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap)
     contacts = _of_stiffness(contacts, k, contacts.node, contacts.multiplier)
     return touching_system(system, contacts, scene), deepest
@@ -246,7 +238,7 @@ def _pushing(force, yielded):
 
 @kernel
 def _of_stiffness(contacts, stiffness, node, multiplier):
-    """Return the same Contacts with springs of another stiffness, and other multipliers."""
-    return Contacts(stiffness, node, contacts.element, contacts.obstacle, multiplier,
-                    contacts.fraction, contacts.anchor, contacts.normal, contacts.shear.copy(),
-                    contacts.grip)
+    """Return the same ContactSet with springs of another stiffness, and other multipliers."""
+    return ContactSet(stiffness, node, contacts.element, contacts.obstacle, multiplier,
+                      contacts.fraction, contacts.anchor, contacts.normal, contacts.shear.copy(),
+                      contacts.grip)

@@ -10,29 +10,45 @@ trusted each multiplier becomes the force that it has (augmented Lagrangian).
 
 import numpy as np
 
-from dlo_planner.energy.effects import row_count
-from dlo_planner.energy.friction import trial_force
+from dlo_planner.energy.contact import trial_traction
 from dlo_planner.energy.inertia import is_drawn
-from dlo_planner.energy.potential import project
-from dlo_planner.energy.system import hinged
+from dlo_planner.energy.potential import evaluate, project
+from dlo_planner.energy.problem import hinged, new_configuration
+from dlo_planner.energy.terms import forbids, row_count
+from dlo_planner.geometry.kinematics import part_of_element, point_inside
+from dlo_planner.geometry.record import put_sum
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.elimination import softly_solved
-from dlo_planner.minimize.linear import assemble, factorize, new_hessian, solve
-from dlo_planner.ritz.kinematics import part_of_element, point_inside
+from dlo_planner.minimize.dense import softly_solved
+from dlo_planner.minimize.hessian import (
+    assemble,
+    factorize,
+    is_definite,
+    largest_turn,
+    new_hessian,
+    solve,
+)
+from dlo_planner.minimize.newton import HELD_NEUTRAL
 
 _SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
 _REFINED = 2      # times: what is soft counts a thousandth as much after each
 _CHANGES = 8      # times that contacts are let go or taken back
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
+_TOILS = 2        # rounds in vain, after which what is soft goes with its forces
+_FARTHEST_TURN = 0.3  # rad: the same, of what a node turns by
 
 
 @kernel
-def move_multipliers(system, state, table, share):
+def move_multipliers(system, state, table, share, q, vain):
     """Move the multipliers of `system`, in place, to what the laws ask for.
 
+    After some rounds in vain q (m, 3) goes with them: what is soft, like the plane in which a
+    column buckles, would go anywhere on its way to where the new multipliers belong.
+
     Args:
-        state, table: State and Touching at the minimum for the present multipliers
+        state, table: Configuration and Touching at the minimum for the present multipliers
         share: of the way from the forces as they are to those of the linearized laws
+        q: unknowns of `state`
+        vain: rounds in vain; after some what is neutral may stay so, too, see `_stands`
 
     Returns:
         whether these are known
@@ -43,10 +59,16 @@ def move_multipliers(system, state, table, share):
             shear[a] = state.attached.force[table.rubbing[a]]
     used = share > 0.0 and table.gap.size > 0
     if used:
-        target, across = normal.copy(), shear.copy()
-        used = lawful(system, state, table, new_hessian(system), used, target, across,
-                      np.empty_like(state.q))
+        target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
+        step = np.empty_like(q)
+        used = lawful(system, state, table, hessian, used, vain > _TOILS, target, across, step)
         if used:
+            there = new_configuration(system)
+            put_sum(q, share, step, there.q)
+            evaluate(system, there)
+            if (vain > _TOILS and largest_turn(system, hessian, step) < _FARTHEST_TURN
+                    and not forbids(system.effects, system, state, there)):
+                q[:] = there.q
             for a in range(table.gap.size):
                 normal[a] += share * (target[a] - normal[a])
                 for i in range(3):
@@ -79,11 +101,12 @@ def put_forces(system, table, normal, shear):
 
 
 @kernel
-def lawful(system, state, table, hessian, fresh, normal, shear, step):
+def lawful(system, state, table, hessian, fresh, neutral, normal, shear, step):
     """Fill the forces that satisfy the linearized laws, and the step to where they do.
 
     Args:
-        hessian: filled if `fresh`; else that of a State nearby, factorized
+        hessian: filled if `fresh`; else that of a Configuration nearby, factorized
+        neutral: whether it need not be definite, see `_stands`
         normal: (A,), shear: (A, 3) the forces as they are; filled where it can be trusted
         step: (m, 3) filled
 
@@ -93,7 +116,7 @@ def lawful(system, state, table, hessian, fresh, normal, shear, step):
     contacts = system.effects.contact.contacts
     if fresh:
         assemble(system, state, hessian)
-        if factorize(system, hessian, 0.0) > 0:
+        if not _stands(system, hessian, neutral):
             return False
     count = table.gap.size
     first = np.empty(count, dtype=np.int64)  # row of the normal; of a friction's two, the next
@@ -131,6 +154,19 @@ def lawful(system, state, table, hessian, fresh, normal, shear, step):
                                + change[i + 2] * axes[i + 2, j])
     solve(system, hessian, state.gradient, step)
     _add_answers(table, first, laws, shift, change, answers, step)
+    return True
+
+
+@kernel
+def _stands(system, hessian, neutral):
+    """Factorize an assembled Hessian; return whether it is definite, but for what is `neutral`.
+
+    Newton's method finds what is neutral nearby; a descent goes far along it, in many short steps.
+    """
+    if factorize(system, hessian, 0.0) > 0:
+        if not (neutral and is_definite(system, hessian, HELD_NEUTRAL)):
+            return False
+        factorize(system, hessian, 0.0)
     return True
 
 
@@ -224,7 +260,7 @@ def linearize(system, state, table, first, axes, laws):
             continue
         point_inside(system.lengths, state.strains, state.rotations, state.positions,
                      contacts.element[c], contacts.fraction[c], rotation, x)
-        size = trial_force(contacts, c, x, trial)
+        size = trial_traction(contacts, c, x, trial)
         limit = contacts.multiplier[c]
         slides = size > limit
         if slides:

@@ -10,7 +10,7 @@ every point of the DLO.
 
 import numpy as np
 
-from dlo_planner.energy.rolling import gap_inside, rolled
+from dlo_planner.energy.gap import follow_closest_point, gap_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hugging import MIDDLE, SAG
 from dlo_planner.minimize.touching import with_contacts_of
@@ -19,7 +19,7 @@ from dlo_planner.minimize.watching import points_inside, rolled_to
 
 @kernel
 def exchanged(system, state):
-    """Return Contacts with all points of the System's, and whether others have joined them.
+    """Return Contacts with all points of the Problem's, and whether others have joined them.
 
     One joins that is deeper in an obstacle than flat elements may be. The middle of an element that
     bends as the obstacle does replaces a point that rolls in it, with its multiplier.
@@ -54,8 +54,8 @@ def _gap(system, state, o, e, fixed):
     if fixed > 0.0:
         return gap_inside(scene, o, e, MIDDLE, system.lengths, state.strains, state.rotations,
                           state.positions, normal, hessian)
-    gap, _, _ = rolled(scene, o, e, system.lengths, state.strains, state.rotations,
-                       state.positions, normal, hessian)
+    gap, _, _ = follow_closest_point(scene, o, e, system.lengths, state.strains, state.rotations,
+                                     state.positions, normal, hessian)
     return gap
 
 

@@ -20,22 +20,29 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.energy.potential import evaluate, unknowns_of
-from dlo_planner.energy.system import System, new_state, turned_system
+from dlo_planner.energy.problem import Problem, new_configuration, with_gripper
+from dlo_planner.geometry.basis import equidistribute
+from dlo_planner.geometry.so3 import (
+    applied,
+    cross,
+    jacobians,
+    matrix,
+    plus,
+    transposed_applied,
+    vector,
+)
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorize, new_hessian, solve
+from dlo_planner.minimize.hessian import assemble, factorize, new_hessian, solve
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import jacobians
-from dlo_planner.ritz.grading import even_shares
-from dlo_planner.ritz.matrix3 import applied, cross, matrix, plus, transposed_applied, vector
 
 
 @kernel
-def foresee(system: System, base: Floats, strains: Floats,
+def foresee(system: Problem, base: Floats, strains: Floats,
             spread: Floats) -> tuple[float, Floats, Floats, float, Floats]:
     """Return the error of a DLO that hangs freely, and what it is on a mesh graded to its bend.
 
     Args:
-        system: System of a local mesh; its `base` is not used
+        system: Problem of a local mesh; its `base` is not used
         base: (3, 3), read-only, rotation of the gripper
         strains: (N, 3), read-only, of its equilibrium, 1/m
         spread: (3,) derivative by the positions of the loads that are spread out, N/m
@@ -47,17 +54,17 @@ def foresee(system: System, base: Floats, strains: Floats,
     off : ndarray, shape (N, 3)
         By how much the strains differ from the means of the true ones, 1/m.
     shares : ndarray, shape (N + 1,)
-        Where the nodes are on the graded mesh, see `even_shares`.
+        Where the nodes are on the graded mesh, see `equidistribute`.
     one : float
         Error of a graded mesh of n elements, times n^2, m.
     there : ndarray, shape (N, 3)
         As `off` on that mesh, times n^2.
     """
-    turned = turned_system(system, base.copy(), np.zeros(3))
-    state, hessian = new_state(turned), new_hessian(turned)
+    turned = with_gripper(system, base.copy(), np.zeros(3))
+    state, hessian = new_configuration(turned), new_hessian(turned)
     unknowns_of(turned, strains.copy(), state.q)
     off, there = np.zeros_like(state.q), np.zeros_like(state.q)
-    shares = even_shares(system.lengths, strains.copy())
+    shares = equidistribute(system.lengths, strains.copy())
     evaluate(turned, state)
     assemble(turned, state, hessian)
     if factorize(turned, hessian, 0.0) > 0:

@@ -6,19 +6,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts
-from dlo_planner.energy.system import State, System
+from dlo_planner.energy.contact import ContactSet
+from dlo_planner.energy.problem import Configuration, Problem
+from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.touching import touching, with_contacts_of
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.kinematics import point_inside
 
 _GROWTH = 2.0  # of a force, beyond its multiplier, that is believed
 
 
 @kernel
-def with_friction(system: System, contacts: Contacts, state: State, previous: Floats) -> Contacts:
-    """Return the Contacts with a point of friction for each contact that bears and rubs.
+def with_friction(system: Problem, contacts: ContactSet, state: Configuration,
+                  previous: Floats) -> ContactSet:
+    """Return the ContactSet with a point of friction for each contact that bears and rubs.
 
     The force of a contact that is new may be anything: its multiplier bounds the limit.
 

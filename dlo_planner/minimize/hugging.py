@@ -9,7 +9,7 @@ curvature is the obstacle's. Both nodes and the middle carry it then.
 
 import numpy as np
 
-from dlo_planner.energy.rolling import gap_inside
+from dlo_planner.energy.gap import gap_inside
 from dlo_planner.energy.scene import NODE_FACE
 from dlo_planner.kernels import kernel
 

@@ -6,31 +6,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.contact import next_touching, obstructed
-from dlo_planner.energy.friction import trial_force
-from dlo_planner.energy.hold import holds
-from dlo_planner.energy.outline import is_face, longest_stretch, node_gap, nodes_of
-from dlo_planner.energy.rolling import watched
-from dlo_planner.energy.system import State, System, hinged
+from dlo_planner.energy.contact import obstructed, trial_traction
+from dlo_planner.energy.gap import closest_point, near_nodes, next_touching, node_gap
+from dlo_planner.energy.grip import holds
+from dlo_planner.energy.problem import Configuration, Problem, hinged
+from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.held import held_newton
-from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.convergence import Minimum
 from dlo_planner.minimize.newton import newton
 from dlo_planner.minimize.resting import bear_on, touch_down
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.kinematics import point_inside
 
 _FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
 COARSER = 10.0  # times the tolerance: the springs' rounding errors leave no more of it
 
 
-def constrained_newton(system: System, q: Floats, tolerance: float, max_iterations: int,
+def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterations: int,
                        check: bool, exact: float, previous: Floats) -> Minimum:
     """Descend from q to a minimum that keeps all constraints.
 
     Parameters
     ----------
-    system : System
+    system : Problem
         The DLO; the multipliers of its constraints are where the search begins.
     q : ndarray, shape (m, 3)
         Start, scaled unknowns.
@@ -45,12 +42,11 @@ def constrained_newton(system: System, q: Floats, tolerance: float, max_iteratio
     if obstructed(system.contact):
         end = touch_down(system, q, COARSER * tolerance, exact, max_iterations, check, previous)
         return Minimum(*end)
-    if holds(system.hold) or hinged(system):
-        return held_newton(system, q, tolerance, exact, max_iterations, check)
-    return newton(system, q, tolerance, max_iterations, check)
+    return newton(system, q, tolerance, max_iterations, check,
+                  exact if holds(system.hold) or hinged(system) else 0.0)
 
 
-def carried_newton(system: System, start: tuple[Floats, Floats, Floats, Floats], tolerance: float,
+def carried_newton(system: Problem, start: tuple[Floats, Floats, Floats, Floats], tolerance: float,
                    max_iterations: int, exact: float, previous: Floats) -> Minimum | None:
     """Return the Minimum in which a DLO goes on bearing as its gripper moves, or None.
 
@@ -58,7 +54,7 @@ def carried_newton(system: System, start: tuple[Floats, Floats, Floats, Floats],
 
     Parameters
     ----------
-    system : System
+    system : Problem
         In the gripper after the step, its contacts those before.
     start : tuple of ndarray
         Base, slid, strains, shift of `resting.bear_on`.
@@ -70,8 +66,8 @@ def carried_newton(system: System, start: tuple[Floats, Floats, Floats, Floats],
     return Minimum(*end) if goes_on else None
 
 
-def firm(system: System, state: State) -> System:
-    """Return the System with contacts so stiff that they hardly give, their forces the same."""
+def firm(system: Problem, state: Configuration) -> Problem:
+    """Return the Problem with contacts so stiff that they hardly give, their forces the same."""
     if not obstructed(system.contact):
         return system
     contacts = system.contacts
@@ -83,7 +79,7 @@ def firm(system: System, state: State) -> System:
 
 
 @kernel
-def _keep_forces(system: System, state: State, more: float) -> None:
+def _keep_forces(system: Problem, state: Configuration, more: float) -> None:
     """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add.
 
     Those of friction get stiffer by the same part.
@@ -92,12 +88,8 @@ def _keep_forces(system: System, state: State, more: float) -> None:
     k = contacts.stiffness
     x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
-        if is_face(scene, o):
-            continue
-        longest = longest_stretch(scene, o, state.strains)
-        begin, end = nodes_of(scene, o, system.lengths.size)
-        node = max(1, begin)
-        while node <= end:
+        node, last, longest = near_nodes(scene, o, state.strains)
+        while node <= last:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            hessian)
             if contacts.node[o, node] > k * gap:
@@ -106,12 +98,12 @@ def _keep_forces(system: System, state: State, more: float) -> None:
     for c in range(contacts.element.size):
         e = contacts.element[c]
         if contacts.obstacle[c] >= 0:
-            gap, _, _ = watched(scene, contacts, c, system.lengths, state.strains,
-                                state.rotations, state.positions, normal, hessian)
+            gap, _, _ = closest_point(scene, contacts, c, system.lengths, state.strains,
+                                      state.rotations, state.positions, normal, hessian)
             if contacts.multiplier[c] > k * gap:
                 contacts.multiplier[c] += more * gap
             continue
         point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
                      contacts.fraction[c], hessian, x)
-        if trial_force(contacts, c, x, normal) <= contacts.multiplier[c]:  # it sticks
+        if trial_traction(contacts, c, x, normal) <= contacts.multiplier[c]:  # it sticks
             contacts.shear[c] -= more / k * (normal - contacts.shear[c])

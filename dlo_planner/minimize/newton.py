@@ -1,16 +1,37 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Newton's method that can only end in a minimum, or say that it did not.
+"""Newton's method that can only end in a minimum, or say that it did not: one loop for all DLOs.
 
-Three guards around the plain method (Nocedal and Wright, Numerical Optimization, ch. 3):
-a shift of the Hessian until all its pivots are positive, a cap on how far any node may turn in
-one step (without it a heavily loaded wire winds extra turns into itself), and a decrease of the
-potential in every step. Where the gradient vanishes but a pivot is negative, the shape is a
-saddle: it is kicked along its lowest mode and goes on falling.
+Hanging freely, with its far end held, on obstacles, in motion: `newton_descent` is what seeks the
+shape. What differs is said by Options, or follows from what acts; what is absent is None and is
+compiled away.
 
-Where a symmetric DLO may fall to either side, rounding errors would choose one as they grow from
-step to step. So it leans, by little but far more than those, to the side that
-`spectrum.preferred` states, from where the descent is first found to be unstable.
+The guards around the plain method (Nocedal and Wright, Numerical Optimization, ch. 3):
+* a shift of the Hessian until all its pivots are positive; where inertia draws a DLO from afar,
+  Gauss and Newton's Hessian before (ch. 10): places of a start that the DLO cannot take give forces
+  along it that are many times larger than the true ones, and a shift that outweighs them hinders
+  all other motions;
+* a cap on how far any node may turn in one step (without it a heavily loaded wire winds extra turns
+  into itself);
+* a decrease of the potential in every step.
+Where the gradient vanishes but a pivot is negative, the shape is a saddle: it is left along its
+lowest mode, and the descent goes on. Where a symmetric DLO may fall to either side, rounding errors
+would choose one as they grow from step to step. So its symmetry is broken, by little but far more
+than those, to the side that `lanczos.preferred` states, from where the descent is first found to be
+unstable.
+
+With a held far end each step solves the equilibrium and the linearized grip together (sequential
+quadratic programming, ch. 18). It is judged by the augmented Lagrangian with the new reaction, of
+which it is a descent direction where the Hessian is positive on what the grip leaves free. Then:
+* far from its target the grip gives a little under the reaction (stabilized SQP, Wright 1998): so a
+  straight DLO, whose end cannot come nearer to first order, is pressed until it buckles;
+* no step leaves the grip by much;
+* a DLO that falls is brought back into its grip before it falls on: a fall follows the potential of
+  the held DLO, not a way through shapes that the grip forbids.
+
+What is known to be near is sought without these guards: each step has to leave much less of the
+residual (Kelley, Iterative Methods for Linear and Nonlinear Equations, ch. 5: the chord method,
+which keeps its factorization), and what is not quite so simple is given up.
 """
 
 from __future__ import annotations
@@ -19,100 +40,256 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.energy.effects import blocks, may_block
+from dlo_planner.energy.grip import constraint_value, constraint_violation, moved_grip
 from dlo_planner.energy.inertia import is_drawn
-from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.system import State, System, bending_energy
-from dlo_planner.kernels import kernel
-from dlo_planner.minimize.border import dot
-from dlo_planner.minimize.leash import Leash, left, no_leash
-from dlo_planner.minimize.linear import (
-    assembled_definite,
-    largest_turn,
-    solve,
+from dlo_planner.energy.potential import evaluate, unknowns_of, value_at
+from dlo_planner.energy.problem import (
+    Configuration,
+    Problem,
+    bending_energy,
+    hinged,
+    new_configuration,
+    with_gripper_and_grip,
 )
-from dlo_planner.minimize.minimum import Minimum
-from dlo_planner.minimize.residual import relative
-from dlo_planner.minimize.saddle import kicked, lean
-from dlo_planner.minimize.shifting import LEAST_SHIFT, safe_shift
-from dlo_planner.minimize.spectrum import lowest_mode
-from dlo_planner.minimize.workspace import Workspace, new_workspace
-from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arrays import put_sum, scaled_by
+from dlo_planner.energy.terms import forbids, may_forbid, row_count
+from dlo_planner.geometry.record import Record, copy, put_sum, scaled_by
+from dlo_planner.geometry.so3 import put_matrix, times, times_transposed
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.convergence import (
+    Minimum,
+    gradient_noise,
+    relative,
+    residual_of,
+)
+from dlo_planner.minimize.hessian import (
+    LEAST_SHIFT,
+    Hessian,
+    assemble,
+    assembled_definite,
+    at_once,
+    is_definite,
+    largest_turn,
+    new_hessian,
+    safe_shift,
+    solve,
+    solve_held,
+    well_factorized,
+)
+from dlo_planner.minimize.kkt import dot, put_scaled, set_give
+from dlo_planner.minimize.lanczos import lowest_mode, preferred
+from dlo_planner.model.arrays import Floats, Ints
 
+# steps
 LARGEST_TURN = 0.8  # rad per step, of any node
-FALLING = 2e-3     # a shift that is needed beyond this tells that it is, not that it is neutral
-NEUTRAL = 1e-7      # eigenvalues nearer to zero than this count as zero
-_NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
-MOST_KICKS = 10
-_IDLE = 20           # steps in a row whose gain drowns in rounding errors and that bring nothing
 _TRIALS, _HALVED = 20, 6  # points on a step; the first are each at half the way of the one before
+_CLOSER = 4          # halvings of the way that is left to an obstacle
+_UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
+_FALLS = 0.5         # of the square of the decrement: what a step leaves of it then, at most
 _VAIN = 5            # steps that one counts for which leads nowhere: each trial was in vain
 _OFTEN = 3           # steps in a row that an obstacle cuts, or a kink where the DLO touches
 _CREEPING = 0.02     # of a step: what is left of it before a kink
-_CLOSER = 4          # halvings of the way that is left to it
-_UNTOLD = 100.0      # rounding errors of the energy: a gain below these is not told by it
-HARDLY = 1e-4       # rad: a step that changes the Hessian by about as little
+_IDLE = 20           # steps in a row whose gain drowns in rounding errors and that bring nothing
 _TRACE = 1e-100      # an unknown as small has no effect at any scale
-WELL_STABLE = 0.01  # an eigenvalue that such a step cannot make doubtful
+# eigenvalues
+NEUTRAL = 1e-7       # those nearer to zero than this count as zero
+HELD_NEUTRAL = 1e-3  # the same with constraints: a mesh splits what is neutral by about as much
+_NEARLY = 10 * NEUTRAL  # the same where the gradient has not vanished yet
+WELL_STABLE = 0.01   # an eigenvalue that a small step cannot make doubtful
+HARDLY = 1e-4        # rad: a step that changes the Hessian by about as little
+_PER_TURN = 100.0    # change of an eigenvalue per rad since the Hessian was factorized, at most
+_DOUBT = 0.5         # of an eigenvalue: with more it is looked at again at once
+_EXACTLY, _ROUGHLY = 1e-4, 1e-2  # relative error of an eigenvalue
+# saddles
+FALLING = 2e-3       # a shift beyond this is needed by what falls, not by what is neutral
+KICK_TURN = 0.3      # rad, of a saddle along its lowest mode
+MOST_KICKS = 10
+_LEAN = 1e-5         # rad, of a DLO that is about to fall
+_ALIKE = 0.5         # of the lower side's fall: a side that falls by more is as good
+# near its end
+_FEW = 8             # steps in which what is near has to be found
+_LESS = 0.5          # of the residual: what a step leaves of it at most
+_QUICK = 0.05        # the same, or the Hessian is renewed
+_ROUNDED = 10.0      # tolerances: what a step does not make less there is rounding
+_SETTLED = 1e-9      # of the decrement: the same, where inertia is stiff
+_NEXT = 0.05         # rad, of any node: what may follow from a step of a motion
+_NEXT_HELD = 0.3     # the same, of a step of two grips
+_SAME = 2e-5         # rad: a step that changes the Hessian of a held DLO by about as little
+_MISSED = 0.08       # of the length: a grip that is farther away has not moved a little
+_BLURRED = 1e-5      # a residual that rounding may make larger than this tells nothing
+# grips
+_GIVE = 1e-2         # of the length: how far a grip gives under the DLO's own forces, at most
+_FAR = 0.1           # of the length: so far from its target it gives as much
+_LEFT = 0.05         # of the length: a step that misses the grip by more is too long
+_ASTRAY = 3e-3       # of the length: a DLO that falls is brought back from there
+_PROXIMAL = 1e-9     # least shift: what is neutral, as a round DLO that may spin, stays where it is
+_MOST_PROXIMAL = 1e-7  # the same, far from the equilibrium
+_ALIKE_STIFF = 1e-9  # stiffnesses that differ by less are the same
+_NEARER = 0.1        # of a step: how much nearer it has to come where the potential does not tell
+_ROUGH = 1e-3        # tolerance of the residual, and of the length, on the way to a target
+_PER_PART = 60       # Newton steps in a part of the way: more is no way
 
 
-def newton(system: System, q: Floats, tolerance: float, max_iterations: int,
-           check: bool) -> Minimum:
-    """Descend from q to a minimum of the potential.
+class Options(Record):
+    """What a search has to reach, and what it may do.
 
-    Parameters
+    Attributes
     ----------
-    system : System
-        The DLO.
-    q : ndarray, shape (m, 3)
-        Start, scaled unknowns; not changed.
-    tolerance : float
+    gtol : float
         Largest residual at the end.
-    max_iterations : int
+    ctol : float
+        By how much a constraint may be violated there, m.
+    maxiter : int
         Newton steps at most.
     check : bool
-        Whether to find the smallest eigenvalue at the end, and to leave a saddle.
+        Whether the smallest eigenvalue is found at the end, and a saddle left.
+    bounded : bool
+        Whether it is enough to know that it is well above zero; then it is infinite.
+    gauss_newton : bool
+        Whether forces of inertia are left out of a Hessian that they make indefinite.
+    reach : float
+        By how much any node may turn in all steps together, rad, in a search for what is near;
+        infinite: it may be anywhere.
+    max_age : float
+        By how much a node may turn before the Hessian of such a search is factorized again, rad.
+    nodes : ndarray of int, shape (k,)
+        Nodes that are looked at; empty: it may go anywhere.
+    frames : ndarray, shape (k, 3, 3)
+        Their frames before, in the gripper as it is now.
+    max_rotation : float
+        By how much any of them may turn, rad. A step of the gripper that is too long for the shape
+        to follow is made again in parts; most of the work of finding that out would be the way down
+        to a shape that is not wanted. Nor may it fall off a saddle then.
     """
-    state, residual, stability, iterations, kicks = leashed_newton(
-        system, q.copy(), tolerance, max_iterations, check, no_leash(), new_workspace(system))
-    return Minimum(state, residual, stability, iterations, kicks, system)
+
+    gtol: float
+    ctol: float
+    maxiter: int
+    check: bool
+    bounded: bool
+    gauss_newton: bool
+    reach: float
+    max_age: float
+    nodes: Ints
+    frames: Floats
+    max_rotation: float
 
 
-@kernel(inline='always')
-def leashed_newton(system: System, q: Floats, tolerance: float, max_iterations: int, check: bool,
-                   leash: Leash, work: Workspace) -> tuple[State, float, float, int, int]:
-    """Do as `newton` does, but give up where the DLO leaves a Leash, or falls off a saddle on it.
+@kernel
+def thorough(gtol, ctol, maxiter, check, gauss_newton):
+    """Return the Options of a search with all its guards."""
+    return Options(gtol, ctol, maxiter, check, False, gauss_newton, np.inf, 0.0,
+                   np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
 
-    Then the residual is infinite, or the stability negative. `q` is where it began for the last
-    time at the end, and the State one of the Workspace.
 
-    Returns
-    -------
-    state : State
-        State at the end.
-    residual : float
-        Size of the scaled gradient.
-    stability : float
-        Smallest eigenvalue of the Hessian; nan if not `check`.
-    iterations : int
-        Newton steps made.
-    kicks : int
-        How often a saddle was left, 1 at least where the descent had to lean to a side.
+@kernel
+def next_to(gtol, ctol, check, held):
+    """Return the Options of a search for what is near: with a held far end, or in a motion."""
+    reach, max_age = (_NEXT_HELD, _SAME) if held else (_NEXT, _NEXT)
+    return Options(gtol, ctol, _FEW, check, not held, not held, reach, max_age,
+                   np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
+
+
+@kernel
+def within(options, frames, before, base, nodes, most):
+    """Return the Options of a DLO that may not turn far from how it hung in another gripper.
+
+    Args:
+        frames: (N + 1, 3, 3) of it there, read-only; before: (3, 3) of that gripper, read-only
+        base: (3, 3) of the gripper as it is now, read-only
+        nodes: (k,) which are looked at
+        most: rad
     """
-    kicks = iterations = 0
-    while True:
-        state, residual, stability, steps, mode, leant = leashed_descent(
-            system, q, tolerance, max_iterations - iterations, check, leash, work)
-        iterations += steps
-        if leant:
-            kicks = max(kicks, 1)
-        done = not check or stability > -NEUTRAL or leash.nodes.size > 0
-        if (done or iterations >= max_iterations or kicks >= MOST_KICKS
-                or not kicked(system, state, mode, q)):
-            break
-        kicks += 1
-    return state, residual, stability, iterations, kicks
+    return Options(options.gtol, options.ctol, options.maxiter, options.check, options.bounded,
+                   options.gauss_newton, options.reach, options.max_age, nodes,
+                   _carried(frames, before, base, nodes), most)
+
+
+@kernel
+def _carried(frames, before, base, nodes):
+    """Return the frames (k, 3, 3) of nodes as the gripper carries them from `before` to `base`."""
+    turn = times_transposed(_of(base), _of(before))
+    carried = np.empty((nodes.size, 3, 3))
+    for k in range(nodes.size):
+        put_matrix(times(turn, _of(frames[nodes[k]])), carried[k])
+    return carried
+
+
+@kernel
+def _of(m):
+    """Return the tuple of a read-only array (3, 3)."""
+    return m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2], m[2, 0], m[2, 1], m[2, 2]
+
+
+@kernel
+def largest_turn_between(frames: Floats, others: Floats, base: Floats, other_base: Floats,
+                         nodes: Ints) -> float:
+    """Return the largest rotation in rad, in the gripper, of a DLO's nodes between two shapes.
+
+    Args:
+        frames, others: (N + 1, 3, 3), read-only, of the nodes in both
+        base, other_base: (3, 3), read-only, of the grippers
+        nodes: (k,) which are looked at
+    """
+    carried = _carried(frames, base, other_base, nodes)
+    least = 3.0
+    for k in range(nodes.size):
+        least = min(least, _trace(others[nodes[k]], carried[k]))
+    return np.arccos(min(max(0.5 * (least - 1.0), -1.0), 1.0))
+
+
+@kernel
+def _trace(a, b):
+    """Return the trace of a b^T."""
+    total = 0.0
+    for i in range(3):
+        total += a[i, 0] * b[i, 0] + a[i, 1] * b[i, 1] + a[i, 2] * b[i, 2]
+    return total
+
+
+@kernel
+def _left(options, rotations):
+    """Whether a DLO with frames `rotations` (N + 1, 3, 3) has turned too far."""
+    if options.nodes.size == 0 or options.max_rotation > np.pi:
+        return False
+    least = 1.0 + 2.0 * np.cos(options.max_rotation)
+    for k in range(options.nodes.size):
+        if _trace(rotations[options.nodes[k]], options.frames[k]) < least:
+            return True
+    return False
+
+
+class Workspace(Record):
+    """Arrays that a descent refills; what it returns are some of them. K rows are held.
+
+    Attributes
+    ----------
+    state, trial : Configuration
+        Where it is, and where it looks.
+    hessian : Hessian
+        The Hessian at `state`.
+    start, step, correction : ndarray, shape (m, 3)
+        Unknowns where it begins, and changes of them.
+    miss, reaction : ndarray, shape (K,)
+        By how much a grip is missed, m, and the change of its forces, N.
+    """
+
+    state: Configuration
+    trial: Configuration
+    hessian: Hessian
+    start: Floats
+    step: Floats
+    correction: Floats
+    miss: Floats
+    reaction: Floats
+
+
+@kernel
+def new_workspace(system):
+    """Return an empty Workspace of the right sizes."""
+    state, rows = new_configuration(system), row_count(system.needs.border)
+    return Workspace(state, new_configuration(system), new_hessian(system), np.empty_like(state.q),
+                     np.empty_like(state.q), np.empty_like(state.q), np.empty(rows),
+                     np.empty(rows))
 
 
 class Descent(NamedTuple):
@@ -125,109 +302,273 @@ class Descent(NamedTuple):
     mode : ndarray, shape (m, 3)
         Lowest mode of the Hessian, where that was looked at.
     leant : bool
-        Whether it had to lean to a side.
+        Whether its symmetry was broken.
     violation : float
         By how much a constraint is violated, m.
     """
 
-    state: State
+    state: Configuration
     residual: float
     stability: float
     iterations: int
     mode: Floats
     leant: bool = False
-    violation: float = 0.0
+    constraint_violation: float = 0.0
 
 
-def descend(system: System, q: Floats, tolerance: float, max_iterations: int,
+def newton(system: Problem, q: Floats, tolerance: float, max_iterations: int, check: bool,
+           exact: float = 0.0) -> Minimum:
+    """Descend from q to a minimum of the potential that keeps the far end's grip.
+
+    Parameters
+    ----------
+    system : Problem
+        The DLO. The multipliers of its grip are where the search begins, and are moved.
+    q : ndarray, shape (m, 3)
+        Start, scaled unknowns; not changed.
+    tolerance : float
+        Largest residual at the end.
+    max_iterations : int
+        Newton steps at most.
+    check : bool
+        Whether to find the smallest eigenvalue at the end, and to leave a saddle.
+    exact : float, optional
+        By how much the grip may be missed at the end, m.
+    """
+    state, residual, stability, iterations, kicks, violated = _minimum(
+        system, q, tolerance, exact, max_iterations, check)
+    return Minimum(state, residual, stability, iterations, kicks, system, violated)
+
+
+def descend(system: Problem, q: Floats, tolerance: float, max_iterations: int,
             check: bool) -> Descent:
     """Descend from q (m, 3) to where the gradient vanishes, be it a minimum or a saddle.
 
     Arguments as `newton`.
     """
-    return Descent(*leashed_descent(system, q, tolerance, max_iterations, check, no_leash(),
-                                    new_workspace(system)))
+    options = thorough(tolerance, 0.0, max_iterations, check, False)
+    return Descent(*newton_descent(system, q, options, new_workspace(system)))
 
 
 @kernel
-def leashed_descent(system: System, q: Floats, tolerance: float, max_iterations: int, check: bool,
-                    leash: Leash, work: Workspace) -> tuple[State, float, float, int, Floats,
-                                                            bool]:
-    """Return what is in the Descent of `descend`, as a tuple; arguments as `leashed_newton`."""
+def _minimum(system: Problem, q: Floats, tolerance: float, exact: float, max_iterations: int,
+             check: bool) -> tuple[Configuration, float, float, int, int, float]:
+    return minimize(system, q.copy(), thorough(tolerance, exact, max_iterations, check, False),
+                    new_workspace(system))
+
+
+@kernel
+def minimize(system: Problem, q: Floats, options: Options,
+             work: Workspace) -> tuple[Configuration, float, float, int, int, float]:
+    """Do as `newton_descent` does, but go on from saddles.
+
+    `q` is where it began for the last time at the end.
+
+    Returns
+    -------
+    state, residual, stability, iterations
+        As of `newton_descent`.
+    kicks : int
+        How often a saddle was left, 1 at least where symmetry had to be broken.
+    violation : float
+        By how much the grip is missed, m.
+    """
+    kicks = iterations = 0
+    neutral = HELD_NEUTRAL if is_held(system) else NEUTRAL
+    most = options.maxiter
+    while True:
+        state, residual, stability, steps, mode, leant, missed = newton_descent(
+            system, q, options, work)
+        iterations += steps
+        if leant and not is_held(system):
+            kicks = max(kicks, 1)
+        done = (not options.check or stability > -neutral or options.nodes.size > 0
+                or options.reach < np.inf)
+        if (done or iterations >= most or kicks >= MOST_KICKS
+                or not kicked(system, state, mode, q)):
+            break
+        kicks += 1
+        options = _with_steps(options, most - iterations)
+    return state, residual, stability, iterations, kicks, missed
+
+
+@kernel
+def _with_steps(options, most):
+    """Return the same Options with another number of steps."""
+    return Options(options.gtol, options.ctol, most, options.check, options.bounded,
+                   options.gauss_newton, options.reach, options.max_age, options.nodes,
+                   options.frames, options.max_rotation)
+
+
+@kernel
+def is_held(system):
+    """Whether a far end's grip, or a hinge at the gripper, has a say."""
+    return row_count(system.needs.border) > 0 or hinged(system)
+
+
+@kernel
+def newton_descent(system: Problem, q: Floats, options: Options,
+                   work: Workspace) -> tuple[Configuration, float, float, int, Floats, bool, float]:
+    """Descend from q (m, 3) to where the gradient vanishes, be it a minimum or a saddle.
+
+    Where what is near is not, or a DLO turns too far, it is given up: the residual is infinite. The
+    multipliers of the Problem's grip are where the search begins, and are moved.
+
+    Returns
+    -------
+    state : Configuration
+        Configuration at the end, one of the Workspace.
+    residual : float
+        Size of the scaled gradient; where inertia is stiff the decrement may tell in its place.
+    stability : float
+        Smallest eigenvalue of the Hessian, on what a grip leaves free; nan if not `check`.
+    iterations : int
+        Newton steps made.
+    mode : ndarray, shape (m, 3)
+        Lowest mode, where that was looked at.
+    leant : bool
+        Whether symmetry was broken.
+    violation : float
+        By how much the grip is missed, m.
+    """
     state, trial, hessian, step = work.state, work.trial, work.hessian, work.step
-    mode, bend = work.start, bending_energy(system)
+    hold, border, miss, reaction = system.effects.hold, hessian.border, work.miss, work.reaction
+    gtol, ctol, check = options.gtol, options.ctol, options.check
+    bend, length, held = bending_energy(system), np.sum(system.lengths), is_held(system)
+    near, drawn = options.reach < np.inf, options.gauss_newton
+    kinks = may_forbid(system.effects) and is_drawn(system.effects.anchor)
+    turns = not near and (drawn or held and _spins_freely(system))
+    most_give = _most_give(hold, system, bend) if held and not near else 0.0
+    least = _PROXIMAL if held and not near else 0.0
     without_traces(q, state.q)
     energy, noise = evaluate(system, state)
-    stability, turn = np.nan, np.inf  # rad, of the last step
-    shift = shifted = 0.0  # the second: that of the factorization which it was made with
+    mode, stability = work.correction, np.nan
+    shift, shifted = least, np.inf  # the second: that of the last factorization
+    age, way, contraction = np.inf, 0.0, np.inf  # rad since that, rad in all, of the last step
     iterations = obstructed = idle = 0
     stalled = leans = False
-    kinks = may_block(system.effects) and is_drawn(system.effects.anchor)
+    told = np.inf  # the decrement, where it tells that nothing is left to go
     while True:
-        residual = relative(state, bend)
-        arrived = residual < tolerance or stalled or iterations >= max_iterations
+        # where is it? (1) is the end
+        missed = _constraint_value(hold, system, state, miss)
+        residual = min(relative(state, bend), told)
+        noisy = gradient_noise(system, state) if held else 0.0
+        converged = missed <= ctol and residual < max(gtol, noisy)
+        arrived = converged or stalled or iterations >= options.maxiter
+        if near and (missed > _MISSED * length or arrived
+                     and (noisy > _BLURRED or not (converged or stalled))):
+            residual = np.inf
+            break
         if arrived and not check:
             break
-        if arrived and shifted == 0.0 and turn < HARDLY:
-            # After so small a step the factorization before it tells a stable shape as well.
-            stability, mode = lowest_mode(system, hessian, 0.0, 1e-4)
-            if stability > WELL_STABLE:
+        if arrived and shifted == 0.0:  # a factorization that is not old tells a stable shape
+            if options.bounded and _surely_stable(system, hessian, age):
+                stability = np.inf
                 break
-        shift = 0.0 if arrived else shift
-        if not assembled_definite(system, state, hessian, shift):
-            shift = safe_shift(system, hessian, max(LEAST_SHIFT, 4.0 * shift))
+            if not options.bounded and age < HARDLY:
+                stability, mode = lowest_mode(system, hessian, 0.0, _EXACTLY)
+                if stability > WELL_STABLE:
+                    break
+
+        # (2) the Hessian, until it is positive definite on what a grip leaves free
+        whole = age < np.inf
+        if arrived or not near or age > options.max_age or contraction > _QUICK:
+            set_give(border, 0.0 if arrived else most_give * min(1.0, missed / (_FAR * length)))
+            if arrived:
+                shift = 0.0
+            elif held and not near:
+                # neutral steps are as large as rounding errors over the shift, and spoil what
+                # their square is; one that vanishes with the residual costs nothing (Fan and Yuan)
+                shift = max(shift, min(residual, _MOST_PROXIMAL))
+            definite = whole = assembled_definite(system, state, hessian, shift)
+            forceless = drawn and shift == 0.0 and not definite and not arrived
+            if forceless and (iterations == 0 or not near):
+                definite = _definite_without_forces(system, state, hessian)
+            if near and not (definite and well_factorized(hessian, border)) or (
+                    forceless and not definite):
+                residual, stability = np.inf, -np.inf
+                break
+            if not definite:
+                shift = safe_shift(system, hessian, max(LEAST_SHIFT, 4.0 * shift))
+            age, shifted = 0.0 if whole else np.inf, shift
         if arrived:
-            stability, mode = lowest_mode(system, hessian, shift, 1e-4)
+            stability, mode = lowest_mode(system, hessian, shift,
+                                          _ROUGHLY if options.bounded else _EXACTLY)
             break
         if shift > FALLING and not leans:
             leans = True
-            if leash.nodes.size:
+            if options.nodes.size:
                 residual, stability = np.inf, -np.inf
                 break
             leant, high, its_noise = lean(system, hessian, state, trial)
             if leant:
                 state, trial, energy, noise = trial, state, high, its_noise
                 continue
-        its_turn, gain = _newton_step(system, hessian, state, step)
-        if (check and shift > 0.0 and gain < _UNTOLD * noise
+
+        # (3) the step: Newton's, or back into the grip (not into obstacles, whose springs only the
+        # potential knows)
+        back = held and leans and missed > _ASTRAY * length and not may_forbid(system.effects)
+        put_scaled(0.0 if back else -1.0, state.gradient, trial.gradient)
+        solve_held(system, hessian, trial.gradient, miss, step, reaction)
+        gain, turn = -dot(state.gradient, step), largest_turn(system, hessian, step)
+        decrement = np.sqrt(max(gain, 0.0) / (dot(state.q, state.q) + bend)) if whole else np.inf
+        if drawn and not near and shift == 0.0 and decrement < _SETTLED:
+            told, stalled = decrement, True
+            continue
+        if (check and not held and shift > 0.0 and gain < _UNTOLD * noise
                 and not assembled_definite(system, state, hessian, _NEARLY)):
             stalled = True  # rounding errors hide the way down from a saddle: its mode has to tell
             continue
-        turn, shifted = its_turn, shift
-        untold = gain * LARGEST_TURN < _UNTOLD * noise * max(its_turn, LARGEST_TURN)
-        energy, noise, part, blocked = _fall(system, state, trial, step, energy, noise)
+
+        # (4) near its end it has to come much nearer at once, with the factorization there is
+        if near:
+            iterations, way, fresh, age = iterations + 1, way + turn, age == 0.0, age + turn
+            _move_multiplier(hold, 1.0, reaction)
+            put_sum(state.q, 1.0, step, trial.q)
+            evaluate(system, trial)
+            left = relative(trial, bend) + _constraint_value(hold, system, trial, miss) / length
+            contraction = left / (residual + missed / length)
+            if contraction < _LESS and way < options.reach:
+                state, trial = trial, state
+            elif not held and (residual < _ROUNDED * gtol or decrement < _SETTLED):
+                told, stalled = decrement, True
+            elif held or fresh or not way < options.reach:
+                residual = np.inf
+                break
+            continue
+
+        # (5) else as far as the potential falls, with the reaction as it will be
+        part = LARGEST_TURN / turn if turn > LARGEST_TURN else 1.0
+        scaled_by(part, step)
+        untold = not held and gain * part < _UNTOLD * noise
+        slope, more = _with_reaction(hold, border, part, reaction, miss, step)
+        slope, energy = slope - gain * part, energy + more
+        farthest = missed if back else max(2.0 * missed, _LEFT * length)
+        gone, energy, noise, blocked = _line_search(
+            system, hessian, state, trial, step, energy, noise, np.inf if back else slope,
+            farthest, residual + missed / length, turns, work.correction, drawn)
         iterations += 1
         idle = idle + 1 if untold and not _nearer(state, trial) else 0
-        obstructed = obstructed + 1 if blocked or kinks and part < _CREEPING else 0
-        if part > 0.0:
-            state, trial = trial, state
-            if left(leash, state.rotations):
+        obstructed = obstructed + 1 if blocked or kinks and gone < _CREEPING else 0
+        # the reaction goes as far as the DLO does, and without what it owes to a shift
+        _settle_reaction(hold, border, part, reaction, miss, gone, shift / (1.0 + shift))
+        if gone > 0.0:
+            state, trial, age = trial, state, turn
+            if _left(options, state.rotations):
                 residual, stability = np.inf, -np.inf
                 break
-            shift = 0.0 if shift < 1e-3 else 0.1 * shift
+            shift = least if shift < 1e-3 else 0.1 * shift
             # a contact there has to be known before it goes on; rounding errors lead nowhere
             stalled = obstructed > _OFTEN or idle > _IDLE
         else:
-            iterations, stalled = iterations + _VAIN - 1, shift == 0.0 or shift > 1e6
+            iterations += _VAIN - 1
+            stalled = shift > 1e6 or not drawn and shift <= _MOST_PROXIMAL and missed <= ctol
             shift = max(1e-2, 10.0 * shift)
-    return state, residual, stability, iterations, mode, leans
-
-
-@kernel
-def _nearer(state, trial):
-    """Whether the gradient of `trial` is smaller."""
-    return dot(trial.gradient, trial.gradient) < 0.9 * dot(state.gradient, state.gradient)
-
-
-@kernel
-def _newton_step(system, hessian, state, step):
-    """Fill step (m, 3), cut to LARGEST_TURN; return its turn and the slope down it before that."""
-    solve(system, hessian, state.gradient, step)
-    scaled_by(-1.0, step)
-    gain, turn = -dot(state.gradient, step), largest_turn(system, hessian, step)
-    if turn > LARGEST_TURN:
-        scaled_by(LARGEST_TURN / turn, step)
-    return turn, gain
+        if held and (gone < 1.0 or shift > _PROXIMAL):
+            energy, noise = evaluate(system, state)
+    if near and check and not stability > WELL_STABLE:
+        residual = np.inf
+    return state, residual, stability, iterations, mode, leans, missed
 
 
 @kernel
@@ -243,40 +584,70 @@ def without_traces(q, out):
 
 
 @kernel
-def _fall(system, state, trial, step, energy, noise):
+def _nearer(state, trial):
+    """Whether the gradient of `trial` is smaller."""
+    return dot(trial.gradient, trial.gradient) < 0.9 * dot(state.gradient, state.gradient)
+
+
+@kernel
+def _line_search(system, hessian, state, trial, step, energy, noise, slope, farthest, error, turns,
+                 correction, drawn):
     """Fill `trial` on the way along `step` where the potential has fallen enough.
 
-    Returns its energy, noise, the part of the step, 0 if there is no such point, and whether an
+    Where the gain drowns in rounding errors the gradient has to tell, or, where inertia is stiff,
+    the simplified decrement (Deuflhard's natural monotonicity test). A step that mostly brings a
+    held end back may lead up the potential of a DLO that could not stand without its grip. There it
+    has to bring both conditions nearer to their solution.
+
+    Args:
+        slope: of the potential along the step, J; infinite where only the miss counts
+        farthest: m, by how much a grip may be missed there
+        error: of equilibrium and grip: residual plus miss by length
+        turns: of `_retract`; correction: (m, 3) filled
+        drawn: whether inertia draws the DLO
+
+    Returns the part of the step gone (0 if there is no such point), its energy, noise, and if an
     obstacle was met.
     """
-    slope = dot(state.gradient, step)
-    fraction, farther = 1.0, 0.0
-    blocked = False
+    fraction, farther, blocked, held = 1.0, 0.0, False, is_held(system)
     for trials in range(_TRIALS):
-        put_sum(state.q, fraction, step, trial.q)
+        _retract(system, state, step, fraction, turns, trial.q)
         new, new_noise = evaluate(system, trial)
-        if blocks(system.effects, system, state, trial):
+        if forbids(system.effects, system, state, trial):
             farther = fraction
             fraction *= 0.5
             blocked = True
             continue
         if farther > 0.0:
-            fraction = _closer(system, state, trial, step, fraction, farther)
+            fraction = _closer(system, state, trial, step, fraction, farther, turns)
             farther = 0.0
             new, new_noise = evaluate(system, trial)
-        # Where the gain drowns in rounding errors the gradient has to tell.
         within_noise = abs(fraction * slope) < _UNTOLD * noise
-        if (new <= energy + 1e-4 * fraction * slope
-                or (within_noise and _nearer(state, trial))):
-            return new, new_noise, fraction, blocked
-        if within_noise:
+        falls = new <= energy + 1e-4 * fraction * slope
+        if held:
+            missed = _violation(system.effects.hold, system, trial)
+            if slope == np.inf:
+                falls = True
+            elif slope >= 0.0:
+                left = residual_of(system, trial) + missed / np.sum(system.lengths)
+                falls = left <= (1.0 - _NEARER * fraction) * error
+            falls = missed <= farthest and (falls or within_noise)
+        elif not falls and within_noise:
+            if drawn:
+                solve(system, hessian, trial.gradient, correction)
+                falls = dot(trial.gradient, correction) < -_FALLS * slope
+            else:
+                falls = _nearer(state, trial)
+        if falls:
+            return fraction, new, new_noise, blocked
+        if within_noise and not held:
             break
-        fraction *= 0.5 if trials < _HALVED else 0.1  # what is left is a kink
-    return energy, noise, 0.0, blocked
+        fraction *= 0.5 if held or trials < _HALVED else 0.1  # what is left is a kink
+    return 0.0, energy, noise, blocked
 
 
 @kernel
-def _closer(system, state, trial, step, clear, blocked):
+def _closer(system, state, trial, step, clear, blocked, turns):
     """Fill the unknowns of `trial` nearer to what is in the way; return the part of the step.
 
     Springs are felt only where the DLO touches: half the way at a time it would hardly get there.
@@ -286,11 +657,255 @@ def _closer(system, state, trial, step, clear, blocked):
     """
     for _ in range(_CLOSER):
         middle = 0.5 * (clear + blocked)
-        put_sum(state.q, middle, step, trial.q)
+        _retract(system, state, step, middle, turns, trial.q)
         evaluate(system, trial)
-        if blocks(system.effects, system, state, trial):
+        if forbids(system.effects, system, state, trial):
             blocked = middle
         else:
             clear = middle
-    put_sum(state.q, clear, step, trial.q)
+    _retract(system, state, step, clear, turns, trial.q)
     return clear
+
+
+@kernel
+def _retract(system, state, step, fraction, turns, out):
+    """Fill `out` (m, 3) with the unknowns of a Configuration after a step's part, to first order.
+
+    Torsion turns all that lies beyond about the DLO's axis. Where little resists it, by large
+    angles while the axis hardly moves: curvature stays in the world and turns in the material
+    frame, and a straight line of the unknowns leaves that way with the square of the angle. So
+    where it `turns` curvature is turned back by the angle (a retraction: Absil et al.).
+    """
+    if not turns:
+        put_sum(state.q, fraction, step, out)
+        return
+    strains, angle = np.empty((system.lengths.size, 3)), 0.0
+    for e in range(system.lengths.size):
+        x, y, z = value_at(system.basis, step, e)
+        torsion = fraction * system.scale[e, 0] * x
+        turn = system.lengths[e] * torsion
+        if e == 0 and hinged(system):
+            turn = 0.0
+        middle = angle + 0.5 * turn
+        angle += turn
+        one = state.strains[e, 1] + fraction * system.scale[e, 1] * y - middle * state.strains[e, 2]
+        other = state.strains[e, 2] + fraction * system.scale[e, 2] * z + (
+            middle * state.strains[e, 1])
+        c, s = np.cos(middle), np.sin(middle)
+        strains[e, 0] = state.strains[e, 0] + torsion
+        strains[e, 1] = c * one + s * other
+        strains[e, 2] = c * other - s * one
+    unknowns_of(system, strains, out)
+
+
+@kernel
+def _spins_freely(system):
+    """Return whether a DLO is round and naturally straight, so that turning it costs nothing."""
+    if _yields(system.effects.plastic):
+        return False
+    for e in range(system.lengths.size):
+        stiffness, natural = system.stiffness[e], system.natural[e]
+        if (abs(stiffness[1] - stiffness[2]) > _ALIKE_STIFF * stiffness[1]
+                or abs(natural[1]) + abs(natural[2]) > 0.0):
+            return False
+    return True
+
+
+@kernel
+def _yields(plastic):
+    """Whether the DLO may yield."""
+    if plastic is None:
+        return False
+    return plastic.share.shape[0] > 0
+
+
+@kernel
+def _surely_stable(system, hessian, age):
+    """Whether a factorization tells that no eigenvalue is small where nodes turned by `age` since.
+
+    Its factors may get lost. Where its blocks are at hand, pivots tell (Sylvester), for less than
+    the smallest eigenvalue costs.
+    """
+    bound = WELL_STABLE + _PER_TURN * age
+    if bound >= WELL_STABLE + _DOUBT:
+        return False
+    if system.basis.shape[1] > 0 or at_once(system):
+        return lowest_mode(system, hessian, 0.0, _ROUGHLY)[0] > bound
+    return is_definite(system, hessian, -bound)
+
+
+@kernel
+def _definite_without_forces(system, state, hessian):
+    """Do what `assembled_definite` does, but leave out what forces do as the DLO turns."""
+    for k in range(state.pull.shape[0]):
+        for i in range(3):
+            state.pull[k, i] = 0.0
+    definite = assembled_definite(system, state, hessian, 0.0)
+    evaluate(system, state)
+    return definite
+
+
+@kernel
+def _constraint_value(hold, system, state, miss):
+    """Fill miss (K,), in m, by which a grip is missed; return its size."""
+    if hold is None:
+        return 0.0
+    if miss.size == 0:
+        return 0.0
+    last = system.lengths.size
+    constraint_value(hold, state.rotations[last], state.positions[last], miss)
+    return np.sqrt(np.sum(miss * miss))
+
+
+@kernel
+def _violation(hold, system, state):
+    """Return by how much a grip is missed, m."""
+    if hold is None:
+        return 0.0
+    last = system.lengths.size
+    return constraint_violation(hold, state.rotations[last], state.positions[last])
+
+
+@kernel
+def _most_give(hold, system, bend):
+    """Return by how much a grip that is far from its target gives way, m/N."""
+    if hold is None:
+        return 0.0
+    length = np.sum(system.lengths)
+    forces = np.sum(np.abs(system.effects.load.pull))
+    if not may_forbid(system.effects):  # (which push as well, deep inside them as much)
+        forces += _tension(hold)  # what is taut would miss its grip if that gave under so much
+    return _GIVE * length**2 / (forces * length + bend)
+
+
+@kernel
+def _tension(hold):
+    """Return the reaction in N along the way from grip to grip; 0 where it presses."""
+    pull = square = 0.0
+    for i in range(3):
+        square += hold.target[i] * hold.target[i]
+        for row in range(hold.multiplier.size):
+            pull -= hold.multiplier[row] * hold.rows[row, 3 + i] * hold.target[i]
+    return max(pull, 0.0) / np.sqrt(square) if square > 0.0 else 0.0
+
+
+@kernel
+def _move_multiplier(hold, part, reaction):
+    """Add a part of the reaction's change (K,) to the forces of a grip."""
+    if hold is None:
+        return
+    for row in range(reaction.size):
+        hold.multiplier[row] += part * reaction[row]
+
+
+@kernel
+def _with_reaction(hold, border, part, reaction, miss, step):
+    """Give a grip its new forces; return what they change of the merit's slope and value, J.
+
+    The change of the forces (K,) is cut to a part of itself, as the step (m, 3) is.
+    """
+    if hold is None:
+        return 0.0, 0.0
+    slope = more = 0.0
+    for row in range(reaction.size):
+        reaction[row] *= part
+        hold.multiplier[row] += reaction[row]
+        more += reaction[row] * miss[row]
+        slope += reaction[row] * dot(border.rows[row], step)
+    return slope, more
+
+
+@kernel
+def _settle_reaction(hold, border, part, reaction, miss, gone, excess):
+    """Take back of a grip's new forces what is beyond the part of the step that was gone.
+
+    And of what brings the end back, which a shift makes as large as itself, the `excess`.
+    """
+    if hold is None:
+        return
+    for row in range(reaction.size):
+        bringing = 0.0
+        for other in range(reaction.size):
+            bringing += border.schur[row, other] * miss[other]
+        hold.multiplier[row] -= (1.0 - gone) * reaction[row] + gone * excess * part * bringing
+
+
+@kernel
+def lean(system, hessian, state, trial):
+    """Fill `trial` with the shape of `state` leant to the preferred side.
+
+    Returns whether it can be, and what `evaluate` does.
+    """
+    preferred(system, trial.gradient)
+    amount = _LEAN / largest_turn(system, hessian, trial.gradient)
+    put_sum(state.q, amount, trial.gradient, trial.q)
+    energy, noise = evaluate(system, trial)
+    return not forbids(system.effects, system, state, trial), energy, noise
+
+
+def kick(system: Problem, state: Configuration, mode: Floats) -> Floats | None:
+    """Return unknowns (m, 3) beside a saddle, on the lower side; None if no side is lower.
+
+    Where both sides are about as low, it is the one to which the mode points.
+
+    Parameters
+    ----------
+    system : Problem
+        The DLO.
+    state : Configuration
+        Configuration at the saddle.
+    mode : ndarray, shape (m, 3)
+        Its lowest mode.
+    """
+    q = np.empty_like(mode)
+    return q if kicked(system, state, mode, q) else None
+
+
+@kernel
+def kicked(system: Problem, state: Configuration, mode: Floats, q: Floats) -> bool:
+    """Fill q (m, 3) with what `kick` returns; return whether there is such a thing."""
+    hessian, trial = new_hessian(system), new_configuration(system)
+    assemble(system, state, hessian)
+    copy(state.q, trial.q)
+    energy, noise = evaluate(system, trial)
+    step = KICK_TURN / max(largest_turn(system, hessian, mode), 1e-12)
+    for _ in range(20):
+        plus = _height(system, state, trial, step, mode)
+        minus = _height(system, state, trial, -step, mode)
+        if min(plus, minus) < energy - 10 * noise:
+            alike = energy - plus >= _ALIKE * (energy - minus)
+            put_sum(state.q, step if alike else -step, mode, q)
+            return True
+        step *= 0.5
+    return False
+
+
+@kernel
+def _height(system, state, trial, step, mode):
+    """Return the potential a step along a mode away, infinite where an obstacle is in between."""
+    put_sum(state.q, step, mode, trial.q)
+    high, _ = evaluate(system, trial)
+    return np.inf if forbids(system.effects, system, state, trial) else high
+
+
+@kernel
+def led(system: Problem, q: Floats, bases: Floats, targets: Floats, axes: Floats,
+        rows: Floats) -> tuple[Floats, int]:
+    """Return unknowns (m, 3) where both grips have gone a way of n parts, and the parts gone.
+
+    Args:
+        q: (m, 3) where the way begins; the Problem's multipliers are moved
+        bases: (n, 3, 3) rotation of the gripper at the end of each part
+        targets: (n, 3), axes: (n, 3, 3), rows: (n, K, 6) of the grip there, see `Hold`
+    """
+    length = np.sum(system.lengths)
+    options = thorough(_ROUGH, _ROUGH * length, _PER_PART, length < 0.0, length < 0.0)
+    for part in range(bases.shape[0]):
+        regripped = with_gripper_and_grip(system, bases[part], moved_grip(
+            system.effects.hold, targets[part], axes[part], rows[part]))
+        state, _, _, _, _, _, missed = newton_descent(regripped, q, options,
+                                                      new_workspace(regripped))
+        if not missed <= _LEFT * length:
+            return q, part
+        q = state.q
+    return q, bases.shape[0]

@@ -9,19 +9,16 @@ and the shape stands. Mostly nothing is left to be done; else `minimize.settling
 
 import numpy as np
 
-from dlo_planner.energy.system import new_state
+from dlo_planner.energy.problem import new_configuration
+from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.bearing import borne, carried
-from dlo_planner.minimize.held import HELD_NEUTRAL
-from dlo_planner.minimize.linear import assemble
-from dlo_planner.minimize.newton import HARDLY, WELL_STABLE
-from dlo_planner.minimize.residual import gradient_noise
-from dlo_planner.minimize.settling import ROUNDS, STALLED, is_held, settle
-from dlo_planner.minimize.shifting import safe_shift
-from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.minimize.convergence import gradient_noise
+from dlo_planner.minimize.hessian import assemble, safe_shift
+from dlo_planner.minimize.lanczos import lowest_mode
+from dlo_planner.minimize.newton import HARDLY, HELD_NEUTRAL, WELL_STABLE, is_held
+from dlo_planner.minimize.settling import ROUNDS, STALLED, settle
 from dlo_planner.minimize.watching import watching
-from dlo_planner.ritz.matrix3 import matrix, put_vector, times_transposed
-from dlo_planner.ritz.rotation import rotation_vector
 
 _FEW, _SOON = 12, 40  # rounds and steps in which a DLO that goes on bearing has to come to rest
 _ON_A_WAY = 20      # steps: who allows no more wants no equilibrium
@@ -56,7 +53,7 @@ def bear_on(system, base, slid, strains, shift, tolerance, exact, max_iterations
     follows, q = carried(system, base, slid, strains, twist)
     if follows:
         return _at_once(system, q, tolerance, exact, max_iterations, follows, previous)
-    return False, new_state(system), np.inf, np.nan, 0, 0, system, np.inf
+    return False, new_configuration(system), np.inf, np.nan, 0, 0, system, np.inf
 
 
 @kernel

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The Riccati sweeps: factorization and solution of a local Newton system in O(N), see `linear`."""
+"""The Riccati sweeps: factorization and solution of a local Newton system in O(N)."""
 
-from dlo_planner.kernels import kernel
-from dlo_planner.ritz.arc import coefficients_in
-from dlo_planner.ritz.matrix3 import (
+from dlo_planner.geometry.hessian import element_blocks
+from dlo_planner.geometry.so3 import (
     ZERO,
     added,
     applied,
+    coefficients_in,
     matrix,
     minus,
     outer,
@@ -22,8 +22,8 @@ from dlo_planner.ritz.matrix3 import (
     vector,
     without_trace,
 )
-from dlo_planner.ritz.matrix3 import cross as crossed
-from dlo_planner.ritz.second_order import element_blocks
+from dlo_planner.geometry.so3 import cross as crossed
+from dlo_planner.kernels import kernel
 
 _CLEAR = 1e-3  # of the product of a diagonal: a determinant that has lost three digits at most
 TINY = 1e-16  # of a pivot of zero, as rounding errors leave them: less would overflow further on
@@ -85,28 +85,42 @@ def _passed(turned, gain):
 
 
 @kernel
-def factorize_turns(hessian, shift, most):
-    """Factorize where only rotations count; give up where more than `most` pivots are negative."""
-    negative = 0
-    value = ZERO  # second derivative of the cost to go by theta
+def factorize_blocks(hessian, shift, most):
+    """Factorize assembled blocks; give up where more than `most` pivots are negative.
+
+    Blocks 6 wide, where displacements count as well, are two 3 wide, for rotation and displacement.
+    """
+    negative, wide = 0, hessian.twist_jacobian.shape[1] == 6
+    turning, mixed, shifting = ZERO, ZERO, ZERO  # second derivative of the cost to go by a twist
     jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
     gains, inverses, passed = hessian.gain, hessian.inverse, hessian.passed
     for k in range(jacobians.shape[0]):
         e = jacobians.shape[0] - 1 - k
-        jacobian, d = matrix(jacobians[e]), matrix(diagonals[e])
-        carried = transposed_times(jacobian, value)
-        coupling = added(matrix(crosses[e]), carried)
-        p = times(carried, jacobian)
-        inverse, below = inverse3((d[0] + p[0] + shift, d[4] + p[4] + shift, d[8] + p[8] + shift,
-                                    d[3] + p[3], d[6] + p[6], d[7] + p[7]))
+        d, turn, by_move = matrix(diagonals[e]), matrix(jacobians[e]), ZERO
+        by_turn = transposed_times(turn, turning)
+        if wide:
+            move = matrix(jacobians[e, 3:])
+            by_turn = added(by_turn, transposed(times(mixed, move)))
+            by_move = added(transposed_times(turn, mixed), transposed_times(move, shifting))
+            d = added(d, times(by_move, move))
+        p = added(d, times(by_turn, turn))
+        inverse, below = inverse3((p[0] + shift, p[4] + shift, p[8] + shift, p[3], p[6], p[7]))
         negative += below
         if negative > most:
             break
-        gain = times(inverse, coupling)
+        by_turn = added(by_turn, matrix(crosses[e]))
+        gain = times(inverse, by_turn)
         put_matrix(inverse, inverses[e])
         put_matrix(gain, gains[e])
-        put_matrix(_passed(jacobian, gain), passed[e])
-        value = _less(value, coupling, gain)
+        turning = _less(turning, by_turn, gain)
+        if wide:
+            by_move = added(by_move, matrix(crosses[e, :, 3:]))
+            beside = times(inverse, by_move)
+            put_matrix(beside, gains[e, :, 3:])
+            shifting = _less(shifting, by_move, beside)
+            mixed = subtracted(mixed, transposed_times(by_turn, beside))
+        else:
+            put_matrix(_passed(turn, gain), passed[e])
     return negative
 
 
@@ -114,7 +128,7 @@ def factorize_turns(hessian, shift, most):
 def factorize_dead_loads(system, state, hessian, shift):
     """Return whether all pivots of H + shift I are positive, where nothing but dead loads acts.
 
-    What `second_order` and `factorize_turns` do is one sweep here: the second derivative by
+    What `second_order` and `factorize_blocks` do is one sweep here: the second derivative by
     rotations of what lies beyond an element is that of the loads and the cost to go, taken as one.
     The blocks themselves, `cross` and `diagonal`, are not filled; the latter has, at the beginning,
     the second derivatives by each element's own strain.
@@ -192,39 +206,6 @@ def answer_to_turn(hessian, axis, answer):
         step = (-less[0], -less[1], -less[2])
         put_vector(step, answer[e])
         theta = plus(theta, applied(matrix(jacobians[e]), step))
-
-
-@kernel
-def factorize_twists(hessian, shift, most):
-    """Factorize where displacements count as well; give up as `factorize_turns`.
-
-    Blocks 6 wide are two 3 wide, for rotation and displacement.
-    """
-    negative = 0
-    turning, mixed, shifting = ZERO, ZERO, ZERO  # second derivative of the cost to go by a twist
-    jacobians, crosses, diagonals = hessian.twist_jacobian, hessian.cross, hessian.diagonal
-    gains, inverses = hessian.gain, hessian.inverse
-    for k in range(jacobians.shape[0]):
-        e = jacobians.shape[0] - 1 - k
-        d = matrix(diagonals[e])
-        turn, move = matrix(jacobians[e]), matrix(jacobians[e, 3:])
-        by_turn = added(transposed_times(turn, turning), transposed(times(mixed, move)))
-        by_move = added(transposed_times(turn, mixed), transposed_times(move, shifting))
-        p = added(times(by_turn, turn), times(by_move, move))
-        inverse, below = inverse3((d[0] + p[0] + shift, d[4] + p[4] + shift, d[8] + p[8] + shift,
-                                    d[3] + p[3], d[6] + p[6], d[7] + p[7]))
-        put_matrix(inverse, inverses[e])
-        negative += below
-        if negative > most:
-            break
-        by_turn = added(by_turn, matrix(crosses[e]))
-        by_move = added(by_move, matrix(crosses[e, :, 3:]))
-        gain, beside = times(inverse, by_turn), times(inverse, by_move)
-        put_matrix(gain, gains[e])
-        put_matrix(beside, gains[e, :, 3:])
-        turning, shifting = _less(turning, by_turn, gain), _less(shifting, by_move, beside)
-        mixed = subtracted(mixed, transposed_times(by_turn, beside))
-    return negative
 
 
 @kernel

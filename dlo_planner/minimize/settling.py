@@ -13,25 +13,26 @@ Where the DLO bears already, shape and forces are sought at once first (`minimiz
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contacts
-from dlo_planner.energy.effects import row_count
-from dlo_planner.energy.hold import violation as hold_violation
-from dlo_planner.energy.system import hinged
+from dlo_planner.energy.contact import ContactSet
+from dlo_planner.energy.grip import constraint_violation as hold_violation
+from dlo_planner.energy.terms import row_count
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import move_multipliers
+from dlo_planner.minimize.convergence import gradient_noise
 from dlo_planner.minimize.exchange import exchanged
 from dlo_planner.minimize.friction import with_friction
-from dlo_planner.minimize.held import HELD_NEUTRAL, descend_held
-from dlo_planner.minimize.leash import no_leash
-from dlo_planner.minimize.linear import assemble, new_hessian
-from dlo_planner.minimize.newton import leashed_descent
-from dlo_planner.minimize.residual import gradient_noise
-from dlo_planner.minimize.saddle import kicked
-from dlo_planner.minimize.shifting import safe_shift
-from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.minimize.hessian import assemble, new_hessian, safe_shift
+from dlo_planner.minimize.lanczos import lowest_mode
+from dlo_planner.minimize.newton import (
+    HELD_NEUTRAL,
+    is_held,
+    kicked,
+    new_workspace,
+    newton_descent,
+    thorough,
+)
 from dlo_planner.minimize.touching import touching_system, truth
 from dlo_planner.minimize.watching import watching
-from dlo_planner.minimize.workspace import new_workspace
 
 ROUNDS = 100
 _TURN = 12          # rounds in which points are chosen anew, then as many in which they are kept
@@ -94,7 +95,7 @@ def settle(system, q, tolerance, exact, max_iterations, check, previous, rounds)
         best = min(wrong, best)
         solved = False
         if news % (_NEWS + 1) == 0:  # what is new has to bear before its force counts
-            solved = move_multipliers(system, state, table, _share(vain, held))
+            solved = move_multipliers(system, state, table, _share(vain, held), q, vain)
         if solved and stiffer > 1.0 and vain == 0 and violation < _CLOSE * exact:
             # stiff springs multiply rounding errors
             system, stiffer = _stiffened(system, 1.0 / stiffer), 1.0
@@ -122,14 +123,11 @@ def _round(system, q, tolerance, exact, most, previous, keeps):
 
     Returns
     -------
-        State, its residual, steps made, Contacts, whether one of them is new
+        Configuration, its residual, steps made, Contacts, whether one of them is new
     """
     never = most < 0  # literals would be compiled for by themselves
-    if is_held(system):
-        state, residual, _, steps, _, _ = descend_held(system, q, tolerance, exact, most, never)
-    else:
-        state, residual, _, steps, _, _ = leashed_descent(system, q, tolerance, most, never,
-                                                          no_leash(), new_workspace(system))
+    state, residual, _, steps, _, _, _ = newton_descent(
+        system, q, thorough(tolerance, exact, most, never, never), new_workspace(system))
     contacts, new = exchanged(system, state) if keeps else watching(system, state)
     # Without a past it has slid to where it needs no friction; on its way it keeps what it has.
     if len(previous) and residual <= _SHORT * tolerance:
@@ -145,12 +143,6 @@ def _share(vain, held):
 
 
 @kernel
-def is_held(system):
-    """Whether a far end's grip, or a hinge at the gripper, has a say."""
-    return row_count(system.needs.border) > 0 or hinged(system)
-
-
-@kernel
 def _off_its_grip(system, state):
     """Return how far, in m, the far end is from where it is held."""
     if row_count(system.needs.border) == 0:
@@ -163,7 +155,9 @@ def _judged(system, state, tolerance, exact):
     """Return the smallest eigenvalue, on what a grip leaves free, and its mode."""
     always, none = exact > 0.0, 0 * state.q.shape[0]
     if is_held(system):
-        _, _, stability, _, mode, _ = descend_held(system, state.q, tolerance, exact, none, always)
+        _, _, stability, _, mode, _, _ = newton_descent(
+            system, state.q, thorough(tolerance, exact, none, always, not always),
+            new_workspace(system))
     else:
         hessian = new_hessian(system)
         assemble(system, state, hessian)
@@ -174,8 +168,8 @@ def _judged(system, state, tolerance, exact):
 
 @kernel
 def _stiffened(system, factor):
-    """Return the same System with springs at its contacts that are stiffer by a factor."""
+    """Return the same Problem with springs at its contacts that are stiffer by a factor."""
     old = system.effects.contact.contacts
-    contacts = Contacts(factor * old.stiffness, old.node, old.element, old.obstacle,
-                        old.multiplier, old.fraction, old.anchor, old.normal, old.shear, old.grip)
+    contacts = ContactSet(factor * old.stiffness, old.node, old.element, old.obstacle,
+                          old.multiplier, old.fraction, old.anchor, old.normal, old.shear, old.grip)
     return touching_system(system, contacts, system.effects.contact.scene)

@@ -4,12 +4,12 @@
 
 import numpy as np
 
+from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_forces import linearize, unit_load
-from dlo_planner.minimize.elimination import decomposed, substituted
-from dlo_planner.minimize.linear import solve
+from dlo_planner.minimize.dense import decomposed, substituted
+from dlo_planner.minimize.hessian import solve
 from dlo_planner.minimize.touching import touching
-from dlo_planner.ritz.kinematics import point_inside
 
 
 @kernel

@@ -6,26 +6,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.contact import Contact, Contacts, next_touching
-from dlo_planner.energy.effects import Needs, with_contact
-from dlo_planner.energy.friction import trial_force
-from dlo_planner.energy.outline import (
+from dlo_planner.energy.contact import Contact, ContactSet, trial_traction
+from dlo_planner.energy.gap import (
+    closest_point,
     gap_at,
-    is_face,
-    longest_stretch,
+    near_nodes,
+    next_touching,
     node_gap,
-    nodes_of,
 )
 from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.energy.scene import Scene
-from dlo_planner.energy.system import State, System, new_state
+from dlo_planner.energy.terms import Structure, with_terms
+from dlo_planner.geometry.kinematics import nothing_attached, point_inside
+from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.residual import residual_of
+from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.ritz.attached import nothing_attached
-from dlo_planner.ritz.kinematics import point_inside
-from dlo_planner.ritz.record import Record
 
 _INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on a node
 
@@ -42,7 +39,7 @@ class Touching(Record):
     fraction : ndarray, shape (A,)
         Of the element; 1 for a node, its end, only.
     inside : ndarray of int, shape (A,)
-        Index among Contacts' points, -1 for a node.
+        Index among ContactSet' points, -1 for a node.
     rubbing : ndarray of int, shape (A,)
         Index of its point of friction there, -1 without.
     gap : ndarray, shape (A,)
@@ -67,7 +64,7 @@ class Touching(Record):
 
 
 @kernel
-def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) -> Touching:
+def touching(scene: Scene, contacts: ContactSet, lengths: Floats, state: Configuration) -> Touching:
     """Return the Touching of a state."""
     k = contacts.stiffness
     last = lengths.size
@@ -79,13 +76,8 @@ def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) ->
     x, normal, hessian = np.empty(3), np.empty(3), np.empty((3, 3))
     offset, rotation, place = np.zeros(2), np.empty((3, 3)), np.empty(3)
     for o in range(scene.kind.size):
-        if is_face(scene, o):
-            continue
-        longest = longest_stretch(scene, o, state.strains)
-        begin, end = nodes_of(scene, o, last)
-        node = max(1, begin)
-        while node <= end:
-            offset[:] = 0.0
+        node, last, longest = near_nodes(scene, o, state.strains)
+        while node <= last:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            hessian)
             force = contacts.node[o, node] - k * gap
@@ -100,8 +92,8 @@ def touching(scene: Scene, contacts: Contacts, lengths: Floats, state: State) ->
         o, e = contacts.obstacle[c], contacts.element[c]
         if o < 0:
             continue
-        gap, e, fraction = watched(scene, contacts, c, lengths, state.strains, state.rotations,
-                                   state.positions, normal, hessian)
+        gap, e, fraction = closest_point(scene, contacts, c, lengths, state.strains,
+                                         state.rotations, state.positions, normal, hessian)
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             index[0, count], index[1, count], index[2, count] = o, e, c
@@ -138,14 +130,14 @@ def _friction_of(contacts, o, e, fraction):
 
 
 @kernel
-def truth(system: System, q: Floats) -> tuple[State, float, Touching, float]:
-    """Return State, residual, Touching at q (m, 3), and the largest violation in m.
+def truth(system: Problem, q: Floats) -> tuple[Configuration, float, Touching, float]:
+    """Return Configuration, residual, Touching at q (m, 3), and the largest violation in m.
 
     The limits of friction are mu times the forces of this state, so that the residual is that of
     the law of Coulomb. What is violated: a contact that bears has no gap; a point that sticks has
     not moved; one that slides has moved against its friction.
     """
-    state = new_state(system)
+    state = new_configuration(system)
     state.q[:] = q
     evaluate(system, state)
     contacts = system.effects.contact.contacts
@@ -168,7 +160,7 @@ def _slip_error(system, state, contacts, c):
     rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
     point_inside(system.lengths, state.strains, state.rotations, state.positions,
                  contacts.element[c], contacts.fraction[c], rotation, x)
-    size = trial_force(contacts, c, x, trial)
+    size = trial_traction(contacts, c, x, trial)
     along = 0.0  # of the way, against its friction
     if size > contacts.multiplier[c]:
         for i in range(3):
@@ -185,20 +177,20 @@ def _slip_error(system, state, contacts, c):
 
 @kernel
 def with_contacts_of(old, element, obstacle, multiplier, fraction, anchor, normal, shear):
-    """Return Contacts with other points, in the order of their elements."""
+    """Return ContactSet with other points, in the order of their elements."""
     order = np.argsort(element, kind='mergesort')
-    return Contacts(old.stiffness, old.node, element[order], obstacle[order], multiplier[order],
-                    fraction[order], anchor[order], normal[order], shear[order], old.grip)
+    return ContactSet(old.stiffness, old.node, element[order], obstacle[order], multiplier[order],
+                      fraction[order], anchor[order], normal[order], shear[order], old.grip)
 
 
 @kernel
 def touching_system(system, contacts, scene):
-    """Return the same System with other Contacts with a Scene."""
-    needs = system.needs
+    """Return the same Problem with other ContactSet with a Scene."""
+    needs, effects = system.needs, system.effects
     beside = needs.attached.moment.shape[0] + needs.attached.node_moment.shape[0] > 0
     attached = nothing_attached(needs.attached.sprung.size, contacts.element, beside)
-    return System(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                  system.base, system.origin,
-                  with_contact(system.effects, Contact(scene, contacts)),
-                  Needs(needs.displaced, attached, needs.border), system.proximal_point,
-                  system.proximal_weight)
+    return Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
+                   system.base, system.origin,
+                   with_terms(effects, effects.anchor, effects.hold, Contact(scene, contacts)),
+                   Structure(needs.displaced, attached, needs.border), system.proximal_point,
+                   system.proximal_weight)

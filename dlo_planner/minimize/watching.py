@@ -4,23 +4,24 @@
 
 import numpy as np
 
-from dlo_planner.energy.contact import next_touching
-from dlo_planner.energy.outline import (
+from dlo_planner.energy.gap import (
+    closest_point,
+    closest_point_in_element,
     gap_at,
     is_face,
     longest_stretch,
+    next_touching,
     node_gap,
-    nodes_of,
+    node_range,
     sliding,
     slope_along,
     taper,
 )
-from dlo_planner.energy.rolling import nearest_inside, watched
 from dlo_planner.energy.scene import FACE, NODE_FACE
+from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hugging import MIDDLE, SAG, hugs_at, presses
 from dlo_planner.minimize.touching import with_contacts_of
-from dlo_planner.ritz.kinematics import point_inside
 
 _LEVEL = 1e-12  # the same, by rounding errors alone
 _NEXT = 0.2      # of an element: least share of its ends in a force
@@ -99,8 +100,8 @@ def rolled_to(system, state):
     places = np.zeros(at.size)
     for c in range(at.size):
         if contacts.obstacle[c] >= 0:
-            _, at[c], fraction = watched(scene, contacts, c, system.lengths, state.strains,
-                                         state.rotations, state.positions, normal, hessian)
+            _, at[c], fraction = closest_point(scene, contacts, c, system.lengths, state.strains,
+                                               state.rotations, state.positions, normal, hessian)
             places[c] = at[c] + fraction
     return at, places
 
@@ -152,7 +153,7 @@ def points_inside(system, state, places):
         gaps[:] = np.inf
         hugs[:] = False
         stretched = longest_stretch(scene, o, state.strains)
-        begin, end = nodes_of(scene, o, n)
+        begin, end = node_range(scene, o, n)
         k = begin
         while k <= end:
             gaps[k] = node_gap(scene, o, k, state.rotations, state.positions, offset, point,
@@ -182,8 +183,9 @@ def points_inside(system, state, places):
                     or _slope(state.rotations[e + 1], state.strains[e], offsets[e + 1],
                               normals[e + 1]) <= grows):
                 continue
-            gap, fraction = nearest_inside(scene, o, e, system.lengths, state.strains,
-                                           state.rotations, state.positions, normal, hessian)
+            gap, fraction = closest_point_in_element(scene, o, e, system.lengths, state.strains,
+                                                     state.rotations, state.positions, normal,
+                                                     hessian)
             if gap >= 0.5 * system.lengths[e]:
                 continue
             point_inside(system.lengths, state.strains, state.rotations, state.positions, e,

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a DLO may touch: plane, sphere, capsule, cylinder, box, and sheet with cut-outs."""
+"""What a DLO may touch, and what that is drawn with."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,46 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import direction, instance, items, number, shown, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.solid import Solid, ball, bar
 from dlo_planner.model.value import Value, put
+
+# ------------------------------------------------------------------------------------------------
+# What obstacles are drawn with: bodies that RViz, browsers and physics engines know.
+
+
+class Solid(NamedTuple):
+    """A body that RViz, browsers and physics engines know: what obstacles are drawn with.
+
+    Attributes
+    ----------
+    kind : str
+        'box', 'ball' or 'cylinder' (flat ends, its axis along z).
+    pose : Pose
+        Pose of its center.
+    size : (float, float, float)
+        (3,) full sizes along the axes of the pose, m.
+    """
+
+    kind: str
+    pose: Pose
+    size: tuple[float, float, float]
+
+
+def bar(start: Floats, end: Floats, radius: float) -> Solid:
+    """Return the cylinder between two points (3,), m."""
+    along = end - start
+    pose = Pose.looking_along(0.5 * (start + end), along)
+    return Solid('cylinder', Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]]),
+                 (2 * radius, 2 * radius, float(np.linalg.norm(along))))
+
+
+def ball(center: Floats, radius: float) -> Solid:
+    """Return the ball around a point (3,), m."""
+    return Solid('ball', Pose(center, (0.0, 0.0, 0.0, 1.0)), (2 * radius,) * 3)
+
+
+# ------------------------------------------------------------------------------------------------
+# What a DLO may touch: plane, sphere, capsule, cylinder, box, and sheet with cut-outs.
+
 
 _FLUSH = 1e-6  # of the sheet, and rad: how far a cut-out may lie off its sheet's middle plane
 _NO_LENGTH = 1e-9  # of its other measures: a capsule that short has no direction
@@ -274,7 +312,7 @@ class Sheet(Value):
 
 
 Obstacle: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | Sheet
-OBSTACLES = (Plane, Sphere, Capsule, Cylinder, Box, Sheet)
+OBSTACLES: tuple[type, ...] = get_args(Obstacle)
 
 
 def _friction(self: Any) -> float:

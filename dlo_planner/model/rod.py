@@ -1,24 +1,36 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The deformable linear object: length, mass, stiffness, natural shape."""
+"""The DLO: its properties, its surface, a plug at its end, a part of it as a DLO of its own."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from dlo_planner.deprecated import warn_renamed
+from dlo_planner.deprecated import renamed_arguments, warn_renamed
 from dlo_planner.errors import InvalidRod
-from dlo_planner.model.along import Along
-from dlo_planner.model.along_rod import VARYING, AlongRod
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row, shown
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
-from dlo_planner.model.stated import is_row, pair, varying
-from dlo_planner.model.value import brief, put
+from dlo_planner.model.supports import PointLoad
+from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.varying import (
+    VARYING,
+    Along,
+    AlongRod,
+    Extended,
+    SeenFrom,
+    is_row,
+    pair,
+    varying,
+)
+
+# ------------------------------------------------------------------------------------------------
+# The deformable linear object: length, mass, stiffness, natural shape.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -273,3 +285,249 @@ _OPTIONAL = ('yield_torsion', 'max_bend_curvature')
 
 def _size(name: str, value: object) -> float:
     return number(name, value, InvalidRod, minimum=SIZES[0], maximum=SIZES[1])
+
+
+# ------------------------------------------------------------------------------------------------
+# The outside of a DLO: what contact and clearance need to know of a Rod.
+
+
+_BESIDE = 1e-7  # of an element: so near to its ends the radius is asked for
+_JUMP = 1e-3    # of the radius: what changes by more at a node has an end face there
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Surface(Value):
+    """How far the outside of a DLO is from its axis.
+
+    Attributes
+    ----------
+    radius : float
+        Radius in m, the largest.
+    half : (float, float) or None
+        (half_n, half_b) of a rectangular section, m. If None, round.
+    rod : Rod or None
+        Rod whose radius varies along s, or None.
+    """
+
+    radius: float = 0.0
+    half: tuple[float, float] | None = None
+    rod: Rod | None = None
+
+    @classmethod
+    def of(cls, rod: Rod) -> Surface:
+        """Return the Surface of a Rod.
+
+        A rectangular `Rod.section` counts where `Rod.radius` is its bounding half size; another
+        radius is that of a round cover.
+        """
+        if rod.radius is None:
+            return cls()
+        section = rod.section
+        if callable(rod.radius):
+            breaks = np.asarray(getattr(rod.radius, 'breaks', ()), dtype=float)
+            beside = np.outer(breaks, (1 - _BESIDE, 1, 1 + _BESIDE)).ravel()
+            probes = np.append(np.linspace(0, rod.length, 1025), beside)
+            return cls(float(rod.radii(np.clip(probes, 0, rod.length)).max()), None, rod)
+        radius = float(rod.radii([0.0])[0])
+        if (section is not None and section.kind == 'rectangular'
+                and radius == max(section.half_n, section.half_b)):
+            return cls(radius, (section.half_n, section.half_b))
+        return cls(radius)
+
+    @property
+    def bound(self) -> float:
+        """The largest distance of the outside from the axis, m."""
+        return self.radius if self.half is None else float(np.hypot(*self.half))
+
+    @property
+    def least(self) -> float:
+        """The smallest distance of the outside from the axis, m."""
+        return self.radius if self.half is None else min(self.half)
+
+    def radii(self, s: Floats) -> Floats:
+        """Return (N, 2) the radius in m at both ends of the N elements of a mesh `s` (N + 1,), m.
+
+        They are those of balls inside the DLO: near an end face of a thicker part, a jump of the
+        radius at a node, a ball reaches as far as the face. (0, 2) where the radius is constant.
+        """
+        if self.rod is None:
+            return np.zeros((0, 2))
+        outside = self._outside(self.rod, s)
+        radii = outside.copy()
+        ends = np.column_stack([s[:-1], s[1:]])
+        for node, side in self._faces(outside):
+            thin, thick = np.sort([outside[node - 1, 1], outside[node, 0]])
+            away = side * (ends - s[node])
+            near = (0.5 * away.sum(axis=1) > 0) & (away.min(axis=1) < thick)
+            radii[near] = np.minimum(radii[near], np.maximum(away[near], thin))
+        return radii
+
+    def rims(self, s: Floats) -> list[tuple[float, tuple[int, int]]]:
+        """Return [(radius in m, (first, last) node)] of the rims of end faces on a mesh `s`, m.
+
+        A rim goes on along the DLO as far as balls inside it do not reach the outside.
+        """
+        if self.rod is None:
+            return []
+        outside = self._outside(self.rod, s)
+        rims = []
+        for node, side in self._faces(outside):
+            radius = float(max(outside[node - 1, 1], outside[node, 0]))
+            other = node
+            while 0 < other < s.size - 1 and side * (s[other] - s[node]) < radius and (
+                    outside[other if side > 0 else other - 1].min() >= radius * (1 - _JUMP)):
+                other += side
+            rims.append((radius, (min(node, other), max(node, other))))
+        return rims
+
+    def _outside(self, rod: Rod, s: Floats) -> Floats:
+        beside = _BESIDE * np.diff(s)
+        return np.column_stack([rod.radii(s[:-1] + beside), rod.radii(s[1:] - beside)])
+
+    def _faces(self, outside: Floats) -> Iterator[tuple[int, int]]:
+        """Yield node and way, 1 or -1, into the thicker part, of each jump of the radius."""
+        for node in range(1, len(outside)):
+            before, behind = outside[node - 1, 1], outside[node, 0]
+            if abs(behind - before) > _JUMP * max(before, behind):
+                yield node, 1 if behind > before else -1
+
+
+# ------------------------------------------------------------------------------------------------
+# A rigid body fixed to the tip of a DLO: a plug, a connector, a nut.
+
+
+_RIGID = 1e6  # times the rod's stiffness
+
+
+@renamed_arguments(centre='center')
+def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = None,
+              center: float | None = None, inertia: float | None = None) -> Rod:
+    """Return the Rod whose last part is a rigid body fixed to its tip.
+
+    Arc length continues through the body, so that it takes part in everything: it has weight,
+    thickness and inertia, it makes contact, and it goes through a hole first. It is a million times
+    as stiff as the rod. Two point masses stand for it, with the right mass, center and inertia
+    across; inertia about the axis is neglected, as for the rod.
+
+    Parameters
+    ----------
+    rod : Rod
+        The DLO without the body; its tip mass stays in its place.
+    length : float
+        Length of the body along the tangent, m.
+    mass : float
+        Mass in kg.
+    radius : float, optional
+        Radius in m. If None, as thick as the rod at its tip.
+    center : float, optional
+        Center of its mass, from where it begins, m. If None, in the middle.
+    inertia : float, optional
+        Inertia about an axis across through its center, kg m^2. If None, that of an even cylinder,
+        or the largest that two points inside it can have, if that is less.
+
+    Raises
+    ------
+    InvalidRod
+        An argument makes no sense.
+    """
+    instance('rod', rod, Rod, InvalidRod)
+    size = number('length', length, InvalidRod, above=0)
+    mass = number('mass', mass, InvalidRod, minimum=0)
+    center = 0.5 * size if center is None else number('center', center, InvalidRod, minimum=0,
+                                                      maximum=size)
+    if radius is not None:
+        radius = number('radius', radius, InvalidRod, above=0)
+        if rod.radius is None:
+            raise InvalidRod('Rod.radius = None: expected the radius of the rod itself too')
+        if rod.section is not None and rod.section.kind == 'rectangular':
+            raise InvalidRod(f'radius = {radius:g}: expected None at a rectangular rod, which '
+                             'touches with its section')
+    begin, end = rod.length, rod.length + size
+    arm = _arm(rod, size, mass, radius, center, inertia)
+    places = (begin + center - arm, begin + center + arm)
+    rigid = _RIGID * float(rod.stiffness.max())
+    beyond: dict[str, Any] = {'mass_per_length': 0.0, 'bending_stiffness': (rigid, rigid),
+              'torsional_stiffness': rigid, 'natural_curvature': (0.0, 0.0), 'natural_twist': 0.0}
+    if radius is not None:
+        beyond['radius'] = radius
+    changed: dict[str, Any] = {name: Extended(getattr(rod, name), begin, value)
+                               for name, value in beyond.items()}
+    return replace(
+        rod, length=end, tip_mass=0.0, nodes=(*rod.nodes, begin, *places),
+        point_masses=(*rod.point_masses, (begin, rod.tip_mass),
+                      *((min(s, end), 0.5 * mass) for s in places)), **changed)
+
+
+def _arm(rod: Rod, size: float, mass: float, radius: float | None, center: float,
+         inertia: float | None) -> float:
+    """Return how far from the body's center, m, the two masses are that stand for it."""
+    most = mass * min(center, size - center) ** 2
+    if inertia is None:
+        across = radius or (0.0 if rod.radius is None else rod.radii([rod.length])[0])
+        inertia = min(mass * (3 * across**2 + size**2) / 12, most)
+    else:
+        inertia = number('inertia', inertia, InvalidRod, minimum=0, maximum=most)
+    return float(np.sqrt(inertia / mass)) if mass else 0.0
+
+
+# ------------------------------------------------------------------------------------------------
+# A part of a DLO as a DLO of its own.
+
+
+_NEAR = 0.05  # of the length: a load so near to the end is one at the end
+
+BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other direction
+
+
+def before(rod: Rod, end: float) -> Rod:
+    """Return the Rod from 0 to `end` (m), without what is fixed to it beyond."""
+    return replace(rod, length=end, tip_mass=rod.tip_mass if end == rod.length else 0.0,
+                   nodes=tuple(s for s in rod.nodes if s <= end),
+                   point_masses=tuple((s, mass) for s, mass in rod.point_masses if s <= end))
+
+
+def of_length(rod: Rod, length: float) -> Rod:
+    """Return a Rod of another length (m); what is fixed at the end or beyond it goes to the end."""
+    end = min(rod.length, length)
+
+    def there(s: float) -> float:
+        return length if s >= end else s
+    return replace(rod, length=length, nodes=tuple(there(s) for s in rod.nodes),
+                   point_masses=tuple((there(s), mass) for s, mass in rod.point_masses))
+
+
+def loads_of_length(loads: Iterable[PointLoad], rod: Rod, length: float) -> tuple[PointLoad, ...]:
+    """Return the PointLoads of a Rod as one of another length (m) has them.
+
+    What acts near the end and would be beyond it goes to the end, as in `of_length`.
+    """
+    end, near = min(rod.length, length), (1 - _NEAR) * rod.length
+    return tuple(one if one.s is None or one.s < max(end, near) else replace(one, s=length)
+                 for one in loads)
+
+
+def part_of_loads(loads: Iterable[PointLoad], rod: Rod, at: float,
+                  direction: int) -> tuple[PointLoad, ...]:
+    """Return the PointLoads of `part_of_rod`, as that part knows them."""
+    places = [(rod.length if one.s is None else one.s, one) for one in loads]
+    return tuple(replace(one, s=abs(s - at)) for s, one in places
+                 if (s - at) * direction > 0 or s == at and direction > 0)
+
+
+def part_of_rod(rod: Rod, at: float, direction: int) -> Rod:
+    """Return the Rod from `at` to one end: way = 1 on to L, -1 back to 0."""
+    length = at if direction < 0 else rod.length - at
+    masses = []
+    for s, mass in rod.point_masses:
+        if (s - at) * direction > 0 or (s == at and direction > 0):
+            masses.append((abs(s - at), mass))
+    signs = tuple(BACK[1:]) if direction < 0 else (1.0, 1.0)
+    curvature = rod.natural_curvature
+    changed: dict[str, Any] = {name: SeenFrom(getattr(rod, name), at, direction)
+               for name in ('mass_per_length', 'natural_twist', 'bending_stiffness',
+                            'torsional_stiffness', 'radius') if callable(getattr(rod, name))}
+    nodes = tuple(abs(s - at) for s in rod.nodes if (s - at) * direction > 0)
+    return replace(rod, length=length, point_masses=tuple(masses), nodes=nodes,
+                   tip_mass=rod.tip_mass if direction > 0 else 0.0,
+                   natural_curvature=SeenFrom(curvature, at, direction, signs)
+                   if callable(curvature) else tuple(np.array(signs) * curvature), **changed)

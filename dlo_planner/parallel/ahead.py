@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.history import History
 from dlo_planner.direct.integrator import KinematicState, Scheme
+from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.statics import TOLERANCE
 from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.minimize.methods import approximate
+from dlo_planner.minimize.classic import approximate
 from dlo_planner.model.arrays import Floats
 from dlo_planner.parallel.pieces import Shared
 
@@ -26,8 +26,8 @@ class Moving(NamedTuple):
         Shared Stepper.
     nodes, bends : KinematicState
         Those of now.
-    history : History
-        History of now.
+    history : Memory
+        Memory of now.
     place : float
         Where to look, in instants.
     scheme : Scheme
@@ -35,13 +35,13 @@ class Moving(NamedTuple):
     strains : ndarray, shape (N, 3)
         Strains in 1/m, where the search begins.
     most : int
-        Work, in the unit of `minimize.methods.approximate`.
+        Work, in the unit of `minimize.classic.approximate`.
     """
 
     stepper: Shared
     nodes: KinematicState
     bends: KinematicState
-    history: History
+    history: Memory
     place: float
     scheme: Scheme
     strains: Floats
@@ -57,8 +57,8 @@ class Resting(NamedTuple):
         Shared DirectSimulator.
     rotation : ndarray, shape (3, 3)
         Rotation of the gripper there.
-    history : History
-        History of now.
+    history : Memory
+        Memory of now.
     strains : ndarray
         As for Moving.
     most : int
@@ -67,7 +67,7 @@ class Resting(NamedTuple):
 
     simulator: Shared
     rotation: Floats
-    history: History
+    history: Memory
     strains: Floats
     most: int
 

@@ -15,8 +15,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import depths_on, depths_or_none
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, integer, items, number, shown
-from dlo_planner.model.computed import results
+from dlo_planner.model.checks import instance, integer, items, number, results, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.parallel.cell_grid import CellGrid

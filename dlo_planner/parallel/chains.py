@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.one_step import step
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.step import step
 from dlo_planner.model.pose import Pose
 from dlo_planner.parallel.pieces import Piece, PieceResult, Shared, piece_of, result_of
 from dlo_planner.parallel.shapes import Columns

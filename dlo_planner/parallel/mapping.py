@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.many import hangs_in_a_loop
-from dlo_planner.direct.many_rods import even, scaled_nodes
+from dlo_planner.direct.batch import even, hangs_in_a_loop, scaled_nodes
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats

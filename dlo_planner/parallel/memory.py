@@ -18,7 +18,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from dlo_planner.direct.many import Filled
+from dlo_planner.direct.batch import Filled
 
 _WHOLE = 64  # bytes: an array begins at a multiple of it
 File = tuple[str, str, int]  # path and name of a file, and how many shapes it has

@@ -9,8 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.many import Filled, hanging_shapes, hangs_in_a_loop
-from dlo_planner.direct.many_rods import even, hanging_rods, scaled_nodes
+from dlo_planner.direct.batch import (
+    Filled,
+    even,
+    hanging_rods,
+    hanging_shapes,
+    hangs_in_a_loop,
+    scaled_nodes,
+)
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats

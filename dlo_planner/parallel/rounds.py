@@ -20,7 +20,7 @@ class Round(NamedTuple):
     place : float
         Place of the step.
     work : int
-        Work of it, in the unit of `minimize.methods.approximate`.
+        Work of it, in the unit of `minimize.classic.approximate`.
     judging : int
         Newton steps beside it.
     guess : str

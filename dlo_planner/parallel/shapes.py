@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dlo_planner.direct.contacts import Contact
+from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.mesh import mapped
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Bools, Floats, Ints
-from dlo_planner.model.checks import array, instance, items, row, shown
-from dlo_planner.model.computed import results
+from dlo_planner.model.checks import array, instance, items, results, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 

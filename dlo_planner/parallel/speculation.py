@@ -13,7 +13,7 @@ does not depend on how fast workers are.
 
 A guess is used only where its potential is lower than where the serial search begins. What is
 found from it is kept only if it has converged and Newton's method goes to it from there
-(`minimize.same_minimum`); otherwise the serial search is made.
+(`leads_to`); otherwise the serial search is made.
 """
 
 from collections.abc import Callable, Iterable
@@ -24,22 +24,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.boundary_motion import poses
 from dlo_planner.direct.continuation import LONGEST_TURN, surely_follows
-from dlo_planner.direct.grips import poses
-from dlo_planner.direct.instant import Instant
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
-from dlo_planner.direct.moving import Prescribed, motion_by
-from dlo_planner.direct.one_step import past_of
-from dlo_planner.direct.setup import made_by
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.simulator import DirectSimulator, Prescribed, made_by, motion_by
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Stepper
-from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.energy.system import System
+from dlo_planner.direct.step import past_of
+from dlo_planner.direct.stepper import Stepper, TimePoint
+from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
-from dlo_planner.minimize.same_minimum import leads_to, lower
+from dlo_planner.minimize.newton import newton
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose, angle_between
@@ -50,6 +47,8 @@ from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _MOST_TASKS = 1024
+_TOLERANCE, _STEPS = 1e-11, 30  # residual and Newton steps of a way that is gone to its end
+_CLOSE = 1e-9  # of the unknowns: what two searches for one minimum may leave between them
 _NO_MATTER = ('obstacles', 'pinned', 'has_moments')  # of Surroundings: without them only
 
 
@@ -124,7 +123,7 @@ def _first_shape(initial: Shape | Motion | None, dt: float | None) -> Shape | No
 
 
 def _work(shape: Shape) -> int:
-    """Return the work that a Shape took, as `minimize.methods.approximate` counts it."""
+    """Return the work that a Shape took, as `minimize.classic.approximate` counts it."""
     return shape.evaluations or shape.iterations
 
 
@@ -145,7 +144,7 @@ class AheadStepper(Stepper):
         self.swings = False
         self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
 
-    def _step(self, before: Instant, place: float, scheme: Scheme, patience: int) -> Instant:
+    def _step(self, before: TimePoint, place: float, scheme: Scheme, patience: int) -> TimePoint:
         usual = self.guess(before, scheme.dt)
 
         def ahead(most: int) -> dict[float, Task]:
@@ -166,10 +165,10 @@ class AheadStepper(Stepper):
             return Stepped(after, vain + _work(after.shape), judging,
                            'none' if guess is None else 'refused')
 
-        result: Instant = self._rounds.make(place, ahead, step)
+        result: TimePoint = self._rounds.make(place, ahead, step)
         return result
 
-    def _ahead(self, before: Instant, place: float, scheme: Scheme, usual: Floats,
+    def _ahead(self, before: TimePoint, place: float, scheme: Scheme, usual: Floats,
                most: int) -> dict[float, Task]:
         """Return Moving tasks by place."""
         size, strains = scheme.dt / self.dt, usual
@@ -186,9 +185,9 @@ class AheadStepper(Stepper):
                                   replace(scheme, dt=(k + 1) * scheme.dt), strains, most)
         return tasks
 
-    def _system(self, before: Instant, place: float, scheme: Scheme) -> System:
-        system: System = self.moving(before.nodes, before.bends, before.shape.history, place,
-                                     scheme)[0]
+    def _system(self, before: TimePoint, place: float, scheme: Scheme) -> Problem:
+        system: Problem = self.moving(before.nodes, before.bends, before.shape.history, place,
+                                      scheme)[0]
         return system
 
 
@@ -267,3 +266,25 @@ class Tracker:
 
         result: Shape = self._rounds.make(place, ahead, step)
         return result
+
+
+def lower(system: Problem, one: Floats, other: Floats) -> bool:
+    """Whether the potential is lower at unknowns `one` (m, 3) than at `other`."""
+    state: Configuration = new_configuration(system)
+    values: list[float] = []
+    for q in (one, other):
+        state.q[:] = q
+        values.append(evaluate(system, state)[0])
+    return values[0] < values[1]
+
+
+def leads_to(system: Problem, start: Floats, end: Floats) -> tuple[bool, int, bool]:
+    """Return whether Newton's method goes from `start` to `end` (m, 3), its steps, and if it leant.
+
+    It has to go all the way. One step and the Hessian there do not tell: that of what yields jumps,
+    and beyond an unstable shape minima lie close together.
+    """
+    minimum = newton(system, start, _TOLERANCE, _STEPS, False)
+    away = np.linalg.norm(minimum.state.q - end)
+    arrived = minimum.residual < _TOLERANCE and away <= _CLOSE * np.linalg.norm(end)
+    return bool(arrived), minimum.iterations, bool(minimum.kicks)

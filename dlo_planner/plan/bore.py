@@ -20,7 +20,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 
 _OUTSIDE = 1e-6     # of the length: nothing is inside yet
 _ELEMENTS = 32

@@ -13,13 +13,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.of_dlo import in_itself
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, in_itself
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 from dlo_planner.plan.assembly import build_plan, truncate
 from dlo_planner.plan.between import violation_between
 from dlo_planner.plan.clearance import clearance
@@ -114,7 +113,7 @@ class PlanRequirements:
             if room < 0:
                 return ('clearance', -room,
                         f'the DLO is {-room:.3g} m in {type(obstacle).__name__} {index}')
-        if shape.stability < self.stability:
+        if not shape.stability >= self.stability:  # nan: it was not looked at
             return ('stability', self.stability - shape.stability, 'the DLO would hardly stay in '
                     f'this shape: stability {shape.stability:.3g}, at least {self.stability:g} is '
                     'required')

@@ -11,25 +11,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.distance import in_plane
-from dlo_planner.energy.outline import (
+from dlo_planner.energy.gap import (
     gap_at,
+    in_plane,
     node_gap,
-    nodes_of,
+    node_range,
     radius_at,
     radius_at_node,
     stretch,
     taper,
 )
 from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, Scene, build_scene
+from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.so3 import inner
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.surface import Surface
-from dlo_planner.ritz.arc import dot
-from dlo_planner.ritz.kinematics import point_inside
+from dlo_planner.model.rod import Surface
 
 _WIDE = 100.0    # times the length: a sheet without an end
 _FLUSH = 1e-9    # of the length: a node that near to a plane is in it
@@ -121,11 +121,11 @@ def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
     for o in range(scene.kind.size):
         if scene.feature[o] == NODE_FACE:
             continue  # the face itself is looked at everywhere
-        begin, end = nodes_of(scene, o, nodes - 1)
+        begin, end = node_range(scene, o, nodes - 1)
         for k in range(begin, end + 1):
             gaps[k] = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
             _shifted(scene, o, rotations[k], positions[k], x)
-            heights[k] = dot(normal, x)
+            heights[k] = inner(normal, x)
             part = _part(heights[k], half, flush)
             out[part] = min(out[part], gaps[k])
         for e in range(begin, end):
@@ -147,7 +147,7 @@ def _smallest(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
             for piece in range(pieces):
                 _place(scene, o, lengths, strains, rotations, positions, e,
                        0.5 * (cuts[piece] + cuts[piece + 1]), frame, x)
-                part = _part(dot(normal, x), half, flush)
+                part = _part(inner(normal, x), half, flush)
                 if bound < out[part]:
                     gap = _lowest(scene, o, lengths, strains, rotations, positions, e,
                                   cuts[piece], cuts[piece + 1], frame, x)
@@ -242,9 +242,9 @@ def _at_the_rim(scene: Scene, o: int, lengths: Floats, strains: Floats, rotation
     """
     smallest = np.inf
     frame, x = np.empty((3, 3)), np.empty(3)
-    plane = dot(normal, scene.center[o] - scene.origin)
+    plane = inner(normal, scene.center[o] - scene.origin)
     last = 0.0
-    begin, end = nodes_of(scene, o, heights.size - 1)
+    begin, end = node_range(scene, o, heights.size - 1)
     for k in range(begin, end + 1):
         height = heights[k] - plane
         if abs(height) <= flush:
@@ -269,7 +269,7 @@ def _passage(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: 
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         _place(scene, o, lengths, strains, rotations, positions, e, middle, frame, x)
-        if (dot(normal, x) - plane) * begin > 0.0:
+        if (inner(normal, x) - plane) * begin > 0.0:
             low = middle
         else:
             high = middle

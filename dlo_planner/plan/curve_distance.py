@@ -7,11 +7,11 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.outline import node_gap, nodes_of, stretch, taper
+from dlo_planner.energy.gap import node_gap, node_range, stretch, taper
 from dlo_planner.energy.scene import NODE_FACE, Scene
+from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.kinematics import point_inside
 
 
 def curve_distances(this: Shape, that: Shape) -> Floats:
@@ -33,7 +33,7 @@ def element_rooms(scene: Scene, lengths: Floats, strains: Floats, rotations: Flo
         if scene.feature[o] == NODE_FACE:
             continue
         last = 0.0
-        begin, end = nodes_of(scene, o, lengths.size)
+        begin, end = node_range(scene, o, lengths.size)
         for k in range(begin, end + 1):
             gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
             if k > begin:

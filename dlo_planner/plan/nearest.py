@@ -7,16 +7,16 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.outline import (
+from dlo_planner.energy.gap import (
+    closest_point_in_element,
     node_gap,
-    nodes_of,
+    node_range,
     taper,
 )
-from dlo_planner.energy.rolling import nearest_inside
 from dlo_planner.energy.scene import Scene
+from dlo_planner.geometry.so3 import inner
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import dot
 
 
 def nearest(scene: Scene, shape: Shape) -> list[tuple[float, float, Floats]]:
@@ -25,7 +25,7 @@ def nearest(scene: Scene, shape: Shape) -> list[tuple[float, float, Floats]]:
     Parameters
     ----------
     scene : Scene
-        Scene of `energy.distance.build_scene` for a round DLO, one entry per body.
+        Scene of `energy.gap.build_scene` for a round DLO, one entry per body.
     shape : Shape
     """
     s = np.array(shape.s)
@@ -38,7 +38,7 @@ def _nearest(scene: Scene, o: int, s: Floats, lengths: Floats, strains: Floats, 
     x, slope, bend, normal = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(3)
     offset, last = np.zeros(2), np.empty(3)
     smallest, where = np.inf, 0.0
-    begin, end = nodes_of(scene, o, positions.shape[0] - 1)
+    begin, end = node_range(scene, o, positions.shape[0] - 1)
     for k in range(begin, end + 1):
         gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
         if gap < smallest:
@@ -46,12 +46,12 @@ def _nearest(scene: Scene, o: int, s: Floats, lengths: Floats, strains: Floats, 
             normal[:] = slope
         if k > begin:
             grows = taper(scene, o, k - 1) / lengths[k - 1]
-            before = dot(last, rotations[k - 1, :, 0]) - grows
-            behind = dot(slope, rotations[k, :, 0]) - grows
+            before = inner(last, rotations[k - 1, :, 0]) - grows
+            behind = inner(slope, rotations[k, :, 0]) - grows
         last[:] = slope
         if k > begin and before < 0.0 < behind:
-            gap, fraction = nearest_inside(scene, o, k - 1, lengths, strains, rotations, positions,
-                                           slope, bend)
+            gap, fraction = closest_point_in_element(scene, o, k - 1, lengths, strains, rotations,
+                                                     positions, slope, bend)
             if gap < smallest:
                 smallest, where = gap, s[k - 1] + fraction * lengths[k - 1]
                 normal[:] = slope

@@ -18,8 +18,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, instance, integer, items, number, shown
-from dlo_planner.model.computed import results
+from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put

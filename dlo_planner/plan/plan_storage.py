@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.storage import pack, unpack
+from dlo_planner.direct.shape import pack, unpack
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
@@ -52,7 +51,7 @@ def plan_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
     shapes = []
     for k in range(len(grippers)):
         mark = f'{k}/'
-        shapes.append(unpack(Shape, {key[len(mark):]: value for key, value in arrays.items()
+        shapes.append(unpack({key[len(mark):]: value for key, value in arrays.items()
                                      if key.startswith(mark)}))
     sheets = [(_read_sheet(one), np.array(one['normal']))
               for one in json.loads(str(arrays['sheets']))]

@@ -14,7 +14,7 @@ from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import hole_clearances
 from dlo_planner.plan.passing import Passes
 

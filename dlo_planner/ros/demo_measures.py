@@ -16,9 +16,9 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.potential import evaluate, unknowns_of
-from dlo_planner.energy.system import new_state
+from dlo_planner.energy.problem import new_configuration
 from dlo_planner.execute.execution import ACTIVE
-from dlo_planner.minimize.residual import residual_of
+from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.client import PlannerClient, drained
@@ -38,7 +38,7 @@ def received_residual(simulator: DirectSimulator, gripper: Pose, poses: Sequence
     discretization = simulator.discretization(gripper, None)
     system = discretization.system(gripper.rotation)
     turns = (frames[:-1].inv() * frames[1:]).as_rotvec()
-    state = new_state(system)
+    state = new_configuration(system)
     unknowns_of(system, turns / system.lengths[:, None], state.q)
     evaluate(system, state)
     return float(residual_of(system, state))

@@ -12,7 +12,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.execute.causes import Cause
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.door import bodies_in, body_name, brief_text

@@ -12,9 +12,9 @@ import numpy as np
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.model.along import Expanded
 from dlo_planner.model.checks import vector
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.varying import Expanded
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.verify.uncertainty import Uncertainty

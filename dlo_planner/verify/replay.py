@@ -15,8 +15,7 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
-from dlo_planner.model.part import before
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface, before
 from dlo_planner.plan.between import violation_between
 from dlo_planner.plan.builder import PlanRequirements
 from dlo_planner.plan.continuity import apart

@@ -11,8 +11,7 @@ import numpy as np
 
 from dlo_planner.deprecated import renamed_fields
 from dlo_planner.direct.storage import load, save
-from dlo_planner.model.checks import flag, instance, items
-from dlo_planner.model.computed import figure
+from dlo_planner.model.checks import figure, flag, instance, items
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
 from dlo_planner.plan.motion.trajectory import Trajectory

@@ -23,8 +23,7 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.penalties import Through
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, integer, items, number
-from dlo_planner.model.computed import figure, results
+from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, brief, put, same

@@ -8,13 +8,12 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from dlo_planner.model.along import Along, Expanded, Shifted, scaled
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import number
-from dlo_planner.model.part import of_length
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.rod import Rod, of_length
 from dlo_planner.model.value import Value, put
+from dlo_planner.model.varying import Along, Expanded, Shifted, scaled
 
 
 @dataclass(frozen=True, eq=False, repr=False)

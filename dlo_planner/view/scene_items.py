@@ -9,9 +9,8 @@ import numpy as np
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet, Solid
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.solid import Solid
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE, viridis
 from dlo_planner.view.item import Item

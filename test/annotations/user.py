@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a user writes; `test_annotations.py` has it checked by mypy, and runs it."""
 
-from typing import assert_type
+from typing import Any, assert_type
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ def threaded(rod: Rod, cutout: CutOut) -> Plan | None:
         return InverseSimulator(simulator).thread(cutout, depths=[0.02, 0.04])
     except Infeasible as error:
         assert_type(error.waypoint, int)
-        assert_type(error.plan, Plan | None)
+        assert_type(error.plan, Any)  # errors import nothing that may raise them
         return None
 
 

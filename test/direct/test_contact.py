@@ -19,7 +19,7 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
-from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.gap import signed_distance
 from dlo_planner.energy.scene import build_scene
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, FarEnd, Plane, Pose, Rod, Sphere
-from dlo_planner.direct.contacts import contacts_of
-from dlo_planner.direct.storage import pack
+from dlo_planner.direct.contact import contacts_of
+from dlo_planner.direct.shape import pack
 from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.system import new_state
+from dlo_planner.energy.problem import new_configuration
 
 RADIUS = 0.01
 ROD = Rod(1.0, 0.0, 1.0, 0.7, radius=RADIUS)
@@ -22,7 +22,7 @@ def contacts_at(height, obstacles):
     gripper = Pose((0.1, 0.2, height), (0, 0, 0, 1))
     system = direct.mesh.system(gripper.rotation, gripper.position)
     system.contacts.node[:, 1:] = 3.0
-    state = new_state(system)
+    state = new_configuration(system)
     evaluate(system, state)
     return contacts_of(direct.mesh, system, state, gripper), system.contacts.stiffness
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
-from dlo_planner.direct.contacts import Contact
+from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.continuation import between, fell, follow, shape_change
 
 ROD = Rod(1.0, 0.0, 1.0, 0.7)
@@ -92,6 +92,44 @@ def test_where_a_contact_changes_half_steps_have_to_agree():
     shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
     assert [contact.obstacle for contact in shape.contacts] == [0]
     assert shape_change(shape, bent(shape.gripper, 0.0)) < 1e-9
+
+
+def test_a_step_whose_parts_have_no_end_keeps_its_own_and_says_so():
+    def equilibrium(gripper, initial, far_end, most=np.inf):
+        away = gripper.position[0] - initial.gripper.position[0]
+        shape = touching(gripper, 0.0, 1 if away > 0.015 else 0)
+        return replace(shape, converged=bool(away > 0.015 or gripper.position[0] < 0.015)), 0
+
+    shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
+    assert shape.converged and shape.jumped
+    assert [contact.obstacle for contact in shape.contacts] == [1]
+
+
+def test_what_leaps_in_one_half_of_a_step_is_looked_at_more_closely():
+    # both halves lead to where the step does, but all of the change is in one of them
+    def equilibrium(gripper, initial, far_end, most=np.inf):
+        here, there = initial.gripper.position[0], gripper.position[0]
+        leapt = shape_change(initial, bent(initial.gripper, 0.0)) > 0.01
+        if leapt or there - here > 0.004 and there > 0.012:
+            return touching(gripper, 0.05, 1), 0
+        return touching(gripper, 0.0, 0), 0
+
+    shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
+    assert [contact.obstacle for contact in shape.contacts] == [0] and not shape.jumped
+
+
+def test_a_contact_goes_in_a_short_step():
+    steps = []
+
+    def equilibrium(gripper, initial, far_end, most=np.inf):
+        touches = gripper.position[0] < 0.013
+        if initial.contacts and not touches:
+            steps.append(gripper.position[0] - initial.gripper.position[0])
+        return touching(gripper, 0.0, 0) if touches else bent(gripper, 0.04), 0
+
+    shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
+    assert min(steps) < 2e-3
+    assert shape.jumped and not shape.contacts  # by 0.04 rad in a step as short
 
 
 def test_a_long_step_in_contact_is_cut():

@@ -14,9 +14,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, parallel
-from dlo_planner.direct import setup
 from dlo_planner.direct.culling import Culled
-from dlo_planner.direct.stepping import Stepper
+from dlo_planner.direct.stepper import Stepper
 
 UP = (0, 0, 1)
 HOLE = CutOut(Pose.looking_along((0.9, -0.6, 0.8), (1, 0, 0)), radius=0.02)
@@ -64,7 +63,7 @@ def all_acts(monkeypatch):
 @pytest.fixture
 def free_alone(monkeypatch):
     """Have it fail where a step is made with all that may act."""
-    of_simulator, refused = setup.Setup._with_all, 'the step was made with what does not act'
+    of_simulator, refused = DirectSimulator._with_all, 'the step was made with what does not act'
 
     def with_all(simulator, *arguments):
         assert simulator.mesh.hangs, refused
@@ -73,7 +72,7 @@ def free_alone(monkeypatch):
     def step_from(*_):
         raise AssertionError(refused)
 
-    monkeypatch.setattr(setup.Setup, '_with_all', with_all)
+    monkeypatch.setattr(DirectSimulator, '_with_all', with_all)
     monkeypatch.setattr(Stepper, 'step_from', step_from)
 
 

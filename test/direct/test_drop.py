@@ -5,7 +5,7 @@
 import numpy as np
 
 from dlo_planner import DirectSimulator, Plane, Pose, Rod
-from dlo_planner.direct import stepping
+from dlo_planner.direct import stepper
 
 LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
 CABLE = Rod(1.0, 0.1, 0.02, 0.015, radius=0.005, damping=1e-3)
@@ -37,12 +37,12 @@ def test_the_error_of_a_drop_is_known():
 
 
 def test_few_steps_of_a_drop_are_made_in_vain(monkeypatch):
-    found, solve = [], stepping.solve
+    found, solve = [], stepper.solve
 
     def solved(*given):
         found.append(solve(*given))
         return found[-1]
-    monkeypatch.setattr(stepping, 'solve', solved)
+    monkeypatch.setattr(stepper, 'solve', solved)
     for friction in (0.0, 0.3):
         found.clear()
         motion = dropped(41, 0.01, friction)

@@ -4,6 +4,8 @@
 
 import numpy as np
 import pytest
+from friction_limits import column
+from random_falls import HOW, outcome, random_way
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
@@ -44,6 +46,20 @@ def test_what_it_hung_on_within_a_step_is_met():
     below = simulator.solve(Pose((0, 0, -0.8), LEVEL), above)
     assert not above.contacts and not below.contacts
     assert below.converged and below.jumped
+
+
+@pytest.mark.parametrize(('scene', 'kind'), [(58, 'converged'), (91, 'jumped')])
+def test_a_light_contact_leaps_to_no_other_branch_in_silence(scene, kind):
+    # a wire over a ball, in one step round to its other side; and off it, with hardly any energy
+    way = random_way(np.random.default_rng((0, scene)))
+    assert outcome(*way, HOW[scene % len(HOW)]) == kind
+
+
+@pytest.mark.parametrize('n_elements', [32, 64])
+def test_a_column_buckles_in_short_steps(n_elements):
+    # the plane in which it does is nearly neutral
+    how = {'basis': 'local', 'n_elements': n_elements}
+    assert column(0.2, 0.002, how, 0.01) == (0.0, '')
 
 
 def slip_of_an_elastica(mu, tilt):

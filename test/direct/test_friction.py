@@ -10,8 +10,8 @@ from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
-from dlo_planner.direct.bearing import corrected_by
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.step import corrected_by
 
 THIN = 5e-4
 ROD = Rod(1.0, 0.0, 1.0, 0.8, radius=THIN)

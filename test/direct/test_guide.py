@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Pose
-from dlo_planner.direct.guide import Guide
+from dlo_planner.direct.boundary_motion import Guide
 
 AXIS = np.array([1.0, 2.0, -2.0]) / 3
 

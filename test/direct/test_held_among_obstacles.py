@@ -9,8 +9,8 @@ import pytest
 from test_held import HERE, cable, poses
 
 from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod, Sphere
-from dlo_planner.energy.depth import depth
-from dlo_planner.energy.potential import placed
+from dlo_planner.energy.gap import penetration
+from dlo_planner.energy.potential import configuration_at
 
 PEG = Capsule((0.4, -1, -0.25), (0.4, 1, -0.25), 0.05)
 DEEP = (6, 8)  # poses in which a cable alone hangs through the peg's middle
@@ -97,9 +97,9 @@ def test_depth_against_many_points():
     direct = DirectSimulator(cable(1e2), basis='local', n_elements=40, obstacles=(PEG,))
     system = direct.mesh.system(np.eye(3), np.zeros(3))
     for curvature in (0.0, 1.0, 2.0, 3.0):
-        state = placed(system, np.tile([0.3, 0.2, -curvature], (40, 1)))
-        found = depth(system.scene, system.lengths, state.strains, state.rotations,
-                      state.positions)
+        state = configuration_at(system, np.tile([0.3, 0.2, -curvature], (40, 1)))
+        found = penetration(system.scene, system.lengths, state.strains, state.rotations,
+                            state.positions)
         shape_points = np.array([state.positions[e] + f * (state.positions[e + 1]
                                                            - state.positions[e])
                                  for e in range(40) for f in np.linspace(0, 1, 200)])

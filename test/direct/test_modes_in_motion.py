@@ -24,7 +24,7 @@ from dlo_planner import (
     Rod,
     Shape,
 )
-from dlo_planner.energy.potential import placed
+from dlo_planner.energy.potential import configuration_at
 
 DOWN = Pose.looking_along((0, 0, 0), (0, 0, -1))
 HANGING = {'bent': {}, 'curved': {'natural_curvature': (1.5, -1.0), 'natural_twist': 1.0,
@@ -146,7 +146,7 @@ def test_matrices_tell_the_same(basis):
     step = rng.normal(size=q.shape) / np.sqrt(q.size)
 
     def at(a):
-        return placed(system, mesh.strains_of(q + a * step))
+        return configuration_at(system, mesh.strains_of(q + a * step))
 
     up, down = at(1e-5), at(-1e-5)
     np.testing.assert_allclose((up.positions - down.positions) / 2e-5, J @ step.ravel(), atol=1e-8)

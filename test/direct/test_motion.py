@@ -33,7 +33,7 @@ from dlo_planner import (
     Pose,
     Rod,
 )
-from dlo_planner.direct.stepping import Stepper
+from dlo_planner.direct.stepper import Stepper
 
 
 @pytest.mark.parametrize('case', CASES)

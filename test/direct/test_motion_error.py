@@ -9,12 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Plane, Pose, Rod
 from dlo_planner.direct import dynamics
-from dlo_planner.direct.guide import Grips, Guide
+from dlo_planner.direct.boundary_motion import Grips, Guide
+from dlo_planner.direct.dynamics import Begun, finer_start
 from dlo_planner.direct.integrator import Scheme
-from dlo_planner.direct.leg import Limits, leg_of
-from dlo_planner.direct.motion_error import Begun, finer_start
-from dlo_planner.direct.setting_off import begin, renewed
-from dlo_planner.direct.stepping import Stepper
+from dlo_planner.direct.stepper import Limits, Stepper, begin, leg_of, renewed
 
 
 def lash(damping=0.0, seconds=0.6):

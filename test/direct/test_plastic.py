@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, InvalidRod, Plane, PointLoad, Pose, Rod
-from dlo_planner.energy.plastic import yielded
+from dlo_planner.energy.plastic import closest_point_projection
 
 HERE = Pose.identity()
 BENDING, TORSION = 1.3, 0.7
@@ -163,7 +163,7 @@ def test_projection_onto_an_ellipse_is_the_nearest_point(rng):
     for _ in range(200):
         k1, k2, l1, l2 = rng.uniform(0.1, 5, 4)
         d1, d2 = rng.normal(size=2) * 5
-        e1, e2, multiplier = yielded(d1, d2, k1, k2, l1, l2)
+        e1, e2, multiplier = closest_point_projection(d1, d2, k1, k2, l1, l2)
         if multiplier == 0:
             assert (e1, e2) == (d1, d2)
             continue

@@ -8,8 +8,8 @@ Romero et al. (2021), Physical validation of simulators in computer graphics; re
 
 import numpy as np
 import pytest
+from friction_limits import capstan
 from planar_rods import Planar, critical, level_cantilever
-from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from twisted_rods import arch_that_snaps, moment_that_buckles
 
@@ -174,27 +174,6 @@ def test_a_step_close_to_the_fold_takes_no_more_than_any_other():
         far_ends=[Pose((0.95, 0, 0), (0, 0, 0, 1))] * len(factors))
     assert all(shape.converged and not shape.jumped for shape in shapes[1:])
     assert max(shape.iterations for shape in shapes[-2:]) < 15  # a search used to take 1000
-
-
-def capstan(stiffness, friction, radius, turned):
-    """Return the force over the weight that is drawn over a bar, of a DLO that also bends.
-
-    On the bar its moment is EI / R, so no shear is in it, T grows as exp(mu phi). Where it leaves
-    the bar, at an angle d to the force in the free span, EI / (2 R^2) = F (1 - cos d): the first
-    integral of the elastica, as the span is long. There the reaction is a force at a point, too.
-    """
-    def leaves(force):
-        return np.arccos(1 - stiffness / (2 * radius**2 * force))
-
-    one = leaves(1.0)
-    tension = np.cos(one) + friction * np.sin(one)
-
-    def missed(force):
-        other = leaves(force)
-        inside = tension * np.exp(friction * (turned - one - other))
-        return inside - force * (np.cos(other) - friction * np.sin(other))
-
-    return brentq(missed, 1.0, 4.0)
 
 
 def test_a_dlo_comes_to_lie_round_a_bar_without_a_gap():

@@ -7,11 +7,9 @@ import pytest
 from motion_cases import tilted
 
 from dlo_planner import DirectSimulator, Rod
-from dlo_planner.direct.guide import Grips, Guide
+from dlo_planner.direct.boundary_motion import Grips, Guide
 from dlo_planner.direct.integrator import Scheme
-from dlo_planner.direct.leg import Limits, leg_of
-from dlo_planner.direct.setting_off import begin
-from dlo_planner.direct.stepping import Stepper
+from dlo_planner.direct.stepper import Limits, Stepper, begin, leg_of
 from dlo_planner.minimize.newton import newton
 
 

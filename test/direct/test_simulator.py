@@ -8,7 +8,7 @@ import pytest
 
 from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.state import State
+from dlo_planner.direct.shape import State
 
 
 @pytest.mark.parametrize(('options', 'named'), [

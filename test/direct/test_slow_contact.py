@@ -7,7 +7,7 @@ import pytest
 from random_slides import random_slide
 
 from dlo_planner import Cylinder, DirectSimulator, Plane, Pose, Rod
-from dlo_planner.direct.stepping import _pushed
+from dlo_planner.direct.stepper import _pushed
 
 LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
 

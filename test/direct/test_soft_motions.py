@@ -8,7 +8,7 @@ from motion_cases import LEVEL, tilted
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
-from dlo_planner.direct.books import entered
+from dlo_planner.direct.integrator import entered
 
 DT = 0.02
 

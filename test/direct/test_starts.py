@@ -24,7 +24,7 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.gap import signed_distance
 from dlo_planner.energy.scene import build_scene
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))

@@ -3,7 +3,7 @@
 """The way to where a step begins: in so many parts, and what is said where that is not enough."""
 
 from dlo_planner import Capsule, CutOut, DirectSimulator, Pose, Rod, Sheet
-from dlo_planner.direct import approach
+from dlo_planner.direct import step
 
 STRIP = Rod.rectangular(length=0.6, width=0.012, thickness=6e-4, density=7850.0,
                         youngs_modulus=200e9, poisson_ratio=0.3)
@@ -20,12 +20,12 @@ def grippers(count):
 
 
 def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
-    made, relax = [], approach.solve
+    made, relax = [], step.solve
 
     def counted(*arguments):
         made.append(None)
         return relax(*arguments)
-    monkeypatch.setattr(approach, 'solve', counted)
+    monkeypatch.setattr(step, 'solve', counted)
     among = DirectSimulator(STRIP, obstacles=[Sheet.around(HOLE, thickness=0.0), BAR])
     start, *before, last = grippers(4)
     shape = DirectSimulator(STRIP).solve(start)
@@ -34,7 +34,7 @@ def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
     made.clear()
     arrived = among.solve(last, shape)
     assert arrived.converged and not arrived.jumped and len(made) > 100  # along the rim
-    monkeypatch.setattr(approach, '_MORE_PARTS', 20)
+    monkeypatch.setattr(step, '_MORE_PARTS', 20)
     made.clear()
     stuck = among.solve(last, shape)
     assert len(made) == 21

@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Plane, Rod, Sphere
-from dlo_planner.energy.contact import Contacts
+from dlo_planner.energy.contact import ContactSet
+from dlo_planner.energy.gap import closest_point_in_element
 from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.rolling import nearest_inside
-from dlo_planner.energy.system import new_state
-from dlo_planner.minimize.linear import assemble, multiply, new_hessian
+from dlo_planner.energy.problem import new_configuration
+from dlo_planner.minimize.hessian import assemble, multiply, new_hessian
 
 RADIUS, HEIGHT, STIFF, GRIP = 0.01, 0.3, 50.0, 20.0
 ROD = Rod(1.0, 0.0, 1.0, 0.7, radius=RADIUS)
@@ -21,13 +21,13 @@ NODES = 5
 
 def straight(node=(0, 0, 0, 0, 0), element=(), obstacle=(), multiplier=(), fraction=(), anchor=(),
              obstacles=(FLOOR,), height=HEIGHT):
-    """Return the System of a level straight DLO of 4 elements above obstacles, with contacts."""
+    """Return the Problem of a level straight DLO of 4 elements above obstacles, with contacts."""
     c = len(element)
-    contacts = Contacts(STIFF, np.tile(np.array(node, dtype=float), (len(obstacles), 1)),
-                        np.array(element, dtype=np.int64), np.array(obstacle, dtype=np.int64),
-                        np.array(multiplier, dtype=float), np.array(fraction, dtype=float),
-                        np.array(anchor, dtype=float).reshape(c, 3),
-                        np.tile([0.0, 0.0, 1.0], (c, 1)), np.zeros((c, 3)), GRIP)
+    contacts = ContactSet(STIFF, np.tile(np.array(node, dtype=float), (len(obstacles), 1)),
+                          np.array(element, dtype=np.int64), np.array(obstacle, dtype=np.int64),
+                          np.array(multiplier, dtype=float), np.array(fraction, dtype=float),
+                          np.array(anchor, dtype=float).reshape(c, 3),
+                          np.tile([0.0, 0.0, 1.0], (c, 1)), np.zeros((c, 3)), GRIP)
     direct = DirectSimulator(ROD, basis='local', n_elements=4, gravity=(0, 0, 0),
                              obstacles=obstacles)
     system = direct.mesh.system(np.eye(3), (0, 0, height))
@@ -35,7 +35,7 @@ def straight(node=(0, 0, 0, 0, 0), element=(), obstacle=(), multiplier=(), fract
 
 
 def at_rest(system):
-    state = new_state(system)
+    state = new_configuration(system)
     return evaluate(system, state)[0], state
 
 
@@ -71,7 +71,7 @@ def test_forces_of_points_that_have_rolled_past_each_other_are_the_potentials_sl
     system = straight(element=[0, 1, 3], obstacle=[0, -1, 1], multiplier=[12.0, 0.4, 15.0],
                       fraction=[0, 0.3, 0], anchor=[[0, 0, 0], [0.3, 0.1, 0.6], [0, 0, 0]],
                       obstacles=balls)
-    state = new_state(system)
+    state = new_configuration(system)
     q = np.random.default_rng(0).normal(size=(4, 3)) * 1e-2
     state.q[:] = q
     evaluate(system, state)
@@ -114,7 +114,7 @@ def test_friction_sticks_up_to_its_limit_and_then_pulls_evenly():
 
 def test_a_state_forgets_what_touched_before():
     pressed, free = straight([0, 30, 30, 0, 30]), straight()
-    state, fresh = new_state(pressed), new_state(free)
+    state, fresh = new_configuration(pressed), new_configuration(free)
     for _ in range(2):
         evaluate(pressed, state)
         once = state.attached.spring.copy()
@@ -133,8 +133,8 @@ def test_the_nearest_point_of_an_element_that_comes_down_is_its_end(tilt, end):
     turn = Rotation.from_rotvec([0, -tilt, 0]).as_matrix()
     rotations = np.tile(turn, (NODES, 1, 1))
     positions = np.linspace(0, 1, NODES)[:, None] * turn[:, 0]
-    gap, fraction = nearest_inside(system.scene, 0, 1, lengths, strains, rotations, positions,
-                                   np.empty(3), np.empty((3, 3)))
+    gap, fraction = closest_point_in_element(system.scene, 0, 1, lengths, strains, rotations,
+                                             positions, np.empty(3), np.empty((3, 3)))
     assert fraction == end
     assert gap == pytest.approx(HEIGHT + 0.25 * (1 + end) * np.sin(tilt) - RADIUS)
 
@@ -148,7 +148,7 @@ def test_the_nearest_point_of_a_sagging_arc_is_its_lowest():
     turn = Rotation.from_rotvec([0, start, 0]).as_matrix()
     rotations, positions = np.tile(turn, (NODES, 1, 1)), np.zeros((NODES, 3))
     normal, bend = np.empty(3), np.empty((3, 3))
-    gap, fraction = nearest_inside(system.scene, 0, 0, system.lengths, strains, rotations,
-                                   positions, normal, bend)
+    gap, fraction = closest_point_in_element(system.scene, 0, 0, system.lengths, strains, rotations,
+                                             positions, normal, bend)
     assert fraction == pytest.approx(start / curvature / 0.25, abs=1e-9)
     assert gap == pytest.approx(HEIGHT - (1 - np.cos(start)) / curvature - RADIUS, abs=1e-12)

@@ -7,9 +7,9 @@ import pytest
 from scipy.optimize import minimize
 
 from dlo_planner import Box, Capsule, CutOut, Cylinder, InvalidTask, Plane, Pose, Sheet, Sphere
-from dlo_planner.energy.distance import signed_distance
+from dlo_planner.energy.gap import signed_distance
 from dlo_planner.energy.scene import build_scene
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 
 POSE = Pose((0.1, -0.2, 0.3), (0.2, -0.1, 0.4, 0.8))
 ROUND = CutOut(Pose.from_rotation(POSE.position + POSE.rotation @ [0, 0.1, 0.05], POSE.rotation),

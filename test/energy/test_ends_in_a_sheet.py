@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, Pose, Sheet
-from dlo_planner.energy.passage import passes_through
+from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.scene import build_scene
 
 HOLES = tuple(CutOut(Pose.looking_along((0, y, 0), (1, 0, 0)), radius=0.05) for y in (0.0, 0.2))
@@ -27,4 +27,4 @@ def test_an_end_in_the_plane_of_a_hole(end, tip, through):
     lengths, strains = np.full(8, 1 / 8), np.zeros((8, 3))
     rotations = np.tile(np.eye(3), (9, 1, 1))
     old, new = straight((end, 0, 0)), straight(tip)
-    assert passes_through(scene, lengths, strains, rotations, old, rotations, new) == through
+    assert sweeps_through(scene, lengths, strains, rotations, old, rotations, new) == through

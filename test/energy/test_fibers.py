@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import Rod
-from dlo_planner.energy.plastic import add_plastic, settled
-from dlo_planner.energy.yielding import yielding_layers
+from dlo_planner.energy.plastic import add_plastic, return_map, yielding_layers
 
 MATERIAL = {'density': 8960.0, 'youngs_modulus': 110e9, 'poisson_ratio': 0.34,
             'yield_stress': 60e6}
@@ -72,7 +71,7 @@ class OneElement:
         strains, zero, gradient = np.array([strain]), np.zeros((1, 3)), np.zeros((1, 3))
         length = np.ones(1)
         add_plastic(length, strains, zero, self.layers, gradient)
-        new, lost = settled(length, strains, zero, self.layers)
+        new, lost = return_map(length, strains, zero, self.layers)
         assert lost >= 0
         self.lost += lost
         self.layers = self.layers._replace(set=new)

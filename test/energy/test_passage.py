@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import Box, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, Sphere
-from dlo_planner.energy.passage import passes_through
+from dlo_planner.energy.ccd import sweeps_through
 
 RADIUS = 0.002
 TURNED = Pose((0.3, -0.2, 0.1), (0.2, -0.1, 0.4, 0.8))  # nothing may depend on the axes
@@ -25,7 +25,7 @@ def runs_through(obstacle, old, new):
     for k, along in enumerate(np.diff(old, axis=0)):
         rotations[k] = Pose.looking_along((0, 0, 0), along).rotation
     rotations[n] = rotations[n - 1]
-    return passes_through(scene, lengths, np.zeros((n, 3)), rotations, old - origin, rotations,
+    return sweeps_through(scene, lengths, np.zeros((n, 3)), rotations, old - origin, rotations,
                           new - origin)
 
 

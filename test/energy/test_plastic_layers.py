@@ -9,11 +9,12 @@ from dlo_planner import Rod
 from dlo_planner.energy.plastic import (
     add_plastic,
     add_plastic_stiffness,
+    closest_point_projection,
+    elastic_part,
+    return_map,
     set_strains,
-    settled,
-    yielded,
+    yielding_layers,
 )
-from dlo_planner.energy.yielding import elastic_part, yielding_layers
 
 LENGTHS = np.array([0.1, 0.3, 0.2])
 STIFFNESS = np.array([[0.4, 0.7, 2.0], [0.3, 0.9, 1.0], [0.2, 0.5, 3.0]])
@@ -74,7 +75,7 @@ def test_inside_its_limits_a_section_is_elastic_about_its_set(layers, rod, rng):
     np.testing.assert_allclose(gradient, wanted, atol=1e-14)
     # the rest of the energy is locked in by sets that differ from fiber to fiber
     assert energy - gradient_and_energy(free, natural, layers, rod)[1] == pytest.approx(stored)
-    new, lost = settled(LENGTHS, strains, natural, layers)
+    new, lost = return_map(LENGTHS, strains, natural, layers)
     np.testing.assert_array_equal(new, layers.set)
     assert lost == 0
     np.testing.assert_allclose(stiffness_of(strains, natural, layers, rod),
@@ -85,7 +86,7 @@ def test_a_step_stores_and_loses_what_it_costs(layers, rod, rng):
     strains, natural, layers = given(rng, layers, 2.0)
     before = layers.set.copy()
     gradient, energy = gradient_and_energy(strains, natural, layers, rod)
-    new, lost = settled(LENGTHS, strains, natural, layers)
+    new, lost = return_map(LENGTHS, strains, natural, layers)
     np.testing.assert_array_equal(layers.set, before)  # the step may still be made again
     after = layers._replace(set=new)
     moment, stored = gradient_and_energy(strains, natural, after, rod)
@@ -93,7 +94,7 @@ def test_a_step_stores_and_loses_what_it_costs(layers, rod, rng):
     assert energy == pytest.approx(stored + lost)
     np.testing.assert_allclose(moment, gradient, atol=1e-12)
     # and there it stays
-    again, more = settled(LENGTHS, strains, natural, after)
+    again, more = return_map(LENGTHS, strains, natural, after)
     np.testing.assert_allclose(again, new, atol=1e-12)
     assert more == pytest.approx(0, abs=1e-12)
 
@@ -117,8 +118,8 @@ def test_what_is_just_outside_comes_back_to_the_ellipse(size, rng):
     for angle in np.linspace(0, 2 * np.pi, 12):
         k1, k2, l1, l2 = rng.uniform(0.1, 5, 4)
         d1, d2 = l1 * size * np.cos(angle), l2 * size * np.sin(angle)
-        e1, e2, multiplier = yielded(d1, d2, k1, k2, l1, l2)
+        e1, e2, multiplier = closest_point_projection(d1, d2, k1, k2, l1, l2)
         assert multiplier > 0
         assert np.hypot(e1 / l1, e2 / l2) == pytest.approx(1, abs=1e-13)
         inside = (d1 / size * (1 - 1e-9), d2 / size * (1 - 1e-9))
-        assert yielded(*inside, k1, k2, l1, l2) == (*inside, 0.0)
+        assert closest_point_projection(*inside, k1, k2, l1, l2) == (*inside, 0.0)

@@ -7,11 +7,11 @@ import pytest
 from test_potential import BASE, at, broad, discretized
 
 from dlo_planner import Box, Capsule, CutOut, Cylinder, Plane, Pose, Rod, Sheet, Sphere
-from dlo_planner.energy.contact import Contacts
-from dlo_planner.energy.rolling import watched
+from dlo_planner.energy.contact import ContactSet
+from dlo_planner.energy.gap import closest_point
+from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.scene import AXIS
-from dlo_planner.energy.system import new_state
-from dlo_planner.minimize.linear import assemble, multiply, new_hessian
+from dlo_planner.minimize.hessian import assemble, multiply, new_hessian
 
 HOLE = CutOut(Pose.looking_along((0.1, 0.2, 0.3), (1, 1, 0)), radius=0.15)
 OBSTACLES = {'plane': Plane((0, 0, -0.3), (0.1, 0, 1)), 'sphere': Sphere((0.2, 0.1, 0.1), 0.1),
@@ -24,13 +24,13 @@ POINTS = 4
 
 
 def rolling(obstacles, basis, rng, tapers):
-    """Return a System in which points that roll push, from wherever they begin."""
+    """Return a Problem in which points that roll push, from wherever they begin."""
     system = discretized(ROD, basis, obstacles=obstacles).system(BASE, (0.1, 0, 0.2))
     none = np.zeros((POINTS, 3))
-    contacts = Contacts(2.0, np.zeros((len(obstacles), 10)),
-                        np.sort(rng.integers(0, 9, POINTS)),
-                        rng.integers(0, len(obstacles), POINTS), rng.uniform(1, 2, POINTS),
-                        np.zeros(POINTS), none, none, none, 0.5)
+    contacts = ContactSet(2.0, np.zeros((len(obstacles), 10)),
+                          np.sort(rng.integers(0, 9, POINTS)),
+                          rng.integers(0, len(obstacles), POINTS), rng.uniform(1, 2, POINTS),
+                          np.zeros(POINTS), none, none, none, 0.5)
     system = system._replace(contacts=contacts)
     if tapers:
         system = system._replace(scene=system.scene._replace(
@@ -46,8 +46,9 @@ def pierced(system, state):
     scene, contacts = system.scene, system.contacts
     for c in range(contacts.element.size):
         o = contacts.obstacle[c]
-        gap, e, fraction = watched(scene, contacts, c, system.lengths, state.strains,
-                                   state.rotations, state.positions, np.empty(3), np.empty((3, 3)))
+        gap, e, fraction = closest_point(scene, contacts, c, system.lengths, state.strains,
+                                         state.rotations, state.positions, np.empty(3),
+                                         np.empty((3, 3)))
         radius = scene.radius
         if scene.radii.shape[0]:
             radius = scene.radii[e, 0] + fraction * (scene.radii[e, 1] - scene.radii[e, 0])
@@ -81,7 +82,7 @@ def test_a_point_that_rolls_pushes_by_the_slope_of_its_potential(kind, basis, ta
     for seed in range(30):
         rng = np.random.default_rng(seed)
         system = rolling(obstacles, basis, rng, tapers)
-        q = rng.normal(size=new_state(system).q.shape)
+        q = rng.normal(size=new_configuration(system).q.shape)
         if pierced(system, at(system, q)[1]):
             continue
         compare(system, q, rng)
@@ -94,7 +95,7 @@ def test_the_nearest_place_of_an_edge_stays_where_it_was_found(curly, seed):
     # once found, its rounding errors made the search go on in the rest of the element
     rng = np.random.default_rng(seed)
     system = broad(curly, 'local', rng)
-    compare(system, rng.normal(size=new_state(system).q.shape), rng)
+    compare(system, rng.normal(size=new_configuration(system).q.shape), rng)
 
 
 def test_the_nearest_place_is_found_where_the_curvature_of_the_distance_jumps():
@@ -102,6 +103,6 @@ def test_the_nearest_place_is_found_where_the_curvature_of_the_distance_jumps():
     for seed in range(200):
         rng = np.random.default_rng(seed)
         system = rolling([OBSTACLES['sheet'], OBSTACLES['box']], 'local', rng, tapers=True)
-        q = rng.normal(size=new_state(system).q.shape)
+        q = rng.normal(size=new_configuration(system).q.shape)
         if not pierced(system, at(system, q)[1]):
             compare(system, q, rng)

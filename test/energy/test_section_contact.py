@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, Sphere
-from dlo_planner.energy.outline import gap_at
+from dlo_planner.energy.gap import gap_at
 from dlo_planner.energy.scene import build_scene
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 
 WIDTH, THICK = 0.02, 0.0005
 STRIP = Rod.rectangular(0.4, WIDTH, THICK, 7800.0, 2e11, 0.3)

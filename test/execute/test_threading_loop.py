@@ -4,11 +4,16 @@
 
 from dataclasses import replace
 
-from closed_loops import SPREAD
-from threadings_at_rest import KINDS, STATED, World, threaded
+import numpy as np
+import pytest
+from closed_loops import SPREAD, WIRE
+from threadings_at_rest import KINDS, RADIUS, STATED, World, threaded
 
+from dlo_planner import DirectSimulator, Infeasible, InverseSimulator, Sphere
+from dlo_planner.cell.tasks import draw_task
+from dlo_planner.execute.threading_loop import Threading, way_back, way_to_standoff
 from dlo_planner.identify.closed_loop import Phase
-from dlo_planner.identify.observing import Seeing
+from dlo_planner.identify.observing import Observing, Seeing
 
 
 def phases(came):
@@ -47,3 +52,21 @@ def test_a_robot_that_wanders_too_far_is_not_let_in():
     assert came.end is Phase.STOP
     assert came.depth == 0
     assert 'may miss the center' in came.reason
+
+
+def test_motions_stay_clear_of_what_is_around():
+    simulator, drawn = DirectSimulator(WIRE), draw_task(0, 'wire 1.5', RADIUS)
+    estimate = Observing(simulator, Seeing(SPREAD)).estimate
+
+    def among(*obstacles):
+        return Threading(InverseSimulator(DirectSimulator(WIRE, obstacles=obstacles)),
+                         drawn.cutout, np.linspace(0, 0.4, 9), 0.05)
+
+    free = way_to_standoff(among(), estimate, drawn.start).trajectory
+    poses = free.poses(np.linspace(0.0, free.duration, 5))
+    shapes = simulator.track(poses)
+    beside = Sphere(drawn.cutout.center + (0.0, 0.0, 2.0), 0.1)
+    back = way_back(among(beside), estimate, poses, shapes[0]).trajectory.motion
+    assert 0.5 < back.clearance < 3.0
+    with pytest.raises(Infeasible, match='in motion'):
+        way_back(among(Sphere(shapes[2].positions[-1], 0.01)), estimate, poses, shapes[0])

@@ -20,7 +20,7 @@ from dlo_planner import (
     Uncertainty,
     fit_rod,
 )
-from dlo_planner.direct.guide import Guide
+from dlo_planner.direct.boundary_motion import Guide
 from dlo_planner.identify.misfit import seen_in
 from dlo_planner.identify.observed import Observed
 from dlo_planner.identify.unknowns import Unknowns

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tasks as penalties: found exactly where they can be, slopes against differences, errors named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -33,8 +35,10 @@ from dlo_planner import (
 )
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.solvers.penalty_function import PenaltyFunction
+from dlo_planner.plan.builder import PlanRequirements
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.requirements import STABILITY
+from dlo_planner.plan.waypoint import Waypoint
 
 STIFF = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), radius=0.003)
 START = Pose((0, 0, 1), (0, 0, 0, 1))
@@ -264,6 +268,15 @@ def test_a_plan_stands_as_well_as_is_required():
         assert refused.value.amount == pytest.approx(least - stability, rel=1e-3)
     with pytest.raises(InvalidTask, match=r'Requirements\.stability'):
         Requirements(stability=-1.0)
+
+
+@pytest.mark.parametrize('stability', [0.9 * STABILITY, -1e-8, np.nan])
+def test_no_waypoint_is_less_stable_than_the_margin(stability):
+    shape = DirectSimulator(STIFF, n_elements=32).solve(START)
+    demands = PlanRequirements((1.0, 1.0), stability=Requirements().stability)
+    assert demands.violation(Waypoint(replace(shape, stability=1.1 * STABILITY))) is None
+    constraint, _, text = demands.violation(Waypoint(replace(shape, stability=stability)))
+    assert constraint == 'stability' and '0.0003 is required' in text
 
 
 def test_a_least_penalty_keeps_the_workspace():

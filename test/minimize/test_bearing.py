@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Pose, Rod, Sheet
-from dlo_planner.direct.bearing import bearing_on, corrected_by
-from dlo_planner.direct.one_step import past_of
 from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, shape_of
+from dlo_planner.direct.step import bearing_on, corrected_by, past_of
 from dlo_planner.minimize.bearing import carried
 from dlo_planner.minimize.multipliers import carried_newton
 

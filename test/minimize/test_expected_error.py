@@ -9,9 +9,9 @@ from kirchhoff import true_rod
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import equilibrium
+from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.minimize.expected_error import foresee, resampled_means
 from dlo_planner.model.value import freeze
-from dlo_planner.ritz.grading import even_shares
 
 PLAIN = Rod(1.0, 1.0, 1.0, 0.7)
 TWISTED = Rod(1.0, 2.0, (1.0, 2.5), 0.5, natural_curvature=(1.0, -2.0), natural_twist=1.5)
@@ -99,9 +99,9 @@ def test_a_mesh_that_shares_out_the_error_has_no_grading_left(rng):
     def strains(s):
         return np.column_stack([0 * s, np.tanh(20 * (s - 0.3)), 0.2 * s])
 
-    shares = even_shares(np.diff(s), strains(middle))
+    shares = equidistribute(np.diff(s), strains(middle))
     assert shares[0] == 0.0 and shares[-1] == 1.0 and (np.diff(shares) > 0).all()
     rate = np.hypot(20 / np.cosh(20 * (middle - 0.3)) ** 2, 0.2)
     density = np.cbrt(rate) / np.mean(np.cbrt(rate)) + 0.5
     np.testing.assert_allclose(np.diff(shares), density / density.sum(), rtol=2e-2)
-    assert (even_shares(np.diff(s), np.ones((400, 3))) == pytest.approx(s, abs=1e-12))
+    assert (equidistribute(np.diff(s), np.ones((400, 3))) == pytest.approx(s, abs=1e-12))

@@ -9,13 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
-from dlo_planner.direct import holding, one_step, statics
-from dlo_planner.energy.hold import fill_miss
-from dlo_planner.energy.potential import evaluate, placed
-from dlo_planner.energy.system import new_state, regripped_system
-from dlo_planner.minimize.holding import fill_rows_of_turns
-from dlo_planner.minimize.linear import assemble, new_hessian
-from dlo_planner.model.far_end import GRIPS
+from dlo_planner.direct import statics, step
+from dlo_planner.energy.grip import constraint_value
+from dlo_planner.energy.potential import configuration_at, evaluate
+from dlo_planner.energy.problem import new_configuration, with_gripper_and_grip
+from dlo_planner.minimize.hessian import assemble, new_hessian
+from dlo_planner.minimize.kkt import fill_rows_of_turns
+from dlo_planner.model.supports import GRIPS
 
 SIMULATORS = ({'basis': 'local', 'n_elements': 32}, {'n_elements': 32}, {})
 
@@ -43,7 +43,7 @@ def drawn(rng, grip, **options):
 @pytest.mark.parametrize('grip', GRIPS)
 @pytest.mark.parametrize('options', SIMULATORS)
 def test_it_finds_what_the_thorough_search_finds(grip, options, rng, monkeypatch):
-    quick, look = [], one_step.holding_on
+    quick, look = [], step.holding_on
 
     def watched(*given):
         quick.append(look(*given) is not None)
@@ -54,9 +54,9 @@ def test_it_finds_what_the_thorough_search_finds(grip, options, rng, monkeypatch
         if not shape.converged or shape.stability < 0.02:
             continue
         with monkeypatch.context() as patch:
-            patch.setattr(one_step, 'holding_on', watched)
+            patch.setattr(step, 'holding_on', watched)
             found = simulator.solve(gripper, shape, far_end=end)
-            patch.setattr(one_step, 'holding_on', lambda *_: None)
+            patch.setattr(step, 'holding_on', lambda *_: None)
             true = simulator.solve(gripper, shape, far_end=end)
         assert found.converged and true.converged and found.jumped == true.jumped
         np.testing.assert_allclose(found.positions, true.positions, rtol=0, atol=3e-9)
@@ -76,7 +76,7 @@ def test_two_millimeters_take_three_steps_and_no_way_in_parts(monkeypatch):
     wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
     simulator, gripper = DirectSimulator(wire, n_elements=64), Pose((0, 0, 1), (0, 0, 0, 1))
     known = simulator.solve(gripper, far_end=Pose((0.8, 0, 1), (0, 0, 0, 1)))
-    monkeypatch.setattr(one_step, 'advance_boundary', None)  # the way in parts begins with it
+    monkeypatch.setattr(step, 'advance_boundary', None)  # the way in parts begins with it
     shape = simulator.solve(gripper, known, far_end=Pose((0.802, 0, 1.001), (0, 0, 0, 1)))
     assert shape.converged and shape.iterations <= 3
     again = simulator.solve(gripper, shape, far_end=shape.far_end)
@@ -101,9 +101,9 @@ def test_a_finer_mesh_goes_on_from_a_coarser_one(rng, monkeypatch):
     simulator, shape, _, _ = drawn(rng, 'clamped', basis='local', n_elements=32)
     fine = DirectSimulator(simulator.rod, basis='local', n_elements=200)
     with monkeypatch.context() as patch:
-        patch.setattr(one_step, 'holding_on', lambda *_: None)
+        patch.setattr(step, 'holding_on', lambda *_: None)
         true = fine.solve(shape.gripper, shape, far_end=shape.far_end)
-    monkeypatch.setattr(one_step, 'advance_boundary', None)
+    monkeypatch.setattr(step, 'advance_boundary', None)
     found = fine.solve(shape.gripper, shape, far_end=shape.far_end)
     np.testing.assert_allclose(found.positions, true.positions, rtol=0, atol=1e-9)
 
@@ -114,8 +114,8 @@ def test_what_moves_far_is_led_there(away):
     here = Pose((0, 0, 0), (0, 0, 0, 1))
     known = simulator.solve(here, far_end=(0.8, 0, 0))
     end = FarEnd.of((0.8 + away, 0, 0))
-    past = one_step.past_of(simulator.mesh, known, None)
-    assert holding.holding_on(simulator.mesh, here, known, end, past) is None
+    past = step.past_of(simulator.mesh, known, None)
+    assert step.holding_on(simulator.mesh, here, known, end, past) is None
     assert simulator.solve(here, known, far_end=end).converged
 
 
@@ -128,7 +128,7 @@ def test_a_saddle_between_two_grips_is_left_to_the_thorough_search():
     for pressed, stable in ((0.9, True), (1.1, False)):  # of the Euler load
         forces = np.zeros(5)
         forces[2] = pressed * 4 * np.pi**2  # N
-        found = holding.holding_on(simulator.mesh, here, known, straight.far_end,
+        found = step.holding_on(simulator.mesh, here, known, straight.far_end,
                                    simulator.mesh.start.leaving(hold=forces))
         assert (found is not None) == stable
 
@@ -139,18 +139,18 @@ def test_the_rows_of_a_grip_are_its_derivatives(basis, grip, rng):
     simulator, shape, gripper, end = drawn(rng, grip, basis=basis, n_elements=12)
     mesh = simulator.mesh
     held = mesh.system(gripper.rotation, gripper.position, None, end)
-    system = regripped_system(mesh.full, held.base, held.hold)
-    state = placed(system, np.array(shape.element_strains))
+    system = with_gripper_and_grip(mesh.full, held.base, held.hold)
+    state = configuration_at(system, np.array(shape.element_strains))
     hessian = new_hessian(system)
     assemble(system, state, hessian)
     rows = np.empty((held.hold.multiplier.size, *state.q.shape))
     fill_rows_of_turns(system, state, hessian.twist_jacobian, rows)
 
     def missed(q):
-        there, out = new_state(system), np.empty(len(rows))
+        there, out = new_configuration(system), np.empty(len(rows))
         there.q[:] = q
         evaluate(system, there)
-        fill_miss(system.hold, there.rotations[-1].copy(), there.positions[-1].copy(), out)
+        constraint_value(system.hold, there.rotations[-1].copy(), there.positions[-1].copy(), out)
         return out
 
     along = rng.normal(size=state.q.shape)

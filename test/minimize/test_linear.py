@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import FarEnd, Rod
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.inertia import Anchor
+from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.system import new_state
-from dlo_planner.minimize.linear import (
+from dlo_planner.energy.problem import new_configuration
+from dlo_planner.minimize.hessian import (
     assemble,
     assembled_definite,
     factorize,
@@ -21,8 +21,8 @@ from dlo_planner.minimize.linear import (
     solve,
     solve_held,
 )
+from dlo_planner.minimize.lanczos import largest_eigenvalue, lowest_mode
 from dlo_planner.minimize.newton import newton
-from dlo_planner.minimize.spectrum import largest_eigenvalue, lowest_mode
 
 
 def matrix_of(system, hessian, state):
@@ -44,9 +44,9 @@ def problem(request, curly, rng):
     discretization = Discretization(around, s * 1.3 / s[-1], basis, 6)
     system = discretization.system(np.eye(3))
     if anchored:
-        system = system._replace(anchor=Anchor(rng.normal(size=(15, 3)),
-                                               rng.uniform(0, 3, size=15)))
-    state = new_state(system)
+        system = system._replace(anchor=InertiaTerm(rng.normal(size=(15, 3)),
+                                                    rng.uniform(0, 3, size=15)))
+    state = new_configuration(system)
     state.q[:] = rng.normal(size=state.q.shape)
     evaluate(system, state)
     hessian = new_hessian(system)
@@ -74,7 +74,7 @@ def test_one_sweep_finds_what_assembling_and_factorizing_do(basis, gravity, curl
                           np.sort(np.append([0.0, 1.3], rng.uniform(0.1, 1.2, 12))), basis, 6)
     system = mesh.system(Rotation.from_rotvec(rng.normal(size=3)).as_matrix())
     for size in (0.03, 0.3, 1.0):
-        state = new_state(system)
+        state = new_configuration(system)
         state.q[:] = size * rng.normal(size=state.q.shape)
         evaluate(system, state)
         at_once, apart = new_hessian(system), new_hessian(system)
@@ -138,9 +138,9 @@ def test_the_search_for_the_lowest_mode_does_not_end_where_it_only_rests():
 def test_largest_turn_is_that_of_any_node(problem, rng):
     # against the rotations themselves, also where the nodes beyond turn back
     system, hessian, _ = problem
-    q = rng.normal(size=new_state(system).q.shape)
+    q = rng.normal(size=new_configuration(system).q.shape)
     m = len(q)
-    here = new_state(system)
+    here = new_configuration(system)
     here.q[:] = q
     evaluate(system, here)
     assemble(system, here, hessian)
@@ -150,7 +150,7 @@ def test_largest_turn_is_that_of_any_node(problem, rng):
             step[m // 2:] = -step[:m // 2][::-1]
         turns = []
         for sign in (1, -1):
-            state = new_state(system)
+            state = new_configuration(system)
             state.q[:] = q + sign * 1e-6 * step
             evaluate(system, state)
             turns.append(state.rotations)
@@ -165,7 +165,7 @@ def test_a_pivot_of_zero_is_survived(basis):
     rod = Rod(1.0, 0.0, 1.0, 1.0)
     around = Surroundings(rod, np.zeros(3))
     system = Discretization(around, np.linspace(0, 1, 9), basis, 4).system(np.eye(3))
-    state = new_state(system)
+    state = new_configuration(system)
     evaluate(system, state)
     hessian = new_hessian(system)
     assemble(system, state, hessian)
@@ -185,7 +185,7 @@ def test_a_pivot_of_zero_lets_no_number_overflow():
     around = Surroundings(rod, np.zeros(3))
     mesh = Discretization(around, np.linspace(0, 1, 9), 'local', 4)
     system = mesh.system(np.eye(3), np.zeros(3), None, FarEnd.of((0.9, 0.0, 0.1)))
-    state = new_state(system)
+    state = new_configuration(system)
     evaluate(system, state)
     hessian = new_hessian(system)
     assemble(system, state, hessian)

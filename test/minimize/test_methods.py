@@ -7,13 +7,18 @@ import pytest
 from scipy.optimize import rosen, rosen_der
 
 from dlo_planner import DirectSimulator, Pose, Rod
-from dlo_planner.minimize.dfp import dfp
-from dlo_planner.minimize.downhill_simplex import downhill_simplex, quadratic_surface, slope
-from dlo_planner.minimize.line_search import Point, along
+from dlo_planner.minimize.classic import (
+    Objective,
+    Point,
+    along,
+    dfp,
+    downhill_simplex,
+    quadratic_surface,
+    slope,
+)
 from dlo_planner.minimize.newton import newton
-from dlo_planner.minimize.protocol import Problem
 
-ROSENBROCK = Problem(rosen, lambda q: (rosen(q), rosen_der(q)), 1.0)
+ROSENBROCK = Objective(rosen, lambda q: (rosen(q), rosen_der(q)), 1.0)
 TILTED = Pose((0, 0, 1), (0.1, -0.2, 0.05, 0.97))
 
 
@@ -28,9 +33,9 @@ def test_dfp_learns_the_inverse_hessian_of_a_quadratic(rng):
     root = rng.normal(size=(6, 6))
     matrix = np.eye(6) + 0.3 * root @ root.T
     center = rng.normal(size=6)
-    problem = Problem(lambda q: 0.5 * (q - center) @ matrix @ (q - center),
-                      lambda q: (0.5 * (q - center) @ matrix @ (q - center),
-                                 matrix @ (q - center)), 1.0)
+    problem = Objective(lambda q: 0.5 * (q - center) @ matrix @ (q - center),
+                        lambda q: (0.5 * (q - center) @ matrix @ (q - center),
+                                   matrix @ (q - center)), 1.0)
     found = dfp(problem, np.zeros(6), 1e-12)
     np.testing.assert_allclose(found.q, center, atol=1e-10)
     assert found.iterations < 30
@@ -117,8 +122,8 @@ def test_a_line_search_goes_by_the_slope_where_values_are_rounded():
 def test_dfp_ends_at_rounding_errors_of_the_gradient():
     # a quadratic on a large constant: values tell the minimum to 1e-5 only
     curvatures = np.geomspace(1, 1e4, 12)
-    problem = Problem(lambda q: 1e4 + 0.5 * curvatures @ q**2,
-                      lambda q: (1e4 + 0.5 * curvatures @ q**2, curvatures * q), 1.0)
+    problem = Objective(lambda q: 1e4 + 0.5 * curvatures @ q**2,
+                        lambda q: (1e4 + 0.5 * curvatures @ q**2, curvatures * q), 1.0)
     found = dfp(problem, np.ones(12), 1e-11)
     assert np.linalg.norm(curvatures * found.q) < 1e-11
     assert found.evaluations < 300

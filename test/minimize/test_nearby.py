@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod
-from dlo_planner.energy.inertia import Anchor
-from dlo_planner.minimize.nearby import nearby
-from dlo_planner.minimize.newton import newton
+from dlo_planner.energy.inertia import InertiaTerm
+from dlo_planner.minimize.newton import new_workspace, newton, newton_descent, next_to
 
 LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
 DOWN = Pose.looking_along((0, 0, 0), (0, 0, 1))  # a wire that stands
+
+
+def nearby(system, q, tolerance, check=True):
+    """Return whether what is near is found, and what is."""
+    state, residual, stability, steps, *_ = newton_descent(
+        system, q, next_to(tolerance, 0.0, check, False), new_workspace(system))
+    return residual < np.inf, state, residual, stability, steps
 
 
 def drawn(rng, gripper=LEVEL, strength=1e3, stiffness=0.05, basis='local', **options):
@@ -22,7 +28,7 @@ def drawn(rng, gripper=LEVEL, strength=1e3, stiffness=0.05, basis='local', **opt
     mesh = shape.mesh
     place = shape.positions - gripper.position + 1e-5 * rng.normal(size=shape.positions.shape)
     system = mesh.system(gripper.rotation)._replace(
-        anchor=Anchor(place, np.full(mesh.s.size, strength * 0.1 / mesh.s.size)))
+        anchor=InertiaTerm(place, np.full(mesh.s.size, strength * 0.1 / mesh.s.size)))
     return system, mesh.unknowns(shape.element_strains)
 
 
@@ -55,7 +61,7 @@ def test_it_gets_along_with_a_guess_that_is_too_short(rng):
     # inertia pushes along the DLO, with forces at which it would buckle
     system, q = drawn(rng, strength=1e6)
     place = (1 - 1e-3) * system.anchor.place
-    system = system._replace(anchor=Anchor(place, system.anchor.weight))
+    system = system._replace(anchor=InertiaTerm(place, system.anchor.weight))
     found, state, _, stability, steps = nearby(system, q, 1e-9)
     true = newton(system, q, 1e-9, 100, True)
     assert found and steps < true.iterations

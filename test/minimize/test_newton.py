@@ -7,12 +7,11 @@ import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.system import new_state
-from dlo_planner.minimize.linear import factorize, new_hessian
-from dlo_planner.minimize.newton import descend, newton
-from dlo_planner.minimize.residual import residual_of
-from dlo_planner.minimize.saddle import KICK_TURN, kick
-from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.energy.problem import new_configuration
+from dlo_planner.minimize.convergence import residual_of
+from dlo_planner.minimize.hessian import factorize, new_hessian
+from dlo_planner.minimize.lanczos import lowest_mode
+from dlo_planner.minimize.newton import KICK_TURN, descend, kick, newton
 
 UP = Pose.looking_along((0, 0, 0), (0, 0, 1))
 HEAVY = Rod(1.0, 20 / 9.81, (1.0, 3.0), 0.75)  # falls over about n first
@@ -24,7 +23,7 @@ def system_of(rod, gripper, basis, n_elements=24, **more):
 
 
 def start_of(system):
-    return np.zeros_like(new_state(system).q)
+    return np.zeros_like(new_configuration(system).q)
 
 
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
@@ -50,7 +49,7 @@ def test_a_kick_goes_down_and_no_farther_than_it_should(basis):
     state, mode = found.state, found.mode
     assert mode[0, 1] > 0  # the side that is stated: positive curvature
     for sign in (1, -1):  # both sides are as low: it goes where the mode points
-        there = new_state(system)
+        there = new_configuration(system)
         there.q[:] = kick(system, state, sign * mode)
         energy = evaluate(system, there)[0]
         assert energy < evaluate(system, state)[0] - 1e-3
@@ -63,10 +62,10 @@ def test_a_kick_takes_the_lower_side():
     # gravity a little aside: one side is lower, whichever way the mode points
     for aside in (0.3, -0.3):
         system = system_of(HEAVY, UP, 'local', gravity=(aside, 0, -9.81))
-        upright = new_state(system)
+        upright = new_configuration(system)
         evaluate(system, upright)
         mode = descend(system_of(HEAVY, UP, 'local'), start_of(system), 1e-10, 0, True).mode
-        there = new_state(system)
+        there = new_configuration(system)
         for sign in (1, -1):
             there.q[:] = kick(system, upright, sign * mode)
             evaluate(system, there)
@@ -96,7 +95,7 @@ def test_no_more_steps_than_allowed(most):
 def test_residual_is_relative_to_the_energy_and_a_bend(basis):
     # at rest on a straight rod only the 1 rad bend of the softer axis is left to compare with
     system = system_of(HEAVY, Pose.identity(), basis)
-    state = new_state(system)
+    state = new_configuration(system)
     evaluate(system, state)
     size = np.linalg.norm(state.gradient)
     assert residual_of(system, state) == pytest.approx(size)  # EI_n / L = 1 N m
@@ -105,7 +104,7 @@ def test_residual_is_relative_to_the_energy_and_a_bend(basis):
     wanted = np.linalg.norm(state.gradient) / np.sqrt(9.0 + 1.0)
     assert residual_of(system, state) == pytest.approx(wanted)
     stiff_about_n = system_of(Rod(1.0, 20 / 9.81, (3.0, 1.0), 0.75), Pose.identity(), basis)
-    other = new_state(stiff_about_n)
+    other = new_configuration(stiff_about_n)
     evaluate(stiff_about_n, other)
     assert residual_of(stiff_about_n, other) == pytest.approx(np.linalg.norm(other.gradient))
 

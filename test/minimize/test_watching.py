@@ -7,7 +7,7 @@ import pytest
 
 from dlo_planner import DirectSimulator, Plane, Pose, Rod
 from dlo_planner.energy.potential import evaluate, unknowns_of
-from dlo_planner.energy.system import new_state
+from dlo_planner.energy.problem import new_configuration
 from dlo_planner.minimize.touching import touching_system, with_contacts_of
 from dlo_planner.minimize.watching import watching
 
@@ -26,7 +26,7 @@ def test_the_force_of_a_point_that_rolled_to_the_tip_is_the_tips(pressed_in, han
     contacts = with_contacts_of(system.contacts, np.array([N - 1]), np.array([0]),
                                 np.array([FORCE]), np.zeros(1), nothing, nothing, nothing)
     system = touching_system(system, contacts, system.effects.contact.scene)
-    state = new_state(system)
+    state = new_configuration(system)
     unknowns_of(system, np.zeros((N, 3)), state.q)
     evaluate(system, state)
     watched, _ = watching(system, state)

@@ -20,7 +20,7 @@ from dlo_planner import (
     parallel,
     solve_many,
 )
-from dlo_planner.direct.many_rods import hanging_rods
+from dlo_planner.direct.batch import hanging_rods
 
 FIGURES = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'energy', 'elastic_energy',
            'dissipated', 'residual', 'stability', 'violation', 'iterations', 'converged', 'jumped')

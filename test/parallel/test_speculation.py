@@ -26,9 +26,9 @@ from dlo_planner import (
     Rod,
     parallel,
 )
-from dlo_planner.direct.moving import Prescribed, motion_by
-from dlo_planner.minimize.same_minimum import leads_to, lower
+from dlo_planner.direct.simulator import Prescribed, motion_by
 from dlo_planner.parallel import speculation
+from dlo_planner.parallel.speculation import leads_to, lower
 from dlo_planner.parallel.workers import Crew
 from dlo_planner.progress import Progress
 

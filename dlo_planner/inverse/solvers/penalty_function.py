@@ -17,12 +17,12 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
+from dlo_planner.geometry.so3 import left_jacobian
 from dlo_planner.inverse.penalty import Residuals
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.progress import Progress
-from dlo_planner.ritz.rotation import left_jacobian
 
 # An object as in `inverse.penalties`, whose `slopes` may be missing, or a function of a Shape.
 Penalty: TypeAlias = Residuals | Callable[[Shape], ArrayLike]

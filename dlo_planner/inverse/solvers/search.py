@@ -22,8 +22,7 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.solvers.penalty_function import Penalty, PenaltyFunction
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import flag, instance, integer, number, shown
-from dlo_planner.model.computed import figure
+from dlo_planner.model.checks import figure, flag, instance, integer, number, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.requirements import STABILITY

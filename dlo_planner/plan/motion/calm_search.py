@@ -15,7 +15,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 from dlo_planner.plan.motion.calm import LegTask, calm_law, margin, predicted
 from dlo_planner.plan.motion.in_motion import (
     InMotion,

@@ -14,10 +14,9 @@ from dlo_planner.direct.mesh import with_breaks
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.part import before, part_of_rod
-from dlo_planner.model.point_load import PointLoad
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.rod import Rod, before, part_of_rod
+from dlo_planner.model.supports import PointLoad
 from dlo_planner.plan.plan import Plan
 
 _ELEMENTS, _FEWEST = 64, 24  # of the whole DLO, of what is left of it

@@ -15,10 +15,9 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import flag
-from dlo_planner.model.computed import figure
+from dlo_planner.model.checks import figure, flag
 from dlo_planner.model.obstacles import Obstacle
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.motion.feed import Feed

@@ -18,19 +18,16 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.beginning import first_shape
+from dlo_planner.direct.boundary_motion import Grips, Guide
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.dynamics import run
-from dlo_planner.direct.guide import Grips, Guide
-from dlo_planner.direct.instant import Instant
-from dlo_planner.direct.setting_off import begin
+from dlo_planner.direct.dynamics import first_shape, run
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepping import Stepper
+from dlo_planner.direct.stepper import Stepper, TimePoint, begin
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.far_end import FarEnd
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.plan.motion.feed import Feed
 from dlo_planner.progress import Progress
 
@@ -157,8 +154,8 @@ def _at_rest(feed: Feed, mesh: Discretization, gripper: Pose, start: Shape) -> S
 
 
 def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Shape,
-           velocity: Floats | None) -> tuple[Stepper, Instant]:
-    """Return the Stepper of a piece, and the Instant at its beginning.
+           velocity: Floats | None) -> tuple[Stepper, TimePoint]:
+    """Return the Stepper of a piece, and the TimePoint at its beginning.
 
     A DLO that is off the mouth as it comes in is guided there during this piece.
     """

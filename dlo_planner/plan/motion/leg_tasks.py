@@ -16,7 +16,7 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.along import scaled
+from dlo_planner.model.varying import scaled
 from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.calm import LegTask
 from dlo_planner.plan.motion.leg_response import Response

@@ -24,7 +24,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.scene import Scene, build_scene
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 from dlo_planner.plan.between import SheetSide
 from dlo_planner.plan.clearance import clearance, hole_clearances, scene_about
 from dlo_planner.plan.curve_distance import curve_distances, element_rooms

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.computed import results
+from dlo_planner.model.checks import results
 from dlo_planner.model.value import Value, put
 
 DEGREE = 4  # jerks are continuous

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.computed import results
+from dlo_planner.model.checks import results
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.motion.shift import Shift
 

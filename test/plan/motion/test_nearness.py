@@ -22,7 +22,7 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.direct.continuation import between
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface
 from dlo_planner.plan.assembly import truncate
 from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.motion.in_motion import InMotion

@@ -19,22 +19,19 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium, shape_of
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.distance import signed_distance
-from dlo_planner.energy.potential import placed
-from dlo_planner.energy.rolling import along_the_dlo
+from dlo_planner.energy.gap import along_the_dlo, signed_distance
+from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.scene import Scene
 from dlo_planner.errors import InvalidTask
+from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.inverse.solvers.hanging.marching import hanging
-from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.convergence import Minimum, residual_of
 from dlo_planner.minimize.newton import descend
-from dlo_planner.minimize.residual import residual_of
-from dlo_planner.model.along import SeenFrom
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.part import part_of_loads, part_of_rod
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.surface import Surface
+from dlo_planner.model.rod import Surface, part_of_loads, part_of_rod
+from dlo_planner.model.varying import SeenFrom
 from dlo_planner.plan.nearest import nearest
-from dlo_planner.ritz.kinematics import point_inside
 
 STABLE = 0.02       # least stability: a mesh's error does not make it doubtful
 _OUTSIDE = 1e-9     # of the length: rounding errors of a gap
@@ -137,7 +134,7 @@ class ContactFamily:
         """
         mesh = self._rolling
         system = mesh.system(base)
-        state = placed(system, mesh.strains_from(self._mesh.s, strains))
+        state = configuration_at(system, mesh.strains_from(self._mesh.s, strains))
         at_end, e = self._node == self._mesh.s.size - 1, self._node - 1
         frame, x = np.empty((3, 3)), np.empty(3)
         point_inside(system.lengths, state.strains, state.rotations, state.positions, e,

@@ -11,9 +11,9 @@ from typing import Self
 
 import numpy as np
 
-from dlo_planner.direct.one_step import step
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.step import step
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.contact.family import STABLE, ContactFamily
 from dlo_planner.inverse.solvers.contact.intervals import intervals

@@ -9,41 +9,42 @@ alone is prescribed, as where a threading begins.
 
 import numpy as np
 
-from dlo_planner.energy.potential import placed
-from dlo_planner.energy.system import State, System
-from dlo_planner.kernels import kernel
-from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import rotation_and_chord, slope
-from dlo_planner.ritz.matrix3 import (
+from dlo_planner.energy.potential import configuration_at
+from dlo_planner.energy.problem import Configuration, Problem
+from dlo_planner.geometry.so3 import (
     applied,
     cross,
     matrix,
     plus,
     put_matrix,
+    rotation_and_chord,
+    slope,
     times_transposed,
     transposed_applied,
     vector,
 )
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
 
 _ROUNDS = 30
 
 
-def hanging(system: System, end: Floats) -> tuple[State, Floats]:
-    """Return the State and the gripper's rotation (3, 3) that `integrate_from_tip` finds.
+def hanging(system: Problem, end: Floats) -> tuple[Configuration, Floats]:
+    """Return the Configuration and the gripper's rotation (3, 3) that `integrate_from_tip` finds.
 
     Parameters
     ----------
-    system : System
-        System of a DLO without obstacles.
+    system : Problem
+        Problem of a DLO without obstacles.
     end : ndarray, shape (3, 3)
         Rotation of the free end.
     """
     strains, base = integrate_from_tip(system, end)
-    return placed(system._replace(base=base), strains), base
+    return configuration_at(system._replace(base=base), strains), base
 
 
 @kernel
-def integrate_from_tip(system: System, end: Floats) -> tuple[Floats, Floats]:
+def integrate_from_tip(system: Problem, end: Floats) -> tuple[Floats, Floats]:
     """Return strains (N, 3) and gripper rotation (3, 3) in equilibrium, from the end's rotation.
 
     Args:

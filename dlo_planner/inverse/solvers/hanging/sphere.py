@@ -20,11 +20,11 @@ from scipy.spatial import ConvexHull
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.system import System, new_state, turned_system
+from dlo_planner.energy.problem import Problem, new_configuration, with_gripper
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.linear import assemble, factorize, new_hessian
-from dlo_planner.minimize.spectrum import lowest_mode
+from dlo_planner.minimize.hessian import assemble, factorize, new_hessian
+from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
 _POINTS = 2500
@@ -127,16 +127,16 @@ def _upright(up: Floats) -> Floats:
 
 
 @kernel
-def _hang(system: System, ends: Floats) -> tuple[Floats, Floats, Floats]:
+def _hang(system: Problem, ends: Floats) -> tuple[Floats, Floats, Floats]:
     """Return frames (n, N + 1, 3, 3), positions (n, N + 1, 3) and stability (n,)."""
     n, nodes = ends.shape[0], system.lengths.size + 1
     frames, positions = np.empty((n, nodes, 3, 3)), np.empty((n, nodes, 3))
     stability = np.empty(n)
-    state = new_state(system)
+    state = new_configuration(system)
     hessian = new_hessian(system)
     for k in range(n):
         strains, base = integrate_from_tip(system, ends[k])
-        here = turned_system(system, base, system.origin)
+        here = with_gripper(system, base, system.origin)
         state.q[:] = (strains - system.natural) / system.scale
         evaluate(here, state)
         assemble(here, state, hessian)

@@ -12,9 +12,9 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import shape_of
-from dlo_planner.energy.potential import placed
+from dlo_planner.energy.potential import configuration_at
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
-from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.convergence import Minimum
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between, turned_by
@@ -125,7 +125,7 @@ def _shape_at(discretization: Discretization, strains: Floats, base: Floats) -> 
     """Return a Shape with these strains, whether in equilibrium or not (a guess)."""
     gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
     system = discretization.system(base)
-    state = placed(system, strains)
+    state = configuration_at(system, strains)
     shape: Shape = shape_of(discretization, gripper,
                             Minimum(state, np.inf, -np.inf, 0, 0, system))
     return shape

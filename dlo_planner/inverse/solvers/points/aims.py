@@ -10,14 +10,11 @@ import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
+from dlo_planner.geometry.kinematics import nearest_place, point_inside
+from dlo_planner.geometry.record import Record
+from dlo_planner.geometry.so3 import inner, matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import dot
-from dlo_planner.ritz.kinematics import point_inside
-from dlo_planner.ritz.matrix3 import matrix, put_vector, times_transposed
-from dlo_planner.ritz.nearest_place import nearest_place
-from dlo_planner.ritz.record import Record, makes
-from dlo_planner.ritz.rotation import rotation_vector
 
 
 class Aims(Record):
@@ -43,13 +40,6 @@ class Aims(Record):
     along: float
     before: Floats
     still: float
-
-
-@makes(Aims)
-@kernel
-def _new_aims(s: float, centers: Floats, weights: Floats, normal: Floats, along: float,
-              before: Floats, still: float) -> Aims:
-    return Aims(s, centers, weights, normal, along, before, still)
 
 
 @kernel
@@ -92,7 +82,7 @@ def fill_misses(aims: Aims, nodes: Floats, lengths: Floats, strains: Floats, rot
             for i in range(3):
                 misses[3 + 3 * k + i] = aims.weights[k] * places[k, 0, i]
     put_vector(rotation_vector(times_transposed(matrix(base), matrix(aims.before))), turn)
-    misses[misses.size - 1] = aims.still * dot(turn, aims.before[:, 0])
+    misses[misses.size - 1] = aims.still * inner(turn, aims.before[:, 0])
 
 
 @kernel
@@ -128,7 +118,7 @@ def fill_slopes(aims: Aims, length: float, where: Floats, places: Floats, twists
                 for i in range(3):
                     along += (tangent[i] * (twists[k, 3 + i, j] + beyond * turned[i, j])
                               + off[i] * turned[i, j])
-                along /= 1.0 + dot(off, change)
+                along /= 1.0 + inner(off, change)
             for i in range(3):
                 moved = twists[k, 3 + i, j] + beyond * turned[i, j] - along * tangent[i]
                 rows[row + i, j] = aims.weights[k] * moved

@@ -16,10 +16,25 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.energy.potential import evaluate, project, value_at
-from dlo_planner.energy.system import State, System, new_state, turned_system
+from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
+from dlo_planner.geometry.record import copy, put_sum, scaled_by
+from dlo_planner.geometry.so3 import (
+    applied,
+    columns_scaled,
+    inner,
+    jacobians,
+    matrix,
+    put_matrix,
+    put_vector,
+    rotation_and_chord,
+    times,
+    times_transposed,
+    vector,
+)
+from dlo_planner.geometry.so3 import cross as crossed
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.border import add_to
-from dlo_planner.minimize.linear import (
+from dlo_planner.minimize.convergence import residual_of
+from dlo_planner.minimize.hessian import (
     Hessian,
     assemble,
     assembled_definite,
@@ -27,28 +42,14 @@ from dlo_planner.minimize.linear import (
     factorize,
     largest_turn,
     new_hessian,
+    safe_shift,
     solve,
 )
+from dlo_planner.minimize.kkt import add_to
+from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import WELL_STABLE
-from dlo_planner.minimize.residual import residual_of
 from dlo_planner.minimize.riccati import answer_to_turn
-from dlo_planner.minimize.shifting import safe_shift
-from dlo_planner.minimize.spectrum import lowest_mode
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import dot, jacobians, rotation_and_chord
-from dlo_planner.ritz.arrays import copy, put_sum, scaled_by
-from dlo_planner.ritz.matrix3 import (
-    applied,
-    columns_scaled,
-    inner,
-    matrix,
-    put_matrix,
-    put_vector,
-    times,
-    times_transposed,
-    vector,
-)
-from dlo_planner.ritz.matrix3 import cross as crossed
 
 _SINGULAR = 1e-14
 _LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
@@ -69,9 +70,10 @@ def free_axis(reference: Floats, normal: Floats) -> Floats:
 
 
 @kernel
-def aligned_newton(system: System, q: Floats, element: int, fraction: float, normal: Floats,
+def aligned_newton(system: Problem, q: Floats, element: int, fraction: float, normal: Floats,
                    reference: Floats, axis: Floats, tolerance: float,
-                   max_iterations: int) -> tuple[State, Floats, float, float, float, int, bool]:
+                   max_iterations: int) -> tuple[Configuration, Floats, float, float, float, int,
+                                                 bool]:
     """Find the equilibrium whose tangent inside `element` is `normal`.
 
     Args:
@@ -88,9 +90,9 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         state, base (3, 3) gripper rotation, residual, misalignment (rad), stability (smallest
         eigenvalue of the Hessian), iterations, converged
     """
-    here = turned_system(system, system.base.copy(), system.origin)
-    there = turned_system(system, system.base.copy(), system.origin)
-    state, trial = new_state(here), new_state(here)
+    here = with_gripper(system, system.base.copy(), system.origin)
+    there = with_gripper(system, system.base.copy(), system.origin)
+    state, trial = new_configuration(here), new_configuration(here)
     hessian = new_hessian(here)
     across = _perpendicular(normal)
     m = state.q.shape[0]
@@ -105,7 +107,7 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
     iterations, negative, since = 0, 1, np.inf  # rad turned since the Hessian was factorized
     while True:
         residual = residual_of(here, state)
-        misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), dot(tangent, normal))
+        misaligned = np.arctan2(np.sqrt(miss[0]**2 + miss[1]**2), inner(tangent, normal))
         converged = residual < tolerance and misaligned < tolerance
         stale = converged and negative == 0 and since < OLD
         if stale:
@@ -128,7 +130,7 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
         step = answers[3]
         for column in range(3):
             add_to(step, turn[column], answers[column])
-        size = max(np.sqrt(dot(turn, turn)), largest_turn(here, hessian, step))
+        size = max(np.sqrt(inner(turn, turn)), largest_turn(here, hessian, step))
         if not np.isfinite(size):
             break
         portion = min(1.0, _LARGEST_TURN / size) if size > 0 else 1.0
@@ -159,7 +161,7 @@ def aligned_newton(system: System, q: Floats, element: int, fraction: float, nor
 
 
 @kernel
-def stability_near(system: System, state: State, hessian: Hessian, negative: int,
+def stability_near(system: Problem, state: Configuration, hessian: Hessian, negative: int,
                    since: float) -> Any:
     """Return the smallest eigenvalue of the Hessian, factorized with `negative` eigenvalues.
 
@@ -183,13 +185,13 @@ def _perpendicular(normal: Floats) -> Floats:
     helper = np.zeros(3)
     helper[np.argmin(np.abs(normal))] = 1.0
     across[0] = np.cross(normal, helper)
-    across[0] /= np.sqrt(dot(across[0], across[0]))
+    across[0] /= np.sqrt(inner(across[0], across[0]))
     across[1] = np.cross(normal, across[0])
     return across
 
 
 @kernel
-def _miss(system: System, state: State, element: int, fraction: float, across: Floats,
+def _miss(system: Problem, state: Configuration, element: int, fraction: float, across: Floats,
           reference: Floats, axis: Floats, part: Floats, tangent: Floats) -> Floats:
     """Return the three conditions' misfits; fill tangent and the turning of the part element."""
     h = fraction * system.lengths[element]
@@ -202,17 +204,17 @@ def _miss(system: System, state: State, element: int, fraction: float, across: F
                part)
     m = times_transposed(matrix(system.base), matrix(reference))
     # about the axis: 2 sin(angle) times the rotation's own
-    return np.array([dot(across[0], tangent), dot(across[1], tangent),
+    return np.array([inner(across[0], tangent), inner(across[1], tangent),
                      inner(vector(axis), (m[7] - m[5], m[2] - m[6], m[3] - m[1]))])
 
 
 @kernel
-def _merit(system: System, state: State, miss: Floats) -> Any:
-    return residual_of(system, state) + np.sqrt(dot(miss, miss))
+def _merit(system: Problem, state: Configuration, miss: Floats) -> Any:
+    return residual_of(system, state) + np.sqrt(inner(miss, miss))
 
 
 @kernel
-def answer(system: System, state: State, hessian: Hessian, fresh: bool, load: Floats,
+def answer(system: Problem, state: Configuration, hessian: Hessian, fresh: bool, load: Floats,
             answers: Floats) -> None:
     """Fill answers (4, m, 3): changes of the equilibrium per gripper rotation about x, y, z.
 
@@ -223,7 +225,7 @@ def answer(system: System, state: State, hessian: Hessian, fresh: bool, load: Fl
     scaled_by(-1.0, load)
     solve(system, hessian, load, answers[3])
     for column in range(3 if fresh else 0):
-        if at_once(system, hessian.displaced):
+        if at_once(system):
             answer_to_turn(hessian, column, answers[column])
         else:
             project(system.basis, -hessian.cross[:, :, column], load)
@@ -262,7 +264,7 @@ def _solved(rows: Floats, right: Floats, out: Floats) -> bool:
 
 
 @kernel
-def _fill_turn(system: System, hessian: Hessian, part: Floats, element: int, step: Floats,
+def _fill_turn(system: Problem, hessian: Hessian, part: Floats, element: int, step: Floats,
                theta: Floats) -> None:
     """Fill the rotation (3,) of the frame inside `element` that the step (m, 3) makes."""
     for i in range(3):

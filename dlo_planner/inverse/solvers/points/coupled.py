@@ -10,27 +10,25 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.energy.system import System, turned_system, unknown_count
+from dlo_planner.energy.problem import Problem, unknown_count, with_gripper
+from dlo_planner.geometry.so3 import inner, matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, turn_by
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.outcome import outcome
+from dlo_planner.minimize.solve import outputs
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import dot
-from dlo_planner.ritz.matrix3 import matrix, put_vector, times_transposed
-from dlo_planner.ritz.rotation import rotation_vector
 
 _LARGEST_TURN = 0.6  # rad, of the gripper: no search begins farther ahead
 
 
 @kernel
-def aligned_hanging(system: System, base: Floats, strains: Floats, earlier_base: Floats,
+def aligned_hanging(system: Problem, base: Floats, strains: Floats, earlier_base: Floats,
                     earlier: Floats, ahead: float, element: int, fraction: float,
                     normal: Floats, reference: Floats, axis: Floats, tolerance: float,
                     max_iterations: int) -> tuple[tuple[Any, ...], Floats, bool]:
     """Find the equilibrium whose tangent inside `element` is `normal`.
 
     Args:
-        system: System without obstacles, far end, plasticity; its `base` is not used
+        system: Problem without obstacles, far end, plasticity; its `base` is not used
         base: (3, 3), rotation of the gripper before
         strains: (N, 3), strains before, 1/m
         earlier_base, earlier: the same once more before
@@ -38,16 +36,17 @@ def aligned_hanging(system: System, base: Floats, strains: Floats, earlier_base:
         element, fraction, normal, reference, axis, tolerance, max_iterations: as `aligned_newton`
 
     Returns:
-        what `minimize.hanging.hang` returns, of a gripper in the origin
+        what `minimize.solve.solve_free` returns, of a gripper in the origin
         base: (3, 3) rotation of the gripper; converged
     """
-    here = turned_system(system, base.copy(), system.origin)
+    here = with_gripper(system, base.copy(), system.origin)
     q, begin = np.empty((unknown_count(system), 3)), strains.copy()
     go_ahead(earlier_base, earlier, ahead, here.base, begin, np.empty(3))
     unknowns_of(here, begin, q)
     state, turned, residual, _, stability, iterations, converged = aligned_newton(
         here, q, element, fraction, normal, reference, axis, tolerance, max_iterations)
-    wrench, elastic, energy = outcome(system, state)
+    wrench = np.empty(6)
+    elastic, energy = outputs(system, state, wrench)
     return (state.strains, state.rotations, state.positions, wrench, elastic, energy, residual,
             stability, iterations, 0), orthonormal(turned), converged
 
@@ -68,7 +67,7 @@ def go_ahead(earlier_base: Floats, earlier: Floats, ahead: float, base: Floats, 
         return
     put_vector(rotation_vector(times_transposed(matrix(base), matrix(earlier_base))), turn)
     turn *= ahead
-    if not np.sqrt(dot(turn, turn)) < _LARGEST_TURN:
+    if not np.sqrt(inner(turn, turn)) < _LARGEST_TURN:
         turn[:] = 0.0
         return
     turn_by(base.copy(), turn, base)

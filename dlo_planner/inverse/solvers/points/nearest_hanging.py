@@ -7,12 +7,11 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.proof import CONVERGED
 from dlo_planner.direct.sensitivity import gripper_answers, node_twists, twists_inside
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, found_hanging
+from dlo_planner.direct.statics import CONVERGED, MAX_ITERATIONS, TOLERANCE, hanging_shape
 from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.energy.system import State, System, turned_system
+from dlo_planner.energy.problem import Configuration, Problem, with_gripper
 from dlo_planner.inverse.solvers.points.aims import Aims, fill_misses, fill_slopes, inside
 from dlo_planner.inverse.solvers.points.aligned import turn_by
 from dlo_planner.inverse.solvers.points.coupled import orthonormal
@@ -27,10 +26,8 @@ from dlo_planner.inverse.solvers.points.nearest import (
     step_within_ball,
 )
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.hanging import hung, told
-from dlo_planner.minimize.leash import no_leash
-from dlo_planner.minimize.newton import NEUTRAL
-from dlo_planner.minimize.workspace import Workspace, new_workspace
+from dlo_planner.minimize.newton import NEUTRAL, Workspace, new_workspace, thorough
+from dlo_planner.minimize.solve import solve_step
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import pose_of
 
@@ -54,7 +51,7 @@ def nearest_hanging(mesh: Discretization, aims: Aims, shape: Shape, turn: float,
         mesh.static, gripper.rotation, gripper.position, mesh.start_from(shape), mesh.s, aims,
         np.array([turn] * 3 + [shift] * 3), TOLERANCE, MAX_ITERATIONS)
     if status == _MOVED:
-        return found_hanging(mesh, pose_of(origin, base), found)
+        return hanging_shape(mesh, pose_of(origin, base), found)
     return shape if status == _STAYS else None
 
 
@@ -63,7 +60,7 @@ Misses: TypeAlias = tuple[Floats, Floats, Floats]  # nodes (N + 1,), m; where, p
 
 
 @kernel
-def _nearest_hanging(system: System, base: Floats, origin: Floats, strains: Floats, nodes: Floats,
+def _nearest_hanging(system: Problem, base: Floats, origin: Floats, strains: Floats, nodes: Floats,
                      aims: Aims, scale: Floats, tolerance: float,
                      max_iterations: int) -> tuple[int, Floats, Floats, tuple[Any, ...]]:
     """Do what `nearest_within` does; `nodes` (N + 1,), m, and `scale` (6,), rad and m: its reach.
@@ -72,13 +69,13 @@ def _nearest_hanging(system: System, base: Floats, origin: Floats, strains: Floa
     -------
     tuple
         One of _NONE, _STAYS, _MOVED; rotation (3, 3) and position (3,) of the gripper; and what
-        `minimize.hanging.hang` returns, of which the other arguments are.
+        `minimize.solve.solve_free` returns, of which the other arguments are.
     """
     rows, misses = 3 * aims.weights.size + 4, (nodes, np.empty(aims.weights.size),
                                                np.empty((aims.weights.size, 3, 3)))
     here, there, begin = base.copy(), np.empty((3, 3)), base.copy()
     place, target = origin.copy(), np.empty(3)
-    work, turned = new_workspace(system), turned_system(system, base.copy(), origin.copy())
+    work, turned = new_workspace(system), with_gripper(system, base.copy(), origin.copy())
     kept = (strains.copy(), np.empty((nodes.size, 3, 3)), np.empty((nodes.size, 3)), np.empty(6))
     wrench, numbers, told_of = np.empty(6), np.empty(5), np.zeros(5)
     q, x = np.empty_like(work.start), np.zeros(6)
@@ -117,11 +114,11 @@ def _nearest_hanging(system: System, base: Floats, origin: Floats, strains: Floa
 
 
 @kernel
-def _closer(turned: System, begin: tuple[Floats, Floats], scale: Floats,
+def _closer(turned: Problem, begin: tuple[Floats, Floats], scale: Floats,
             way: tuple[Floats, Floats, Floats, float], q: Floats, aims: Aims, misses: Misses,
             out: tuple[Floats, Floats, Floats, Floats, Floats], work: Workspace, tolerance: float,
-            max_iterations: int) -> tuple[float, State]:
-    """Return the penalty after the first of `steps_to_try` that does not raise it, and the State.
+            max_iterations: int) -> tuple[float, Configuration]:
+    """Return the penalty after the first of `steps_to_try` that does not raise it, and that place.
 
     Parameters
     ----------
@@ -137,6 +134,7 @@ def _closer(turned: System, begin: tuple[Floats, Floats], scale: Floats,
         elastic and all energy, residual, stability, iterations (5,).
     """
     (x, step, last, value), (there, target, missed, wrench, numbers) = way, out
+    options = thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0)
     new, state, taken = np.inf, work.state, extrapolated(step, last[0], last[1])
     last[0] = step
     for k in range(-1, HALVINGS):
@@ -148,10 +146,9 @@ def _closer(turned: System, begin: tuple[Floats, Floats], scale: Floats,
         turn_by(begin[0], twist[:3], there)
         there[:], target[:] = orthonormal(there), begin[1] + twist[3:]
         work.start[:] = q
-        state, residual, stability, iterations, _ = hung(
-            turned, there, target, tolerance, max_iterations, no_leash(), work)
-        numbers[0], numbers[1] = told(turned, state, wrench)
-        numbers[2], numbers[3], numbers[4] = residual, stability, iterations
+        state, numbers[0], numbers[1], residual, stability, numbers[4], _, _ = solve_step(
+            turned, there, target, options, work, wrench)
+        numbers[2], numbers[3] = residual, stability
         _miss(turned, state, aims, misses, missed)
         hangs = residual < CONVERGED and stability > -NEUTRAL
         new = np.dot(missed, missed) if hangs else np.inf
@@ -162,7 +159,7 @@ def _closer(turned: System, begin: tuple[Floats, Floats], scale: Floats,
 
 
 @kernel
-def _linearize(system: System, q: Floats, aims: Aims, misses: Misses, first: bool, right: Floats,
+def _linearize(system: Problem, q: Floats, aims: Aims, misses: Misses, first: bool, right: Floats,
                slopes: Floats) -> None:
     """Fill the slopes (m, 6) of Aims at an equilibrium q by the gripper's twist.
 
@@ -182,7 +179,7 @@ def _linearize(system: System, q: Floats, aims: Aims, misses: Misses, first: boo
 
 
 @kernel
-def _miss(system: System, state: State, aims: Aims, misses: Misses, out: Floats) -> None:
-    """Fill what a State with positions in the world misses (m,)."""
+def _miss(system: Problem, state: Configuration, aims: Aims, misses: Misses, out: Floats) -> None:
+    """Fill what a Configuration with positions in the world misses (m,)."""
     fill_misses(aims, misses[0], system.lengths, state.strains, state.rotations, state.positions,
                 system.base, out, misses[1], misses[2])

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import NO_NODES, TOLERANCE, found_hanging, shape_of
+from dlo_planner.direct.statics import NO_NODES, TOLERANCE, hanging_shape, shape_of
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.inverse.solvers.continuation.following import (
     LONGEST_STEP,
@@ -21,7 +21,7 @@ from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes,
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
 from dlo_planner.inverse.solvers.points.nested import nested_alignment
 from dlo_planner.inverse.solvers.points.onward import aligned_onward
-from dlo_planner.minimize.minimum import Minimum
+from dlo_planner.minimize.convergence import Minimum
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose, pose_of
 from dlo_planner.model.value import freeze
@@ -154,7 +154,7 @@ def _searched(mesh: Discretization, shapes: tuple[Shape, Shape], strains: tuple[
     passings, (strains, frames, positions, wrenches, numbers) = [], found
     for k in range(count):
         elastic, energy, residual, stability, iterations = numbers[:, k].tolist()
-        shape = found_hanging(mesh, pose_of(_ORIGIN, bases[k]), (
+        shape = hanging_shape(mesh, pose_of(_ORIGIN, bases[k]), (
             strains[k], frames[k], positions[k], wrenches[k], elastic, energy, residual, stability,
             int(iterations), 0))
         passings.append(Passing(shape, -places[k], axes=axes[k]))

@@ -10,19 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.energy.system import System
+from dlo_planner.energy.problem import Problem
+from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.so3 import inner, matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.inverse.solvers.points.coupled import aligned_hanging
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.leash import largest_turn_between
+from dlo_planner.minimize.newton import largest_turn_between
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.ritz.arc import dot
-from dlo_planner.ritz.kinematics import point_inside
-from dlo_planner.ritz.matrix3 import matrix, put_vector, times_transposed
-from dlo_planner.ritz.rotation import rotation_vector
 
 
 @kernel
-def aligned_onward(system: System, bases: Floats, strains: Floats, frames: Floats, place: Floats,
+def aligned_onward(system: Problem, bases: Floats, strains: Floats, frames: Floats, place: Floats,
                    ahead: Floats, elements: Ints, fractions: Floats, normal: Floats,
                    reference: Floats, most: Floats, least: float, nodes: Ints, tolerance: float,
                    max_iterations: int) -> tuple[int, tuple[Any, ...], Floats, Floats, Floats]:
@@ -51,7 +49,7 @@ def aligned_onward(system: System, bases: Floats, strains: Floats, frames: Float
     Returns
     -------
     tuple
-        How many were found; of each what `minimize.hanging.hang` returns but the last number, as
+        How many were found; of each what `solve.solve_free` returns but the last number, as
         arrays; bases (k, 3, 3); axes (k, 3, 3) and position (k, 3) where the tangent is.
     """
     count, n = elements.size, strains.shape[1]
@@ -89,7 +87,7 @@ def _free_axis(reference: Floats, normal: Floats, axis: Floats) -> None:
     """Fill axis (3,) as `aligned.free_axis`."""
     for i in range(3):
         axis[i] = reference[i, 0] + normal[i]
-    size = np.sqrt(dot(axis, axis))
+    size = np.sqrt(inner(axis, axis))
     for i in range(3):
         axis[i] = axis[i] / size if size > 0.1 else reference[i, 0]
 
@@ -106,7 +104,7 @@ def _angle(base: Floats, after: Floats) -> float:
     """Return the angle in rad between two rotations (3, 3)."""
     turn = np.empty(3)
     put_vector(rotation_vector(times_transposed(matrix(after), matrix(base))), turn)
-    angle: float = np.sqrt(dot(turn, turn))
+    angle: float = np.sqrt(inner(turn, turn))
     return angle
 
 
@@ -116,5 +114,5 @@ def _distance(gripper: Floats, place: Floats) -> float:
     way = np.empty(3)
     for i in range(3):
         way[i] = -place[i] - gripper[i]
-    distance: float = np.sqrt(dot(way, way))
+    distance: float = np.sqrt(inner(way, way))
     return distance

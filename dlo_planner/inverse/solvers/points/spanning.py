@@ -12,7 +12,10 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.energy.potential import at_element, evaluate, unknowns_of
-from dlo_planner.energy.system import State, System, new_state, turned_system
+from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
+from dlo_planner.geometry.kinematics import part_of_element, point_inside
+from dlo_planner.geometry.record import put_sum
+from dlo_planner.geometry.so3 import inner
 from dlo_planner.inverse.solvers.points.aligned import (
     LEAVES,
     OLD,
@@ -22,14 +25,11 @@ from dlo_planner.inverse.solvers.points.aligned import (
 )
 from dlo_planner.inverse.solvers.points.coupled import go_ahead, orthonormal
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.border import add_to
-from dlo_planner.minimize.linear import assembled_definite, factorize, largest_turn, new_hessian
-from dlo_planner.minimize.outcome import outcome
-from dlo_planner.minimize.residual import residual_of
+from dlo_planner.minimize.convergence import residual_of
+from dlo_planner.minimize.hessian import assembled_definite, factorize, largest_turn, new_hessian
+from dlo_planner.minimize.kkt import add_to
+from dlo_planner.minimize.solve import outputs
 from dlo_planner.model.arrays import Floats
-from dlo_planner.ritz.arc import dot
-from dlo_planner.ritz.arrays import put_sum
-from dlo_planner.ritz.kinematics import part_of_element, point_inside
 
 _LARGEST_TURN = 0.6   # rad per step, of the gripper and of any node
 _LARGEST_SHIFT = 0.1  # of the length per step, of an arc length
@@ -38,7 +38,7 @@ _SINGULAR = 1e-14
 
 
 @kernel
-def two_points_hanging(system: System, base: Floats, strains: Floats, earlier_base: Floats,
+def two_points_hanging(system: Problem, base: Floats, strains: Floats, earlier_base: Floats,
                        earlier: Floats, ahead: float, s: Floats, way: Floats, first: float,
                        second: float, first_free: bool, axis: Floats, roll: float,
                        tolerance: float, exact: float,
@@ -54,13 +54,13 @@ def two_points_hanging(system: System, base: Floats, strains: Floats, earlier_ba
         exact: of x(second) - x(first), m
 
     Returns:
-        what `minimize.hanging.hang` returns, of a gripper in the origin
+        what `minimize.solve.solve_free` returns, of a gripper in the origin
         base: (3, 3) rotation of the gripper; first, second: m; converged
     """
     length = s[-1]
-    here = turned_system(system, base.copy(), system.origin)
-    there = turned_system(system, base.copy(), system.origin)
-    state, trial = new_state(here), new_state(here)
+    here = with_gripper(system, base.copy(), system.origin)
+    there = with_gripper(system, base.copy(), system.origin)
+    state, trial = new_configuration(here), new_configuration(here)
     hessian = new_hessian(here)
     load, answers = np.empty_like(state.q), np.empty((4, state.q.shape[0], 3))
     moved = np.empty((2, 4, 3))
@@ -70,12 +70,12 @@ def two_points_hanging(system: System, base: Floats, strains: Floats, earlier_ba
     unknowns_of(here, begin, state.q)
     evaluate(here, state)
     miss = _miss(system, state, s, first, second, way, ends)
-    missing, converged, iterations = roll - dot(axis, turn), False, 0
+    missing, converged, iterations = roll - inner(axis, turn), False, 0
     merit = _merit(here, state, miss, missing, length)
     negative, since = 1, np.inf  # rad turned since the Hessian was factorized
     while True:
         residual = residual_of(here, state)
-        converged = (residual < tolerance and np.sqrt(dot(miss, miss)) < exact
+        converged = (residual < tolerance and np.sqrt(inner(miss, miss)) < exact
                      and abs(missing) < tolerance)
         if converged and negative == 0 and since < OLD:
             break
@@ -98,7 +98,7 @@ def two_points_hanging(system: System, base: Floats, strains: Floats, earlier_ba
         step = answers[3]
         for column in range(3):
             add_to(step, turn[column], answers[column])
-        size = max(np.sqrt(dot(turn, turn)), largest_turn(here, hessian, step))
+        size = max(np.sqrt(inner(turn, turn)), largest_turn(here, hessian, step))
         if not np.isfinite(size + shift):
             break
         portion = min(1.0, _LARGEST_TURN / max(size, 1e-300),
@@ -113,7 +113,7 @@ def two_points_hanging(system: System, base: Floats, strains: Floats, earlier_ba
                 put_sum(state.q, portion, step, trial.q)
                 evaluate(there, trial)
                 new_miss = _miss(system, trial, s, low, high, way, new_ends)
-                left = missing - portion * dot(axis, turn)
+                left = missing - portion * inner(axis, turn)
                 new_merit = _merit(there, trial, new_miss, left, length)
                 if new_merit < merit * (1 - 0.1 * portion) or new_merit < tolerance:
                     accepted = True
@@ -130,7 +130,8 @@ def two_points_hanging(system: System, base: Floats, strains: Floats, earlier_ba
         else:  # the Hessian has changed by too much
             since = np.inf
     stability = stability_near(here, state, hessian, negative, since)
-    wrench, elastic, energy = outcome(system, state)
+    wrench = np.empty(6)
+    elastic, energy = outputs(system, state, wrench)
     return (state.strains, state.rotations, state.positions, wrench, elastic, energy, residual,
             stability, iterations, 0), orthonormal(here.base), first, second, converged
 
@@ -149,8 +150,9 @@ def _fill_rows(miss: Floats, missing: float, ends: Floats, moved: Floats, axis: 
 
 
 @kernel
-def _merit(system: System, state: State, miss: Floats, missing: float, length: float) -> Any:
-    return residual_of(system, state) + np.sqrt(dot(miss, miss)) / length + abs(missing)
+def _merit(system: Problem, state: Configuration, miss: Floats, missing: float,
+           length: float) -> Any:
+    return residual_of(system, state) + np.sqrt(inner(miss, miss)) / length + abs(missing)
 
 
 @kernel
@@ -160,8 +162,8 @@ def _element(s: Floats, where: float) -> Any:
 
 
 @kernel
-def _miss(system: System, state: State, s: Floats, first: float, second: float, way: Floats,
-          ends: Floats) -> Any:
+def _miss(system: Problem, state: Configuration, s: Floats, first: float, second: float,
+          way: Floats, ends: Floats) -> Any:
     """Return x(second) - x(first) - way; fill ends (2, 2, 3) with place and tangent at both."""
     frame, place, where = np.empty((3, 3)), np.empty(3), first
     for end in range(2):
@@ -175,7 +177,7 @@ def _miss(system: System, state: State, s: Floats, first: float, second: float, 
 
 
 @kernel
-def _displacements(system: System, state: State, answers: Floats, s: Floats, first: float,
+def _displacements(system: Problem, state: Configuration, answers: Floats, s: Floats, first: float,
                    second: float, moved: Floats) -> None:
     """Fill moved (2, 4, 3) with the displacements of the DLO at two arc lengths.
 
@@ -202,12 +204,12 @@ def _displacements(system: System, state: State, answers: Floats, s: Floats, fir
             for i in range(3):
                 value[i] = at_element(basis, answers[column], e, i)
             for i in range(3):
-                turn[column, i] += dot(part[i], value)
-                shift[column, i] += dot(part[3 + i], value)
+                turn[column, i] += inner(part[i], value)
+                shift[column, i] += inner(part[3 + i], value)
 
 
 @kernel
-def _fill_moved(system: System, state: State, answers: Floats, e: int, fraction: float,
+def _fill_moved(system: Problem, state: Configuration, answers: Floats, e: int, fraction: float,
                 turn: Floats, shift: Floats, moved: Floats) -> None:
     """Fill moved (4, 3) at a fraction of the element e, whose beginning has turn and shift."""
     part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
@@ -219,7 +221,7 @@ def _fill_moved(system: System, state: State, answers: Floats, e: int, fraction:
             value[i] = at_element(system.basis, answers[column], e, i)
         _carry(turn[column], arm, moved[column])
         for i in range(3):
-            moved[column, i] += dot(part[3 + i], value)
+            moved[column, i] += inner(part[3 + i], value)
 
 
 @kernel

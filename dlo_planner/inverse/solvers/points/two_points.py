@@ -10,7 +10,7 @@ from dlo_planner.direct.continuation import fell
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import TOLERANCE, found_hanging
+from dlo_planner.direct.statics import TOLERANCE, hanging_shape
 from dlo_planner.inverse.solvers.continuation.following import Passing
 from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes, crossings
 from dlo_planner.inverse.solvers.points.aligned import free_axis
@@ -195,7 +195,7 @@ def two_points(simulator: DirectSimulator, shape: Shape, chord: Floats,
             free == 'first', axis, roll, TOLERANCE, _EXACT * mesh.s[-1], _ITERATIONS)
         if not converged:
             return None
-        shape = found_hanging(mesh, pose_of(_ORIGIN, base), solution)
+        shape = hanging_shape(mesh, pose_of(_ORIGIN, base), solution)
         if not shape.converged or fell(before, shape):
             return None
         better = simulator.discretization(shape.gripper, shape)

@@ -28,10 +28,9 @@ from dlo_planner.inverse.solvers.points.one_point import aligned_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.far_end import FarEnd
-from dlo_planner.model.part import before
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.rod import Rod, before
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import gripper_motion, refusal_for_leap

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.system import new_state
+from dlo_planner.energy.problem import new_configuration
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric, least_turn
 from dlo_planner.inverse.solvers.points.aligned import aligned_newton, free_axis
@@ -35,7 +35,7 @@ def test_the_tangent_is_the_normal_and_the_gripper_has_not_rolled(basis, element
     reference = upright(NORMAL)
     direct, system = system_of(basis, reference)
     axis = free_axis(reference, NORMAL)
-    start = np.zeros_like(new_state(system).q)
+    start = np.zeros_like(new_configuration(system).q)
     state, base, residual, misaligned, stability, iterations, converged = aligned_newton(
         system, start, element, fraction, NORMAL, reference, axis, 1e-11, 50)
     assert converged and residual < 1e-11 and misaligned < 1e-11
@@ -73,7 +73,7 @@ def test_neither_half_alone_is_convergence():
     still = direct.solve(Pose.from_rotation((0, 0, 0), reference))
     q = direct.mesh.unknowns(still.element_strains)
     assert holds(found(q, reference, NORMAL))              # in equilibrium, not aligned
-    relaxed = new_state(system)
+    relaxed = new_configuration(system)
     evaluate(system, relaxed)
     natural = DirectSimulator(ROD, basis='local', n_elements=12, gravity=(0, 0, 0)).solve(
         Pose.from_rotation((0, 0, 0), reference)).at(7.3 / 12).direction
@@ -91,7 +91,7 @@ def test_a_gripper_that_has_rolled_is_rolled_back(roll):
     axis = free_axis(reference, NORMAL)
     _, system = system_of('local', np.ascontiguousarray(
         Rotation.from_rotvec(roll * axis).as_matrix() @ reference))
-    q = np.zeros_like(new_state(system).q)
+    q = np.zeros_like(new_configuration(system).q)
     _, base, *_, converged = aligned_newton(system, q, 11, 1.0, NORMAL, reference, axis, 1e-11, 50)
     assert converged
     assert axis @ Rotation.from_matrix(base @ reference.T).as_rotvec() == pytest.approx(0, abs=1e-9)
@@ -100,7 +100,7 @@ def test_a_gripper_that_has_rolled_is_rolled_back(roll):
 def test_no_more_steps_than_allowed():
     reference = upright(NORMAL)
     _, system = system_of('local', reference)
-    q = np.zeros_like(new_state(system).q)
+    q = np.zeros_like(new_configuration(system).q)
     *_, iterations, converged = aligned_newton(system, q, 11, 1.0, NORMAL, reference,
                                                free_axis(reference, NORMAL), 1e-11, 1)
     assert iterations == 1 and not converged
@@ -121,7 +121,7 @@ def test_the_march_from_the_end_is_an_equilibrium(rng):
     _, system = system_of('local')
     strains, base = integrate_from_tip(system, np.ascontiguousarray(end))
     turned = system._replace(base=base)
-    state = new_state(turned)
+    state = new_configuration(turned)
     state.q[:] = (strains - turned.natural) / turned.scale
     evaluate(turned, state)
     np.testing.assert_allclose(state.gradient, 0, atol=1e-13)

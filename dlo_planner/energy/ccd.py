@@ -1,0 +1,223 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a DLO that moves from one shape to another passes through an obstacle on the way.
+
+The motion between the two is taken as straight, point by point. Convex obstacles: an element is
+safe if it moves less than it is away, or if all of it stays above a plane that lies between it and
+the obstacle's middle. Sheets: nodes change sides, and elements pierce the middle plane, only
+through a cut-out or around the border. Of a rectangular DLO all that holds for its edges; for the
+solid between them, where a round bar or an edge could pass, the plane has to be below all four.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlo_planner.energy.gap import (
+    closest_point_in_element,
+    gap_at,
+    in_plane,
+    node_gap,
+    node_range,
+    radius_at_node,
+    stretch,
+)
+from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, PLANE, SHEET, Scene
+from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+
+_FLUSH = 1e-9  # of the length: what is that near to a surface lies in it
+
+
+@kernel
+def sweeps_through(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats, old: Floats,
+                   turned: Floats, new: Floats) -> bool:
+    """Return whether the motion from `old` to `new` crosses an obstacle.
+
+    Args:
+        strains: (N, 3), rotations: (N + 1, 3, 3) of the old shape; turned: (N + 1, 3, 3) of the new
+        old, new: (N + 1, 3) node positions; relative to `scene.origin`
+    """
+    flush = _FLUSH * np.sum(lengths)
+    farthest = 0.0
+    for k in range(old.shape[0]):
+        farthest = max(farthest, np.sqrt(np.sum((new[k] - old[k]) ** 2)))
+    for o in range(scene.kind.size):
+        if scene.kind[o] == SHEET:
+            if _through_sheet(scene, o, flush, _line(scene, o, rotations, old),
+                              _line(scene, o, turned, new)):
+                return True
+        elif scene.kind[o] != PLANE and scene.feature[o] != NODE_FACE and _through_solid(
+                scene, o, flush, farthest, lengths, strains, rotations, old, turned, new):
+            return True
+    return False
+
+
+@kernel
+def _line(scene, o, rotations, positions):
+    """Return (n, 3) the places of the DLO's feature for body `o` at its nodes."""
+    if scene.feature[o] == AXIS:
+        return positions
+    begin, end = node_range(scene, o, positions.shape[0] - 1)
+    line = np.empty((end - begin + 1, 3))
+    for k in range(begin, end + 1):
+        for i in range(3):
+            line[k - begin, i] = (positions[k, i] + rotations[k, i, 1] * scene.offset[o, 0]
+                          + rotations[k, i, 2] * scene.offset[o, 1])
+    return line
+
+
+@kernel
+def _corners(scene, o, rotation, position, corners):
+    """Fill corners (4, 3) with what a section may touch body `o` with; return how many there are.
+
+    A face's section is the hull of four points; else it is one point.
+    """
+    count = 4 if scene.feature[o] == FACE else 1
+    for c in range(count):
+        n, b = scene.offset[o, 0], scene.offset[o, 1]
+        if c % 2:
+            n = -n
+        if c > 1:
+            b = -b
+        for i in range(3):
+            corners[c, i] = position[i] + rotation[i, 1] * n + rotation[i, 2] * b
+    return count
+
+
+@kernel
+def _move(scene, o, k, rotations, old, turned, new, before, after):
+    """Return how far (m) the section at node k moves at most; `before`, `after`: (4, 3) scratch."""
+    largest = 0.0
+    if scene.feature[o] == AXIS:
+        for i in range(3):
+            largest += (new[k, i] - old[k, i]) ** 2
+        return np.sqrt(largest)
+    count = _corners(scene, o, rotations[k], old[k], before)
+    _corners(scene, o, turned[k], new[k], after)
+    for c in range(count):
+        change = 0.0
+        for i in range(3):
+            change += (after[c, i] - before[c, i]) ** 2
+        largest = max(largest, np.sqrt(change))
+    return largest
+
+
+@kernel
+def _through_solid(scene, o, flush, farthest, lengths, strains, rotations, old, turned, new):
+    """Whether an element goes through a convex body; no node moves by more than `farthest`."""
+    normal, hessian, x = np.empty(3), np.empty((3, 3)), np.empty(3)
+    rotation, offset, point = np.empty((3, 3)), np.zeros(2), np.empty(3)
+    before, after = np.empty((4, 3)), np.empty((4, 3))
+    simple = scene.feature[o] == AXIS and scene.radii.shape[0] == 0
+    margin = farthest + 0.5 * np.max(lengths)
+    last_gap = last_move = last_radius = clear = 0.0
+    begin, last = node_range(scene, o, lengths.size)
+    for k in range(begin, last + 1):
+        if k > begin:
+            clear -= lengths[k - 1]
+        if simple and clear > 0.0:  # nothing gets so far
+            last_gap, last_move, last_radius = clear + margin, farthest, scene.radius
+            continue
+        radius = radius_at_node(scene, o, k)
+        move = _move(scene, o, k, rotations, old, turned, new, before, after)
+        gap_here = node_gap(scene, o, k, rotations, old, offset, point, normal, hessian)
+        clear = gap_here - margin
+        near, moved, thick = min(gap_here, last_gap), max(move, last_move), max(radius, last_radius)
+        last_gap, last_move, last_radius = gap_here, move, radius
+        if k == begin:
+            continue
+        e = k - 1
+        # this far in a point still knows its way out
+        depth = 0.5 * (scene.inner[o] + min(thick, radius))
+        # no point of an element is farther than half its length from one of its nodes
+        if moved <= near - 0.5 * lengths[e] * stretch(scene, o, strains[e]) + depth:
+            continue
+        gap, fraction = closest_point_in_element(scene, o, e, lengths, strains, rotations, old,
+                                                 normal, hessian)
+        deep = max(gap + depth, flush)  # what is deeper inside may only come out
+        if moved <= deep:
+            continue
+        point_inside(lengths, strains, rotations, old, e, fraction, rotation, x)
+        gap_at(scene, o, rotation, x, 0.0, offset, point, normal, hessian)
+        for end in range(e, e + 2):
+            for c in range(_corners(scene, o, turned[end], new[end], after)):
+                above = 0.0
+                for i in range(3):
+                    above += normal[i] * (scene.origin[i] + after[c, i] - point[i])
+                if above < -deep:
+                    return True
+    return False
+
+
+@kernel
+def _through_sheet(scene, o, flush, old, new):
+    p, q = np.empty(3), np.empty(3)
+    before, after = np.empty(3), np.empty(3)
+    last_before, last_after = np.empty(3), np.empty(3)
+    for k in range(old.shape[0]):
+        for i in range(3):
+            p[i] = scene.origin[i] + old[k, i] - scene.center[o, i]
+            q[i] = scene.origin[i] + new[k, i] - scene.center[o, i]
+        for i in range(3):
+            before[i] = after[i] = 0.0
+            for j in range(3):
+                before[i] += scene.axes[o, j, i] * p[j]
+                after[i] += scene.axes[o, j, i] * q[j]
+        # what is in the material already may come out
+        if (abs(before[0]) > flush and _meets(before, after, flush)
+                and not _open(scene, o, flush, before, after)):
+            return True
+        if k and _meets(last_after, after, flush):
+            was = _meets(last_before, before, flush)
+            was_in = was and not _open(scene, o, flush, last_before, before)
+            if not was_in and not _open(scene, o, flush, last_after, after):
+                return True
+            if was and not _same_opening(scene, o, flush, last_before, before, last_after,
+                                         after):
+                return True
+        last_before[:] = before
+        last_after[:] = after
+    return False
+
+
+@kernel
+def _meets(p, q, flush):
+    """Whether the line from p to q has a point in the middle plane, be it an end of it."""
+    return p[0] * q[0] < 0.0 or min(abs(p[0]), abs(q[0])) <= flush
+
+
+@kernel
+def _where(p, q, flush):
+    """Return y and z where the line from p to q, which meets the middle plane, does so."""
+    if abs(p[0]) <= flush:
+        return p[1], p[2]
+    if abs(q[0]) <= flush:
+        return q[1], q[2]
+    share = p[0] / (p[0] - q[0])
+    return p[1] + share * (q[1] - p[1]), p[2] + share * (q[2] - p[2])
+
+
+@kernel
+def _open(scene, o, flush, p, q):
+    """Whether the line from p to q meets the middle plane outside the material."""
+    y, z = _where(p, q, flush)
+    away, _ = in_plane(scene, o, y, z, np.empty(2))
+    return away > 0.0
+
+
+@kernel
+def _same_opening(scene, o, flush, p, q, r, s):
+    """Whether the ways from p to q and from r to s, both open, use the same opening."""
+    y0, z0 = _where(p, q, flush)
+    y1, z1 = _where(r, s, flush)
+    slope = np.empty(2)
+    started_open, _ = in_plane(scene, o, y0, z0, slope)
+    if started_open <= 0.0:
+        return True
+    for k in range(1, 8):
+        away, _ = in_plane(scene, o, y0 + k / 8 * (y1 - y0), z0 + k / 8 * (z1 - z0), slope)
+        if away <= 0.0:
+            return False
+    return True

@@ -1,0 +1,647 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The gap between a DLO and obstacles: distance, section, nearest point, depth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlo_planner.energy.scene import (
+    AXIS,
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    EDGE,
+    FACE,
+    NODE_FACE,
+    PLANE,
+    SPHERE,
+    Scene,
+)
+from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+
+# ------------------------------------------------------------------------------------------------
+# How far a point is from an obstacle: signed distance with its first and second derivatives.
+
+
+_CENTER = 1e-12  # of a radius: so near to the middle, no direction leads out
+
+
+@kernel
+def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Floats) -> float:
+    """Return the distance in m of the world point x (3,) from obstacle `o`, negative inside.
+
+    Fills normal (3,), its gradient, and hessian (3, 3), its second derivative, in 1/m.
+    """
+    axes = scene.axes[o]
+    kind = scene.kind[o]
+    v = np.empty(3)
+    for i in range(3):
+        v[i] = x[i] - scene.center[o, i]
+    p = np.empty(3)
+    for i in range(3):
+        p[i] = axes[0, i] * v[0] + axes[1, i] * v[1] + axes[2, i] * v[2]
+    local, curved = np.zeros(3), np.zeros((3, 3))
+    if kind == PLANE:
+        local[0] = 1.0
+        distance = p[0]
+    elif kind in (SPHERE, CAPSULE):
+        distance = _from_axis(p, scene.size[o, 0], scene.size[o, 2], local, curved)
+    elif kind == BOX:
+        distance = _from_box(p, scene.size[o], local, curved)
+    elif kind == CYLINDER:
+        distance = _from_cylinder(p, scene.size[o, 0], scene.size[o, 1], local, curved)
+    else:
+        distance = _from_sheet(scene, o, p, local, curved)
+    for i in range(3):
+        normal[i] = axes[i, 0] * local[0] + axes[i, 1] * local[1] + axes[i, 2] * local[2]
+    if kind == PLANE:
+        hessian[:] = 0.0
+    else:
+        for i in range(3):
+            for k in range(3):
+                v[k] = axes[i, 0] * curved[0, k] + axes[i, 1] * curved[1, k] + (
+                    axes[i, 2] * curved[2, k])
+            for j in range(3):
+                hessian[i, j] = axes[j, 0] * v[0] + axes[j, 1] * v[1] + axes[j, 2] * v[2]
+    return distance
+
+
+@kernel
+def _from_axis(p, half, radius, normal, hessian):
+    """Distance from a capsule along x (half = 0: a sphere)."""
+    beyond = abs(p[0]) - half
+    sign = 1.0 if p[0] >= 0 else -1.0
+    along = sign * beyond if beyond > 0 or half == 0.0 else 0.0
+    rho = np.sqrt(along * along + p[1] * p[1] + p[2] * p[2])
+    if rho <= _CENTER * radius:
+        normal[2] = 1.0
+        return -radius
+    normal[0], normal[1], normal[2] = along / rho, p[1] / rho, p[2] / rho
+    first = 0 if beyond > 0 or half == 0.0 else 1
+    for i in range(first, 3):
+        for j in range(first, 3):
+            hessian[i, j] = ((i == j) - normal[i] * normal[j]) / rho
+    return rho - radius
+
+
+@kernel
+def _from_box(p, half, normal, hessian):
+    outside = 0.0
+    deepest = 0
+    for i in range(3):
+        if abs(p[i]) - half[i] > abs(p[deepest]) - half[deepest]:
+            deepest = i
+        if abs(p[i]) > half[i]:
+            outside += (abs(p[i]) - half[i]) ** 2
+    if outside == 0.0:
+        normal[deepest] = 1.0 if p[deepest] >= 0 else -1.0
+        return abs(p[deepest]) - half[deepest]
+    distance = np.sqrt(outside)
+    for i in range(3):
+        if abs(p[i]) > half[i]:
+            normal[i] = (abs(p[i]) - half[i]) / distance * (1.0 if p[i] >= 0 else -1.0)
+    for i in range(3):
+        for j in range(3):
+            if abs(p[i]) > half[i] and abs(p[j]) > half[j]:
+                hessian[i, j] = ((i == j) - normal[i] * normal[j]) / distance
+    return distance
+
+
+@kernel
+def _from_sheet(scene, o, p, normal, hessian):
+    """Distance from a plate with holes."""
+    slope = np.zeros(2)
+    a, turn = in_plane(scene, o, p[1], p[2], slope)
+    return _from_faces(p, scene.size[o, 0], a, turn, slope, normal, hessian)
+
+
+@kernel
+def _from_cylinder(p, half, radius, normal, hessian):
+    """Distance from a cylinder along x with flat ends."""
+    slope = np.zeros(2)
+    rho = np.sqrt(p[1] * p[1] + p[2] * p[2])
+    turn = 0.0
+    if rho <= _CENTER * radius:
+        slope[1] = 1.0
+    else:
+        turn = 1.0 / rho
+        slope[0], slope[1] = p[1] * turn, p[2] * turn
+    return _from_faces(p, half, rho - radius, turn, slope, normal, hessian)
+
+
+@kernel
+def _from_faces(p, half, a, turn, slope, normal, hessian):
+    """Distance from what lies between two faces `half` above and below: in the plane (a), both.
+
+    Args:
+        a: distance in the plane, its gradient `slope` (2,) and its curvature `turn`
+    """
+    side = 1.0 if p[0] >= 0 else -1.0
+    b = abs(p[0]) - half
+    if a > 0 and b > 0:
+        d = np.sqrt(a * a + b * b)
+        normal[0], normal[1], normal[2] = side * b / d, a / d * slope[0], a / d * slope[1]
+        m0, m1, m2 = -side * a / d, b / d * slope[0], b / d * slope[1]
+        hessian[0, 0] = m0 * m0 / d
+        hessian[0, 1] = hessian[1, 0] = m0 * m1 / d
+        hessian[0, 2] = hessian[2, 0] = m0 * m2 / d
+        _add_turn(hessian, slope, turn * a / d)
+        hessian[1, 1] += m1 * m1 / d
+        hessian[1, 2] += m1 * m2 / d
+        hessian[2, 1] += m1 * m2 / d
+        hessian[2, 2] += m2 * m2 / d
+        return d
+    if b > 0 or (a <= 0 and b >= a):
+        normal[0] = side
+        return b
+    normal[1], normal[2] = slope[0], slope[1]
+    _add_turn(hessian, slope, turn)
+    return a
+
+
+@kernel
+def _add_turn(hessian, slope, amount):
+    hessian[1, 1] += amount * slope[1] * slope[1]
+    hessian[2, 2] += amount * slope[0] * slope[0]
+    hessian[1, 2] -= amount * slope[0] * slope[1]
+    hessian[2, 1] -= amount * slope[0] * slope[1]
+
+
+@kernel
+def in_plane(scene, o, y, z, slope):
+    """Return how far (y, z) is outside the sheet's material (in a hole, or beyond its border).
+
+    Fills slope (2,), the gradient; also returns the curvature of that distance, 1/m.
+    """
+    a, turn = _from_rectangle(y, z, scene.size[o, 1], scene.size[o, 2], slope)
+    other = np.empty(2)
+    for hole in range(scene.hole_of.size):
+        if scene.hole_of[hole] != o:
+            continue
+        away_y, away_z = y - scene.hole_center[hole, 0], z - scene.hole_center[hole, 1]
+        if scene.hole_size[hole, 1] < 0:
+            rho = max(np.sqrt(away_y * away_y + away_z * away_z),
+                      _CENTER * scene.hole_size[hole, 0])
+            inside = scene.hole_size[hole, 0] - rho
+            if inside > a:
+                a, turn = inside, -1.0 / rho
+                slope[0], slope[1] = -away_y / rho, -away_z / rho
+        else:
+            c, s = scene.hole_axis[hole, 0], scene.hole_axis[hole, 1]
+            outside, curved = _from_rectangle(c * away_y + s * away_z, c * away_z - s * away_y,
+                                              scene.hole_size[hole, 0], scene.hole_size[hole, 1],
+                                              other)
+            if -outside > a:
+                a, turn = -outside, -curved
+                slope[0], slope[1] = s * other[1] - c * other[0], -s * other[0] - c * other[1]
+    return a, turn
+
+
+@kernel
+def _from_rectangle(y, z, half_y, half_z, slope):
+    b, c = abs(y) - half_y, abs(z) - half_z
+    sign_y = 1.0 if y >= 0 else -1.0
+    sign_z = 1.0 if z >= 0 else -1.0
+    if b > 0 and c > 0:
+        d = np.sqrt(b * b + c * c)
+        slope[0], slope[1] = sign_y * b / d, sign_z * c / d
+        return d, 1.0 / d
+    if b >= c:
+        slope[0], slope[1] = sign_y, 0.0
+        return b, 0.0
+    slope[0], slope[1] = 0.0, sign_z
+    return c, 0.0
+
+
+# ------------------------------------------------------------------------------------------------
+# Where the outside of a DLO comes nearest to an obstacle: balls about its axis, or its section.
+#
+# A rectangular section is the convex hull of four points, so that its four edges, lines along the
+# DLO at an offset c from the axis, touch whatever is flat or wide. Between them a face may be
+# nearest to an obstacle that is curved or has an edge: there the offset is the one that makes the
+# distance smallest, and slides. With w = e1 + u x c (material axes, u the strains) the touching
+# point moves along the DLO by R w per arc length, and R w changes by R (u x w).
+
+
+_ROUNDS = 60
+_FREE = 1.0 - 1e-9  # of the half size: an offset beyond is at the section's edge
+
+
+@kernel
+def is_face(scene, o):
+    """Return whether body `o` is for a face, which is watched at chosen points only."""
+    return scene.feature[o] >= FACE
+
+
+@kernel
+def node_range(scene, o, n):
+    """Return the first and the last of nodes 0 ... n that the DLO's feature for body `o` has."""
+    return scene.span[o, 0], min(scene.span[o, 1], n)
+
+
+@kernel
+def radius_at(scene, o, e, fraction):
+    """Return the radius in m about the DLO's feature for body `o`, at `fraction` of element e."""
+    if scene.feature[o] != AXIS:
+        return scene.rounding[o]
+    if scene.radii.shape[0] == 0:
+        return scene.radius
+    return scene.radii[e, 0] + fraction * (scene.radii[e, 1] - scene.radii[e, 0])
+
+
+@kernel
+def taper(scene, o, e):
+    """Return by how much, m, that radius grows along element e."""
+    if scene.radii.shape[0] == 0 or scene.feature[o] != AXIS:
+        return 0.0
+    return scene.radii[e, 1] - scene.radii[e, 0]
+
+
+@kernel
+def radius_at_node(scene, o, k):
+    """Return that radius in m at node k: the larger one, where it jumps."""
+    if scene.radii.shape[0] == 0 or scene.feature[o] != AXIS:
+        return radius_at(scene, o, 0, 0.0)
+    n = scene.radii.shape[0]
+    before, behind = scene.radii[max(k - 1, 0), 1], scene.radii[min(k, n - 1), 0]
+    if k == 0:
+        return behind
+    return before if k == n else max(before, behind)
+
+
+@kernel
+def gap_at(scene, o, rotation, position, radius, offset, point, normal, hessian):
+    """Return the gap in m between body `o` and the DLO's section with this frame and place.
+
+    Args:
+        position: (3,) of the axis, from the scene's origin, m
+        radius: m, about the feature there
+        offset: (2,) filled: of the touching feature from the axis, along n and b, m
+        point: (3,) filled: its place in the world, m
+        normal: (3,), bend: (3, 3) filled: derivatives of the distance there
+    """
+    for i in range(3):
+        point[i] = scene.origin[i] + position[i]
+    if scene.feature[o] != AXIS:
+        if scene.feature[o] == EDGE:
+            offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
+        else:
+            _nearest_in_section(scene, o, rotation, point, offset)
+        for i in range(3):
+            point[i] += rotation[i, 1] * offset[0] + rotation[i, 2] * offset[1]
+    return signed_distance(scene, o, point, normal, hessian) - radius
+
+
+@kernel
+def node_gap(scene, o, k, rotations, positions, offset, point, normal, hessian):
+    """Return the gap in m of node k; see `gap_at`."""
+    if scene.feature[o] >= FACE:
+        return gap_at(scene, o, rotations[k], positions[k], scene.rounding[o], offset, point,
+                      normal, hessian)
+    offset[0], offset[1] = scene.offset[o, 0], scene.offset[o, 1]
+    for i in range(3):
+        point[i] = (scene.origin[i] + positions[k, i] + rotations[k, i, 1] * offset[0]
+                    + rotations[k, i, 2] * offset[1])
+    return signed_distance(scene, o, point, normal, hessian) - radius_at_node(scene, o, k)
+
+
+@kernel
+def near_nodes(scene, o, strains):
+    """Return which nodes to look at for body `o`: the first, the last, and `longest_stretch`.
+
+    Of a face none, which is watched at chosen points only. From one of them to the next goes
+    `next_touching`, of its gap times the third.
+    """
+    begin, end = node_range(scene, o, strains.shape[0])
+    if is_face(scene, o):
+        end = 0
+    return max(1, begin), end, longest_stretch(scene, o, strains)
+
+
+@kernel
+def next_touching(lengths, multiplier, node, gap):
+    """Return the next node after `node` that may touch an obstacle, N + 1 if none does.
+
+    No node is nearer to it by more than the DLO between them is long. Far obstacles cost nothing.
+
+    Args:
+        multiplier: (N + 1,) of the nodes; one that has some is never left out
+        gap: m, of `node`, per length of what may touch along the DLO (`longest_stretch`)
+    """
+    last = lengths.size
+    distance = 0.0
+    while node <= last:
+        if node < last:
+            distance += lengths[node]
+        node += 1
+        if distance >= gap or node <= last and multiplier[node] > 0.0:
+            break
+    return node
+
+
+@kernel
+def _nearest_in_section(scene, o, rotation, place, offset):
+    """Fill the offset (2,) of the point of a section that is nearest to a sphere or capsule.
+
+    Along the capsule's axis, the squared distance of its points from the section is convex, with a
+    slope that is linear in parts: Newton's method, safeguarded, finds its zero.
+    """
+    away, axis = np.zeros(3), np.zeros(3)  # material axes
+    for i in range(3):
+        for j in range(3):
+            away[i] += rotation[j, i] * (scene.center[o, j] - place[j])
+            axis[i] += rotation[j, i] * scene.axes[o, j, 0]
+    half = scene.size[o, 0]
+    low, high, t = -half, half, 0.0
+    for _ in range(_ROUNDS):
+        slope, curve = axis[0] * (away[0] + t * axis[0]), axis[0] * axis[0]
+        for i in range(2):
+            across = away[1 + i] + t * axis[1 + i]
+            offset[i] = min(max(across, -scene.offset[o, i]), scene.offset[o, i])
+            slope += axis[1 + i] * (across - offset[i])
+            if across != offset[i]:
+                curve += axis[1 + i] * axis[1 + i]
+        if slope == 0.0 or high - low <= 1e-15 * half:
+            break
+        if slope > 0.0:
+            high = t
+        else:
+            low = t
+        target = t - slope / curve if curve > 0.0 else np.inf
+        if not low < target < high:
+            # the end itself, if all of the way there is not enough
+            end = high if slope < 0.0 else low
+            target = end if abs(end) == half and abs(end - t) > 1e-15 * half else 0.5 * (low + high)
+        if abs(target - t) <= 1e-16 * half:
+            break
+        t = target
+
+
+@kernel
+def along_at(rotation, strain, offset, along, turn):
+    """Fill the motion (3,) of a point of the section per arc length, and its change `turn` (3,)."""
+    w0 = 1.0 + strain[1] * offset[1] - strain[2] * offset[0]
+    w1, w2 = -strain[0] * offset[1], strain[0] * offset[0]
+    # u x w
+    t0 = strain[1] * w2 - strain[2] * w1
+    t1 = strain[2] * w0 - strain[0] * w2
+    t2 = strain[0] * w1 - strain[1] * w0
+    for i in range(3):
+        along[i] = rotation[i, 0] * w0 + rotation[i, 1] * w1 + rotation[i, 2] * w2
+        turn[i] = rotation[i, 0] * t0 + rotation[i, 1] * t1 + rotation[i, 2] * t2
+
+
+@kernel
+def stretch(scene, o, strain):
+    """Return how long at most a feature is per length of the axis."""
+    if scene.feature[o] == AXIS:
+        return 1.0
+    size = np.sqrt(strain[0] ** 2 + strain[1] ** 2 + strain[2] ** 2)
+    return 1.0 + size * np.sqrt(scene.offset[o, 0] ** 2 + scene.offset[o, 1] ** 2)
+
+
+@kernel
+def longest_stretch(scene, o, strains):
+    """Return a length of the axis per length that no feature for body `o` exceeds; 0: not known."""
+    if scene.feature[o] == AXIS:
+        return 1.0 if scene.radii.shape[0] == 0 else 0.0
+    longest = 1.0
+    for e in range(strains.shape[0]):
+        longest = max(longest, stretch(scene, o, strains[e]))
+    return 1.0 / longest
+
+
+@kernel
+def sliding(scene, o, free_along, rotation, strain, offset, normal, hessian, moves, curves):
+    """Return how many coordinates of a touching point are free to slide: across first, then along.
+
+    Args:
+        free_along: whether the point slides along the DLO
+        moves: (3, 3) filled: row i is the point's motion by coordinate i
+        curves: (3, 3) filled: second derivatives of the gap by them
+    """
+    count = 0
+    along, turn = np.empty(3), np.empty(3)
+    if scene.feature[o] >= FACE:
+        for i in range(2):
+            if abs(offset[i]) < _FREE * scene.offset[o, i]:
+                for j in range(3):
+                    moves[count, j] = rotation[j, 1 + i]
+                count += 1
+    across = count
+    if free_along and scene.feature[o] != NODE_FACE:
+        along_at(rotation, strain, offset, along, turn)
+        for j in range(3):
+            moves[count, j] = along[j]
+        count += 1
+    for i in range(count):
+        for j in range(count):
+            curves[i, j] = 0.0
+            for k in range(3):
+                for m in range(3):
+                    curves[i, j] += moves[i, k] * hessian[k, m] * moves[j, m]
+    if count > across:
+        for k in range(3):
+            curves[across, across] += normal[k] * turn[k]
+        c = 0
+        for i in range(2):
+            if scene.feature[o] >= FACE and abs(offset[i]) < _FREE * scene.offset[o, i]:
+                # d(R w)/dc_i = R (u x e_i)
+                t0 = -strain[2] if i == 0 else strain[1]
+                t1 = 0.0 if i == 0 else -strain[0]
+                t2 = strain[0] if i == 0 else 0.0
+                mixed = 0.0
+                for k in range(3):
+                    mixed += normal[k] * (rotation[k, 0] * t0 + rotation[k, 1] * t1
+                                          + rotation[k, 2] * t2)
+                curves[c, across] += mixed
+                curves[across, c] += mixed
+                c += 1
+    return count
+
+
+@kernel
+def slope_along(scene, o, rotation, strain, offset, normal, hessian):
+    """Return dg/ds and d2g/ds2 of the gap along the DLO; a face's offset gives way."""
+    moves, curves = np.empty((3, 3)), np.empty((3, 3))
+    along, turn = np.empty(3), np.empty(3)
+    along_at(rotation, strain, offset, along, turn)
+    slope = 0.0
+    curve = 0.0
+    for i in range(3):
+        slope += normal[i] * along[i]
+    count = sliding(scene, o, True, rotation, strain, offset, normal, hessian, moves, curves)
+    for i in range(count - 1):
+        if curves[i, i] > 0.0:
+            for j in range(i + 1, count):
+                factor = curves[j, i] / curves[i, i]
+                for k in range(i + 1, count):
+                    curves[j, k] -= factor * curves[i, k]
+    if count and scene.feature[o] != NODE_FACE:
+        curve = curves[count - 1, count - 1]
+    return slope, curve
+
+
+# ------------------------------------------------------------------------------------------------
+# The point of a DLO that is nearest to an obstacle: inside one element, or wherever it rolls to.
+#
+# The curve and its tangent are continuous, so the nearest point passes from an element to the next
+# as the shape changes. A contact that stopped at a node would come free of the obstacle there, or
+# be pressed into it by the sag of the element beside.
+
+
+_END = 1e-12    # of an element: nearer to its end a point is the end
+_LEAST = 1e-15  # the same: a step that is no step any more
+
+
+@kernel
+def closest_point(scene, contacts, c, lengths, strains, rotations, positions, normal, hessian):
+    """Return gap, element and fraction of a point of Contacts: it rolls, or is fixed where it is.
+
+    Fills normal (3,) and hessian (3, 3) of the distance there.
+    """
+    o, e, fraction = contacts.obstacle[c], contacts.element[c], contacts.fraction[c]
+    if fraction == 0.0:
+        return follow_closest_point(scene, o, e, lengths, strains, rotations, positions, normal,
+                                    hessian)
+    gap = gap_inside(scene, o, e, fraction, lengths, strains, rotations, positions, normal, hessian)
+    return gap, e, fraction
+
+
+@kernel
+def gap_inside(scene, o, e, fraction, lengths, strains, rotations, positions, normal, hessian):
+    """Return the gap of a point of element e; fill normal (3,) and hessian (3, 3) of it."""
+    rotation, x, offset, point = np.empty((3, 3)), np.empty(3), np.zeros(2), np.empty(3)
+    point_inside(lengths, strains, rotations, positions, e, fraction, rotation, x)
+    radius = radius_at(scene, o, e, fraction)
+    return gap_at(scene, o, rotation, x, radius, offset, point, normal, hessian)
+
+
+@kernel
+def follow_closest_point(scene, o, e, lengths, strains, rotations, positions, normal, hessian):
+    """Return gap, element and fraction of the point that is nearest to obstacle o, from element e.
+
+    Where the distance still falls at an end of the element, it is followed into the next ones, to
+    its first minimum. Fills normal (3,) and hessian (3, 3) of the distance there.
+    """
+    gap, fraction = closest_point_in_element(scene, o, e, lengths, strains, rotations, positions,
+                                             normal, hessian)
+    if scene.feature[o] == NODE_FACE or 0.0 < fraction < 1.0:
+        return gap, e, fraction
+    step = -1 if fraction == 0.0 else 1
+    begin, end = node_range(scene, o, lengths.size)
+    while begin <= e + step < end and fraction == max(step, 0):
+        its_gap, its_fraction = closest_point_in_element(scene, o, e + step, lengths, strains,
+                                                         rotations, positions, normal, hessian)
+        if its_fraction == max(-step, 0):  # it rises again: the minimum is the node between
+            break
+        e, gap, fraction = e + step, its_gap, its_fraction
+    return gap, e, fraction
+
+
+@kernel
+def closest_point_in_element(scene, o, e, lengths, strains, rotations, positions, normal, hessian):
+    """Return gap and fraction of the point of element e that is nearest to obstacle o.
+
+    Fills normal (3,) and hessian (3, 3) of the distance there. A safeguarded Newton iteration for
+    the zero of dg/ds; the nearest end of the element if there is none inside.
+    """
+    rotation, x = np.empty((3, 3)), np.empty(3)
+    offset, point = np.zeros(2), np.empty(3)
+    axial, grows = scene.feature[o] == AXIS, taper(scene, o, e) / lengths[e]
+    low, high, fraction, last = 0.0, 1.0, 0.5, 1.0
+    if scene.feature[o] == NODE_FACE:
+        low = fraction = 1.0
+    for iteration in range(60):
+        point_inside(lengths, strains, rotations, positions, e, fraction, rotation, x)
+        radius = radius_at(scene, o, e, fraction)
+        if axial:
+            for i in range(3):
+                x[i] += scene.origin[i]
+            gap = signed_distance(scene, o, x, normal, hessian) - radius
+            slope, curve = along_the_dlo(normal, hessian, rotation, strains[e])
+            slope -= grows
+        else:
+            gap = gap_at(scene, o, rotation, x, radius, offset, point, normal, hessian)
+            slope, curve = slope_along(scene, o, rotation, strains[e], offset, normal, hessian)
+        if slope > 0.0:
+            high = fraction
+        else:
+            low = fraction
+        if high - low < 1e-15:
+            break
+        step = -slope / (curve * lengths[e]) if curve > 0.0 else np.inf
+        if abs(step) < _LEAST or 0.5 * last <= abs(step) < _END:
+            break  # rounding errors alone are left; to halve the bracket would lead away from here
+        target = fraction + step
+        if iteration == 0 and curve > 0.0 and not 0.0 < target < 1.0:
+            target = 0.0 if target <= 0.0 else 1.0  # look at the end itself
+        elif not (low < target < high and abs(step) < 0.5 * last):
+            # (where the curvature jumps, as at an obstacle's edge, Newton's steps go to and fro)
+            target = 0.5 * (low + high)
+        last = abs(target - fraction)
+        fraction = target
+    if fraction < _END or fraction > 1.0 - _END:
+        fraction = 0.0 if fraction < _END else 1.0
+    return gap, fraction
+
+
+@kernel
+def along_the_dlo(normal: Floats, hessian: Floats, rotation: Floats,
+                  strain: Floats) -> tuple[float, float]:
+    """Return dg/ds and d2g/ds2 of the gap along the DLO, where its frame is `rotation`."""
+    slope = curve = 0.0
+    for i in range(3):
+        # t' = kappa_b n - kappa_n b
+        change = strain[2] * rotation[i, 1] - strain[1] * rotation[i, 2]
+        slope += normal[i] * rotation[i, 0]
+        curve += normal[i] * change
+        for j in range(3):
+            curve += rotation[i, 0] * hessian[i, j] * rotation[j, 0]
+    return slope, curve
+
+
+# ------------------------------------------------------------------------------------------------
+# How deep a DLO lies in obstacles.
+
+
+@kernel
+def penetration(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
+                positions: Floats) -> float:
+    """Return how deep in m the surface of a DLO lies in an obstacle, at most; 0 if it is clear.
+
+    Args:
+        strains: (N, 3), 1/m; rotations: (N + 1, 3, 3); positions: (N + 1, 3), m, relative to
+            `scene.origin`
+    """
+    deepest = 0.0
+    normal, hessian, offset, point = np.empty(3), np.empty((3, 3)), np.zeros(2), np.empty(3)
+    for o in range(scene.kind.size):
+        begin, end = node_range(scene, o, lengths.size)
+        last = np.inf
+        for k in range(begin, end + 1):
+            gap = node_gap(scene, o, k, rotations, positions, offset, point, normal, hessian)
+            if k > 0:
+                deepest = max(deepest, -gap)
+            e = k - 1
+            # no point of an element is farther than half its length from one of its nodes
+            if k > begin and scene.feature[o] != NODE_FACE and (
+                    min(gap, last) - 0.5 * lengths[e] * stretch(scene, o, strains[e]) < -deepest):
+                inside, _ = closest_point_in_element(scene, o, e, lengths, strains, rotations,
+                                                     positions, normal, hessian)
+                deepest = max(deepest, -inside)
+            last = gap
+    return deepest
+
+
+@kernel
+def penetration_of_point(scene: Scene, place: Floats) -> float:
+    """Return how deep in m a place (3,), world, lies in an obstacle, at most; 0 if in none."""
+    deepest = 0.0
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    for o in range(scene.kind.size):
+        deepest = max(deepest, -signed_distance(scene, o, place, normal, hessian))
+    return deepest

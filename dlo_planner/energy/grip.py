@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A second grip at the free end: which motions of that end are held, and with which forces.
+
+K rows of a twist (rotation, displacement) of the free end are held: c(shape) = 0 (K,), in m. Their
+multipliers are the reaction, which `minimize.newton` finds with the shape. The end's axes d_i are
+compared with their targets t_i by rho = sum of a_i t_i x d_i, which is linear in d_i:
+so a moment acts as dead forces on the tips of the axes, and its second derivatives are those of
+dead loads. Springs stand beside the multipliers. They vanish, with their gradient, where c = 0, so
+they change no equilibrium; they make the Hessian positive along what is held.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dlo_planner.geometry.record import Record
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+
+
+class GripConstraint(Record):
+    """What is held of the far end; K = 0 if it is free.
+
+    Attributes
+    ----------
+    target : ndarray, shape (3,)
+        Where the end is held, m, world axes, relative to the gripper.
+    axes : ndarray, shape (3, 3)
+        Its frame there, columns t, n, b.
+    share : ndarray, shape (3,)
+        a_i, how much each axis counts.
+    rows : ndarray, shape (K, 6)
+        Held directions of the twist: lever (m) times a unit vector of rotation, or a unit vector of
+        displacement.
+    multiplier : ndarray, shape (K,)
+        Derivative of the potential by c, N.
+    stiffness : float
+        Of displacement, N/m.
+    turn_stiffness : float
+        Of rotation, N m.
+    """
+
+    target: Floats
+    axes: Floats
+    share: Floats
+    rows: Floats
+    multiplier: Floats
+    stiffness: float
+    turn_stiffness: float
+
+
+def no_grip(stiffness: float, turn_stiffness: float) -> GripConstraint:
+    """Return the GripConstraint of a free end, with springs as of one that is held."""
+    return GripConstraint(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)), np.zeros(0),
+                          stiffness, turn_stiffness)
+
+
+def holds(effect: GripConstraint | None) -> bool:
+    """Whether anything of the far end is held."""
+    return effect is not None and effect.multiplier.size > 0
+
+
+def needs(effect: GripConstraint) -> dict[str, Any]:
+    """Return what the solver has to provide for."""
+    return {'displaced': holds(effect), 'attached': True, 'rows': effect.multiplier.size}
+
+
+@kernel
+def moved_grip(hold, target, axes, rows):
+    """Return the same grip with another target (3,), axes (3, 3) and rows (K, 6)."""
+    return GripConstraint(target, axes, hold.share, rows, hold.multiplier, hold.stiffness,
+                          hold.turn_stiffness)
+
+
+@kernel
+def constraint_value(hold, rotation, position, miss):
+    """Fill miss (K,) with c in m, of a free end with rotation (3, 3) at position (3,)."""
+    if hold is None:
+        return
+    turned = np.zeros(3)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for axis in range(3):
+            turned[i] += hold.share[axis] * (hold.axes[j, axis] * rotation[k, axis]
+                                             - hold.axes[k, axis] * rotation[j, axis])
+    for row in range(miss.size):
+        miss[row] = 0.0
+        for i in range(3):
+            miss[row] += (hold.rows[row, i] * turned[i]
+                          + hold.rows[row, 3 + i] * (position[i] - hold.target[i]))
+
+
+@kernel
+def constraint_violation(hold: GripConstraint, rotation: Floats, position: Floats) -> float:
+    """Return by how much the grip is missed, m: the size of c (K,)."""
+    miss = np.empty(hold.multiplier.size)
+    constraint_value(hold, rotation, position, miss)
+    return np.sqrt(np.sum(miss * miss))
+
+
+@kernel
+def held_twists(hold, rotation, position, out):
+    """Fill out (K, 6): change of c per twist (rotation, displacement) at the gripper's origin."""
+    for row in range(out.shape[0]):
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            # x rotates with the twist: (rotation x position) . row
+            total = position[j] * hold.rows[row, 3 + k] - position[k] * hold.rows[row, 3 + j]
+            for axis in range(3):
+                along = across = 0.0
+                for m in range(3):
+                    along += hold.axes[m, axis] * rotation[m, axis]
+                    across += rotation[m, axis] * hold.rows[row, m]
+                # t x (theta x d) = theta (t . d) - d (t . theta)
+                total += hold.share[axis] * (along * hold.rows[row, i]
+                                             - across * hold.axes[i, axis])
+            out[row, i] = total
+            out[row, 3 + i] = hold.rows[row, 3 + i]
+
+
+@kernel
+def add_forces(effect, system, state):
+    """Write the tip's part of `state.attached`; return the potential in J, and its size."""
+    if effect is None:
+        return 0.0, 0.0
+    energy = 0.0
+    if effect.multiplier.size:
+        last = system.lengths.size
+        energy = add_hold(effect, state.rotations[last], state.positions[last], state.attached)
+    return energy, abs(energy)
+
+
+@kernel
+def roundoff(effect, system, state, length):
+    """Return forces in N whose relative rounding errors those of the grip have."""
+    if effect is None:
+        return 0.0
+    if effect.multiplier.size == 0:
+        return 0.0
+    return effect.stiffness * length + effect.turn_stiffness / length
+
+
+@kernel
+def constraint_jacobian(effect, rotation, position, out):
+    """Fill out (K, 6) with `held_twists`."""
+    if effect is None:
+        return
+    held_twists(effect, rotation, position, out)
+
+
+@kernel
+def add_hold(hold, rotation, position, attached):
+    """Add to the tip's part of `attached`; return the potential in J.
+
+    Args:
+        rotation: (3, 3), position: (3,) of the free end
+    """
+    moment, couple = np.zeros(3), np.empty(3)
+    energy = 0.0
+    for row in range(hold.multiplier.size):
+        away = 0.0
+        for i in range(3):
+            away += hold.rows[row, 3 + i] * (position[i] - hold.target[i])
+            moment[i] += hold.multiplier[row] * hold.rows[row, i]
+        energy += away * (hold.multiplier[row] + 0.5 * hold.stiffness * away)
+        force = hold.multiplier[row] + hold.stiffness * away
+        for i in range(3):
+            attached.tip_force[i] += force * hold.rows[row, 3 + i]
+            for j in range(3):
+                attached.tip_matrix[3 + i, 3 + j] += (hold.stiffness * hold.rows[row, 3 + i]
+                                                      * hold.rows[row, 3 + j])
+    for axis in range(3):
+        if hold.share[axis] == 0.0:
+            continue
+        along = 0.0
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            t, d = hold.axes[i, axis], rotation[i, axis]
+            couple[i] = hold.share[axis] * (
+                moment[j] * hold.axes[k, axis] - moment[k] * hold.axes[j, axis]
+                - hold.turn_stiffness * t)
+            energy += d * couple[i]
+            along += t * t
+        energy += hold.share[axis] * hold.turn_stiffness * along
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            attached.tip_moment[i] += rotation[j, axis] * couple[k] - rotation[k, axis] * couple[j]
+            for j in range(3):
+                attached.tip_first[i, j] += couple[i] * rotation[j, axis]
+    return energy

@@ -1,0 +1,200 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A discretized DLO and all that acts on it, and what is known of it at one shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dlo_planner.energy.terms import TERMS, Structure, Terms, structure_of, width, with_terms
+from dlo_planner.geometry.kinematics import new_attached
+from dlo_planner.geometry.record import Record
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+
+_HINGE = 1e-20  # of the stiffness of the DLO: that of a hinge is below
+
+
+class Problem(Record):
+    """A discretized DLO in a gripper: plain arrays, as the kernels want them.
+
+    For Python an effect, or a field of one, is an attribute as well; `_replace` takes them, too.
+
+    Attributes
+    ----------
+    lengths : ndarray, shape (N,)
+        Lengths of the elements, m.
+    natural : ndarray, shape (N, 3)
+        Stress-free strains, 1/m.
+    stiffness : ndarray, shape (N, 3)
+        GJ, EI_n, EI_b, N m^2.
+    scale : ndarray, shape (N, 3)
+        Strain = natural + scale * (basis @ q, or q itself).
+    basis : ndarray, shape (N, N_c)
+        Orthonormal basis at the elements; (N, 0): local.
+    base : ndarray, shape (3, 3)
+        Rotation of the gripper.
+    origin : ndarray, shape (3,)
+        Its position, m.
+    effects : Terms
+        What acts on the DLO.
+    needs : Structure
+        What they need of the solver.
+    proximal_point : ndarray, shape (m, 3)
+        Unknowns to which a weak spring keeps, w |q - p|^2 / 2, a device of the minimizer;
+        (0, 3) without.
+    proximal_weight : float
+        Strength of that spring.
+    """
+
+    lengths: Floats
+    natural: Floats
+    stiffness: Floats
+    scale: Floats
+    basis: Floats
+    base: Floats
+    origin: Floats
+    effects: Terms
+    needs: Structure
+    proximal_point: Floats
+    proximal_weight: float
+
+    def __getattr__(self, name: str) -> Any:
+        """Read a field, an effect, or a field of an effect."""
+        if name in self.FIELDS or name.startswith('_'):
+            return super().__getattr__(name)
+        if name in TERMS:
+            return getattr(self.effects, name)
+        return getattr(getattr(self.effects, self._owner(name)), name)
+
+    def _owner(self, name: str) -> str:
+        """Return the name of the effect with a field."""
+        for effect in TERMS:
+            if name in getattr(getattr(self.effects, effect), 'FIELDS', ()):
+                return effect
+        raise AttributeError(f'{name}: nothing that acts on this Problem has it')
+
+    def _replace(self, **changes: Any) -> Problem:
+        """Return the same Problem with other values of some fields, effects, fields of effects."""
+        fields = {name: changes.pop(name) for name in tuple(changes) if name in self.FIELDS}
+        effects = {name: changes.pop(name) for name in tuple(changes) if name in TERMS}
+        for name, value in changes.items():
+            owner = self._owner(name)
+            effects[owner] = effects.get(owner, getattr(self.effects, owner))._replace(
+                **{name: value})
+        if effects:
+            fields['effects'] = fields.get('effects', self.effects)._replace(**effects)
+        if 'effects' in fields:
+            nodes = len(fields.get('lengths', self.lengths)) + 1
+            fields['needs'] = structure_of(fields['effects'], nodes)
+        return super()._replace(**fields)
+
+
+class Configuration(Record):
+    """Everything known at one value of the unknowns (arrays, refilled in place).
+
+    Attributes
+    ----------
+    q : ndarray, shape (m, 3)
+        Unknowns.
+    gradient : ndarray, shape (m, 3)
+        Derivative of the potential by them.
+    strains : ndarray, shape (N, 3)
+        Strains of the elements, 1/m.
+    arcs : ndarray, shape (N, 7)
+        `geometry.so3.coefficients` of the elements.
+    rotations : ndarray, shape (N + 1, 3, 3)
+        Frames of the nodes, columns t, n, b.
+    positions : ndarray, shape (N + 1, 3)
+        Positions of the nodes relative to the gripper, m.
+    slope : ndarray, shape (N, 3)
+        Derivative of the potential by the scaled strains.
+    pull : ndarray, shape (N + 1, 3)
+        Derivative of the potential by the node positions, N.
+    weight : ndarray, shape (N + 1,)
+        Its second derivative where that is the same in all directions, N/m; (0,) where
+        displacements do not matter.
+    base_force : ndarray, shape (3,)
+        Derivative of the potential by the displacement of the gripper, N.
+    base_moment : ndarray, shape (3,)
+        Derivative of the potential by the rotation of the gripper, N m.
+    attached : Attached or None
+        What acts elsewhere than on the nodes; None: nothing.
+    """
+
+    q: Floats
+    gradient: Floats
+    strains: Floats
+    arcs: Floats
+    rotations: Floats
+    positions: Floats
+    slope: Floats
+    pull: Floats
+    weight: Floats
+    base_force: Floats
+    base_moment: Floats
+    attached: Any  # Attached or None: numba compiles for each of them
+
+
+def tip_wrench(state: Configuration) -> Floats:
+    """Return (6,) derivative of the potential by displacement and rotation of the free end."""
+    attached = state.attached
+    if attached is None:
+        return np.zeros(6)
+    return np.concatenate([attached.tip_force, attached.tip_moment])
+
+
+@kernel
+def with_gripper(system, base, origin):
+    """Return the same system in a gripper with rotation `base` (3, 3) at `origin` (3,)."""
+    return Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
+                   base, origin, system.effects, system.needs, system.proximal_point,
+                   system.proximal_weight)
+
+
+@kernel
+def with_gripper_and_grip(system, base, hold):
+    """Return the same system in a gripper with rotation `base` (3, 3), its far end in `hold`."""
+    effects = system.effects
+    return Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
+                   base, system.origin, with_terms(effects, effects.anchor, hold, effects.contact),
+                   system.needs, system.proximal_point, system.proximal_weight)
+
+
+@kernel
+def unknown_count(system):
+    """Return m, the number of unknowns per strain component."""
+    if system.basis.shape[1] == 0:
+        return system.lengths.size
+    return system.basis.shape[1]
+
+
+@kernel
+def hinged(system: Problem) -> bool:
+    """Return whether the first element is a hinge: so soft that its stiffness does not count."""
+    return system.stiffness[0, 1] < _HINGE * system.stiffness[-1, 1]
+
+
+@kernel
+def bending_energy(system: Problem) -> float:
+    """Return twice the energy in J that bending the whole DLO evenly by 1 rad takes."""
+    compliance = 0.0
+    for e in range(system.lengths.size):
+        softer = min(system.stiffness[e, 1], system.stiffness[e, 2])
+        if e > 0 or not hinged(system):
+            compliance += system.lengths[e] / softer
+    return 1.0 / compliance
+
+
+@kernel
+def new_configuration(system: Problem) -> Configuration:
+    """Return an empty Configuration of the right sizes."""
+    n = system.lengths.size
+    m = unknown_count(system)
+    return Configuration(np.zeros((m, 3)), np.zeros((m, 3)), np.empty((n, 3)), np.empty((n, 7)),
+                         np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3)),
+                         np.empty((n + 1, 3)),
+                         np.zeros(n + 1 if width(system.needs.displaced) == 6 else 0), np.empty(3),
+                         np.empty(3), new_attached(system.needs.attached))

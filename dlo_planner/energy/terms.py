@@ -1,0 +1,259 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What acts on a DLO: the terms of its potential, a file each, and the kernels that ask all.
+
+A term has a Record of what it acts by, and those of these functions that it needs (kernels but for
+the last two); what it has is called below, by its own name:
+
+    add_forces(effect, system, state)       its forces; returns its potential in J, and how large
+                                            the terms are of which that is a sum
+    add_stiffness(effect, system, state, diagonal)  second derivatives by the elements' strains
+    roundoff(effect, system, state, length) forces whose relative rounding errors its own have, N
+    forbids(effect, system, before, after)  whether it forbids the way between two states
+    may_forbid(effect)                      whether it ever does
+    may_act(effect, system, strains, positions, before)  whether it would have a say in a step of a
+                                            DLO found without it, see `direct.culling`
+    constraint_jacobian(effect, rotation, position, out)  what it holds of the far end
+    constraint_value(effect, rotation, position, miss)    and by how much that is missed
+    stored(effect, system, strains)         energy that it stores in the DLO, J
+    potential(effect, system, positions)    its potential where the nodes are in the world, J
+    needs(effect)                           dict: what the solver has to provide, see `Structure`
+    hinged(effect, part)                    the same with one more element before the first, which
+                                            has a `part` of that one's stiffness
+
+Forces go to `state.slope` (by strains), `state.pull` (nodes) and `state.attached` (elsewhere);
+their second derivatives by the nodes' places to `state.weight` and `state.attached`.
+
+Where there is no such term it is None. numba compiles nothing of what stands behind
+`if effect is None: return`, so each kernel that gets one begins with it, but for elastic and load,
+which are always there.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from dlo_planner.energy import contact, elastic, grip, inertia, loads, plastic
+from dlo_planner.energy.contact import add_forces as contact_forces
+from dlo_planner.energy.contact import forbids as contact_blocks
+from dlo_planner.energy.contact import may_act as contact_acts
+from dlo_planner.energy.contact import may_forbid as contact_may_block
+from dlo_planner.energy.contact import roundoff as contact_noise
+from dlo_planner.energy.elastic import Elastic
+from dlo_planner.energy.elastic import add_forces as elastic_forces
+from dlo_planner.energy.elastic import add_stiffness as elastic_stiffness
+from dlo_planner.energy.elastic import stored as elastic_stored
+from dlo_planner.energy.grip import add_forces as grip_forces
+from dlo_planner.energy.grip import constraint_jacobian as grip_rows
+from dlo_planner.energy.grip import constraint_value as grip_miss
+from dlo_planner.energy.grip import roundoff as grip_noise
+from dlo_planner.energy.inertia import add_forces as inertia_forces
+from dlo_planner.energy.inertia import roundoff as inertia_noise
+from dlo_planner.energy.loads import Load
+from dlo_planner.energy.loads import add_forces as load_forces
+from dlo_planner.energy.loads import potential as load_potential
+from dlo_planner.energy.plastic import add_forces as plastic_forces
+from dlo_planner.energy.plastic import add_stiffness as plastic_stiffness
+from dlo_planner.energy.plastic import may_act as plastic_acts
+from dlo_planner.geometry.kinematics import OffNodeLoads, nothing_attached
+from dlo_planner.geometry.record import Record
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+
+# The Python side: `needs` and `hinged` of those that have them.
+TERMS = {'elastic': elastic, 'plastic': plastic, 'load': loads, 'anchor': inertia, 'hold': grip,
+         'contact': contact}
+
+
+class Terms(Record):
+    """What acts on a DLO: of each term its Record, or None."""
+
+    elastic: Elastic
+    plastic: Any  # Layers or None: numba compiles for each of them
+    load: Load
+    anchor: Any  # Anchor or None
+    hold: Any  # Hold or None
+    contact: Any  # Contact or None
+
+
+@kernel
+def with_terms(effects, anchor, hold, contact):
+    """Return the same Terms with another Anchor, Hold and Contact."""
+    return Terms(effects.elastic, effects.plastic, effects.load, anchor, hold, contact)
+
+
+@kernel
+def add_forces(effects, system, state):
+    """Add the forces of all terms; return the potential in J, and the size of what it sums."""
+    energy, size = elastic_forces(effects.elastic, system, state)
+    more, terms = plastic_forces(effects.plastic, system, state)
+    energy, size = energy + more, size + terms
+    more, terms = load_forces(effects.load, system, state)
+    energy, size = energy + more, size + terms
+    more, terms = inertia_forces(effects.anchor, system, state)
+    energy, size = energy + more, size + terms
+    more, terms = grip_forces(effects.hold, system, state)
+    energy, size = energy + more, size + terms
+    more, terms = contact_forces(effects.contact, system, state)
+    return energy + more, size + terms
+
+
+@kernel
+def add_stiffness(effects, system, state, diagonal):
+    """Add the second derivatives by the scaled strains to diagonal (N, 3, 3)."""
+    elastic_stiffness(effects.elastic, system, state, diagonal)
+    plastic_stiffness(effects.plastic, system, state, diagonal)
+
+
+@kernel
+def roundoff(effects, system, state, length):
+    """Return forces in N whose relative rounding errors those of all terms have."""
+    forces = inertia_noise(effects.anchor, system, state, length)
+    forces += grip_noise(effects.hold, system, state, length)
+    return forces + contact_noise(effects.contact, system, state, length)
+
+
+@kernel
+def forbids(effects, system, before, after):
+    """Whether anything forbids the way from a State to another."""
+    return contact_blocks(effects.contact, system, before, after)
+
+
+@kernel
+def may_forbid(effects):
+    """Whether anything ever does."""
+    return contact_may_block(effects.contact)
+
+
+@kernel
+def may_act(effects, system, strains, positions, before):
+    """Whether anything would have a say in a step that was found without it."""
+    return (plastic_acts(effects.plastic, system, strains, positions, before)
+            or contact_acts(effects.contact, system, strains, positions, before))
+
+
+@kernel
+def constraint_jacobian(effects, rotation, position, out):
+    """Fill out (K, 6): what is held of the free end."""
+    grip_rows(effects.hold, rotation, position, out)
+
+
+@kernel
+def constraint_value(effects, rotation, position, miss):
+    """Fill miss (K,) with that by which it is missed, m."""
+    grip_miss(effects.hold, rotation, position, miss)
+
+
+@kernel
+def stored(effects, system, strains):
+    """Return the energy that strains (N, 3) store, J."""
+    return elastic_stored(effects.elastic, system, strains)
+
+
+@kernel
+def potential(effects, system, positions):
+    """Return the potential in J of what acts at positions (N + 1, 3), world, m."""
+    return load_potential(effects.load, system, positions)
+
+
+def hinged(effects: Terms, part: float) -> Terms:
+    """Return the same Terms with one more element before the first."""
+    return effects._replace(**{
+        name: module.hinged(effect, part) for name, module in TERMS.items()
+        if (effect := getattr(effects, name)) is not None and hasattr(module, 'hinged')})
+
+
+class KKTBorder(Record):
+    """What K rows that are held add to a Newton system, see `minimize.kkt`.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (K, m, 3)
+        Derivatives of what is held by the unknowns.
+    answers : ndarray, shape (K, m, 3)
+        H^-1 of them.
+    schur : ndarray, shape (K, K)
+        Inverse of rows answers + give.
+    give : ndarray, shape (1,)
+        By how much each of them gives way, m/N.
+    """
+
+    rows: Floats
+    answers: Floats
+    schur: Floats
+    give: Floats
+
+
+class Structure(Record):
+    """What effects need of the solver; None where no effect that is there ever does.
+
+    Attributes
+    ----------
+    displaced : bool or None
+        Whether displacements of what lies beyond an element matter, not only rotations.
+    attached : OffNodeLoads or None
+        An empty one of the right sizes, where forces act elsewhere than on nodes.
+    border : KKTBorder or None
+        An empty one of the right number of rows, where something is held.
+    """
+
+    displaced: bool | None
+    attached: OffNodeLoads | None
+    border: KKTBorder | None
+
+
+def structure_of(effects: Terms, nodes: int) -> Structure:
+    """Return the Structure of Terms on a DLO with so many nodes."""
+    asked = [module.needs(effect) for name, module in TERMS.items()
+             if hasattr(module, 'needs') and (effect := getattr(effects, name)) is not None]
+    if not asked:
+        return _nothing_needed()
+    displaced = any(one.get('displaced', False) for one in asked)
+    attached = border = None
+    if any('attached' in one for one in asked):
+        element = np.concatenate([one.get('element', _NOWHERE) for one in asked])
+        attached = nothing_attached(nodes if any(one.get('sprung') for one in asked) else 0,
+                                    element, any(one.get('beside', False) for one in asked))
+    if any('rows' in one for one in asked):
+        held = sum(one.get('rows', 0) for one in asked)
+        border = KKTBorder(np.empty((held, 0, 3)), np.empty((held, 0, 3)), np.empty((0, 0)),
+                           np.zeros(1))
+    return Structure(displaced, attached, border)
+
+
+@cache
+def _nothing_needed() -> Structure:
+    return Structure(None, None, None)
+
+
+_NOWHERE = np.zeros(0, dtype=np.int64)
+
+
+@kernel
+def new_border(border, unknowns):
+    """Return an empty KKTBorder of as many rows as `border`, for (m, 3) unknowns; None for None."""
+    out = border
+    if border is not None:
+        held = border.rows.shape[0]
+        out = KKTBorder(np.empty((held, unknowns, 3)), np.empty((held, unknowns, 3)),
+                        np.empty((held, held)), np.zeros(1))
+    return out
+
+
+@kernel
+def row_count(border):
+    """Return how many rows are held."""
+    if border is None:
+        return 0
+    return border.rows.shape[0]
+
+
+@kernel
+def width(displaced):
+    """Return how many numbers tell how what lies beyond an element moves: 6, or 3 of rotation."""
+    if displaced is None:
+        return 3
+    return 6 if displaced else 3

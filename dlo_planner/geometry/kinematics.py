@@ -1,0 +1,488 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""From strains to frames and positions, and from what acts on a DLO back to its strains."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlo_planner.geometry.record import Record
+from dlo_planner.geometry.so3 import (
+    applied,
+    coefficients,
+    coefficients_in,
+    columns_scaled,
+    cross,
+    inner,
+    jacobians,
+    matrix,
+    plus,
+    put_coefficients,
+    put_matrix,
+    put_vector,
+    rotation_and_chord,
+    rotation_and_chord_with,
+    slope_with,
+    times,
+    transposed_applied,
+    vector,
+)
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Bools, Floats, Ints
+
+# ------------------------------------------------------------------------------------------------
+# What acts on a DLO elsewhere than as a force on a node: on points inside elements, on the tip.
+
+
+_NOTHING = (0.0, 0.0, 0.0)
+
+
+class OffNodeLoads(Record):
+    """What acts on C points inside elements, on nodes that are sprung, and on the tip.
+
+    Attributes
+    ----------
+    element : ndarray of int, shape (C,)
+        Index of the element of each point.
+    fraction : ndarray, shape (C,)
+        Place of each point, as a part of the element's length.
+    order : ndarray of int, shape (C,)
+        The points by their elements.
+    force : ndarray, shape (C, 3)
+        Derivative of the potential by the point's position, N.
+    matrix : ndarray, shape (C, 6, 6)
+        Its second derivative by the twist (rotation, displacement) of the frame there, the part
+        that is not due to `force` being carried along.
+    spring : ndarray, shape (N + 1, 3, 3)
+        Second derivative by the node positions, N/m.
+    sprung : ndarray of bool, shape (N + 1,)
+        Where there is such a spring.
+    moment : ndarray, shape (C, 3)
+        Derivative by the rotation of the frame at the point.
+    first : ndarray, shape (C, 3, 3)
+        Sum of force r^T of what is fixed to it at offsets r.
+    own : ndarray, shape (C, 3, 9)
+        Second derivative by the strain of the element itself, beyond that by the twist: with the
+        twist and the strain. All (0, ...) where all forces act on the axis.
+    node_moment : ndarray
+        As `moment`, at the nodes where sprung; (0, 3) where all forces act on the axis.
+    node_first : ndarray
+        As `first`, at the nodes.
+    node_matrix : ndarray
+        As `matrix`, at the nodes.
+    tip_force : ndarray, shape (3,)
+        Derivative by the displacement of the free end, N.
+    tip_moment : ndarray, shape (3,)
+        Derivative by the rotation of the free end, N m.
+    tip_first : ndarray, shape (3, 3)
+        Sum of force r^T of what is fixed to the free end at offsets r.
+    tip_matrix : ndarray, shape (6, 6)
+        As `matrix`.
+    """
+
+    element: Ints
+    fraction: Floats
+    order: Ints
+    force: Floats
+    matrix: Floats
+    spring: Floats
+    sprung: Bools
+    moment: Floats
+    first: Floats
+    own: Floats
+    node_moment: Floats
+    node_first: Floats
+    node_matrix: Floats
+    tip_force: Floats
+    tip_moment: Floats
+    tip_first: Floats
+    tip_matrix: Floats
+
+
+@kernel
+def nothing_attached(nodes: int, element: Ints, beside: bool = False) -> OffNodeLoads:
+    """Return an empty OffNodeLoads for points in the given elements (C,).
+
+    Args:
+        element: (C,) ascending
+        nodes: how many may be sprung, N + 1 or 0
+        beside: whether forces may act beside the axis
+    """
+    c = element.size
+    d, n = (c, nodes) if beside else (0, 0)
+    return OffNodeLoads(element.copy(), np.zeros(c), np.arange(c), np.zeros((c, 3)),
+                        np.zeros((c, 6, 6)), np.zeros((nodes, 3, 3)),
+                        np.zeros(nodes, dtype=np.bool_), np.zeros((d, 3)), np.zeros((d, 3, 3)),
+                        np.zeros((d, 3, 9)), np.zeros((n, 3)), np.zeros((n, 3, 3)),
+                        np.zeros((n, 6, 6)), np.zeros(3), np.zeros(3), np.zeros((3, 3)),
+                        np.zeros((6, 6)))
+
+
+@kernel
+def new_attached(like):
+    """Return an empty OffNodeLoads with the sizes of `like`; None for None."""
+    out = like
+    if like is not None:
+        out = nothing_attached(like.sprung.size, like.element,
+                               like.moment.shape[0] + like.node_moment.shape[0] > 0)
+    return out
+
+
+@kernel
+def reset(attached):
+    """Forget what acts on nodes and on the tip; points are written anew by whose they are."""
+    if attached is None:
+        return
+    for k in range(attached.sprung.size):
+        attached.sprung[k] = False
+    for i in range(3):
+        attached.tip_force[i] = attached.tip_moment[i] = 0.0
+        for j in range(3):
+            attached.tip_first[i, j] = 0.0
+    for i in range(6):
+        for j in range(6):
+            attached.tip_matrix[i, j] = 0.0
+
+
+@kernel
+def attached_forces(attached, length):
+    """Return the sum of what acts elsewhere than on the nodes, N; moments over a `length` in m."""
+    if attached is None:
+        return 0.0
+    forces = 0.0
+    for i in range(3):
+        forces += abs(attached.tip_force[i])
+        forces += abs(attached.tip_moment[i]) / length
+    for c in range(attached.element.size):
+        for i in range(3):
+            forces += abs(attached.force[c, i])
+    return forces
+
+
+@kernel
+def spring_at(attached, node):
+    """Return the (3, 3) spring of a node, to be added to."""
+    if not attached.sprung[node]:
+        attached.sprung[node] = True
+        for i in range(3):
+            for j in range(3):
+                attached.spring[node, i, j] = 0.0
+        if attached.node_moment.shape[0]:
+            attached.node_moment[node] = 0.0
+            attached.node_first[node] = 0.0
+            attached.node_matrix[node] = 0.0
+    return attached.spring[node]
+
+
+@kernel
+def sort_points(attached):
+    """Put the points of an OffNodeLoads in the order of their elements; few are ever out of it."""
+    order, element = attached.order, attached.element
+    for p in range(1, order.size):
+        c, k = order[p], p
+        while k > 0 and element[order[k - 1]] > element[c]:
+            order[k] = order[k - 1]
+            k -= 1
+        order[k] = c
+
+
+@kernel
+def last_point(attached):
+    """Return the place in the order of the last point inside an element, -1 if there is none."""
+    if attached is None:
+        return -1
+    return attached.element.size - 1
+
+
+@kernel
+def acts_inside(attached, place, element):
+    """Whether the point at a place in the order is in an element: most have none.
+
+    To ask this where no array is made is quicker: there no references are counted.
+    """
+    if attached is None:
+        return False
+    return place >= 0 and attached.element[attached.order[place]] == element
+
+
+@kernel
+def moments_on_nodes(attached):
+    """Whether moments may act on nodes."""
+    if attached is None:
+        return False
+    return attached.node_moment.shape[0] > 0
+
+
+@kernel
+def at_tip(attached):
+    """Return force and moment, as tuples, that act on the free end."""
+    if attached is None:
+        return _NOTHING, _NOTHING
+    return vector(attached.tip_force), vector(attached.tip_moment)
+
+
+@kernel
+def plus_at_node(attached, node, moment):
+    """Return a moment (3 numbers), and that which acts on a node."""
+    if attached is None:
+        return moment
+    if attached.sprung[node]:
+        return plus(moment, vector(attached.node_moment[node]))
+    return moment
+
+
+# ------------------------------------------------------------------------------------------------
+# From strains to frames and positions, and from loads on the nodes back to the strains.
+#
+# Node k is reached from the gripper through the elements 0 ... k-1 (Eq. 15, 17 of the paper with
+# exact arcs in place of the infinitesimal rotations of Eq. 16). A change du_e of element e turns
+# everything beyond it, as one rigid body, by  twist_jacobian_e du_e  (world frame). All that
+# follows rests on this: gradients are one sweep from the free end, and the Hessian is semi-
+# separable: for e < f,  d2V / du_f du_e = cross_f twist_jacobian_e,  with 3 x 3 blocks that each
+# depend on one element only.
+
+
+@kernel
+def forward_kinematics(lengths: Floats, strains: Floats, base: Floats, rotations: Floats,
+                       positions: Floats, arcs: Floats) -> None:
+    """Fill the frames and positions of all nodes from the strains, starting at the gripper.
+
+    Args:
+        lengths: (N,) of the elements, m
+        strains: (N, 3) torsion, curvature about n, about b; 1/m
+        base: (3, 3) the gripper's rotation, columns t, n, b
+        rotations: (N + 1, 3, 3) filled; columns t, n, b in the world
+        positions: (N + 1, 3) filled; relative to the gripper, world axes, m
+        arcs: (N, 7) filled with `arc.coefficients` of the elements
+    """
+    frame, place = matrix(base), (0.0, 0.0, 0.0)
+    put_matrix(frame, rotations[0])
+    put_vector(place, positions[0])
+    for e in range(lengths.size):
+        h = lengths[e]
+        x, y, z = h * strains[e, 0], h * strains[e, 1], h * strains[e, 2]
+        c = coefficients(x * x + y * y + z * z)
+        put_coefficients(c, arcs[e])
+        turn, chord = rotation_and_chord_with(x, y, z, h, c)
+        place = plus(place, applied(frame, chord))
+        frame = times(frame, turn)
+        put_matrix(frame, rotations[e + 1])
+        put_vector(place, positions[e + 1])
+
+
+@kernel
+def add_gradient(lengths, strains, arcs, rotations, positions, pull, attached, gradient, by_shift,
+                 by_turn):
+    """Add dV/du (N, 3) of a potential whose derivative by the node positions is `pull` (N + 1, 3).
+
+    Args:
+        arcs: (N, 7) of these strains, see `forward_kinematics`
+        attached: what acts elsewhere, or None
+        by_shift, by_turn: (3,) filled: derivative by the gripper's displacement and by its rotation
+            about its own origin, world frame
+    """
+    n = lengths.size
+    place, beside = last_point(attached), moments_on_nodes(attached)
+    # sum of pull beyond the element, and their moment about the element's far end
+    force, moment = at_tip(attached)
+    for k in range(n):
+        e = n - 1 - k
+        h = lengths[e]
+        force = plus(force, vector(pull[e + 1]))
+        if beside:
+            moment = plus_at_node(attached, e + 1, moment)
+        frame = matrix(rotations[e])
+        own = slope_with(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h,
+                         transposed_applied(frame, force), transposed_applied(frame, moment),
+                         coefficients_in(arcs[e]))
+        for j in range(3):
+            gradient[e, j] += h * own[j]
+        moment = plus(moment, cross((positions[e + 1, 0] - positions[e, 0],
+                                     positions[e + 1, 1] - positions[e, 1],
+                                     positions[e + 1, 2] - positions[e, 2]), force))
+        if acts_inside(attached, place, e):
+            place, force, moment = _add_points(attached, place, e, h, strains, rotations, force,
+                                               moment, gradient)
+    put_vector(plus(force, vector(pull[0])), by_shift)
+    put_vector(moment, by_turn)
+
+
+@kernel
+def _add_points(attached, place, e, h, strains, rotations, force, moment, gradient):
+    """Add what acts inside element e to its gradient; return place, force and moment before it."""
+    if attached is None:
+        return place, force, moment
+    while place >= 0 and attached.element[attached.order[place]] == e:
+        part, arm = np.empty((6, 3)), np.empty(3)
+        c = attached.order[place]
+        point_force = vector(attached.force[c])
+        part_of_element(h, attached.fraction[c], strains[e], _UNSCALED, rotations[e], part, arm)
+        for j in range(3):
+            gradient[e, j] += inner((part[3, j], part[4, j], part[5, j]), point_force)
+        if attached.moment.shape[0]:
+            moment = plus(moment, vector(attached.moment[c]))
+            for j in range(3):
+                gradient[e, j] += inner((part[0, j], part[1, j], part[2, j]),
+                                        vector(attached.moment[c]))
+        moment = plus(moment, cross(vector(arm), point_force))
+        force = plus(force, point_force)
+        place -= 1
+    return place, force, moment
+
+
+_UNSCALED = np.ones(3)
+
+
+@kernel
+def part_of_element(h, fraction, strain, scale, rotation, twist, arm):
+    """Fill what moves a point inside an element, at `fraction` of its length h.
+
+    Args:
+        strain, scale: (3,); rotation: (3, 3) at the element's beginning
+        twist: (6, 3) filled: rotation and displacement of the frame there per scaled strain
+        arm: (3,) filled: the point from the element's beginning
+    """
+    length = fraction * h
+    x, y, z = length * strain[0], length * strain[1], length * strain[2]
+    _, chord = rotation_and_chord(x, y, z, length)
+    rotation_jacobian, chord_jacobian = jacobians(x, y, z, length)
+    frame = matrix(rotation)
+    put_vector(applied(frame, chord), arm)
+    w0, w1, w2 = length * scale[0], length * scale[1], length * scale[2]
+    put_matrix(columns_scaled(times(frame, rotation_jacobian), w0, w1, w2), twist[:3])
+    put_matrix(columns_scaled(times(frame, chord_jacobian), w0, w1, w2), twist[3:])
+
+
+@kernel
+def point_inside(lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                 element: int, fraction: float, rotation: Floats, position: Floats) -> None:
+    """Fill rotation (3, 3) and position (3,) at `fraction` of `element`, on its exact arc."""
+    h = fraction * lengths[element]
+    u = strains[element]
+    turn, chord = rotation_and_chord(h * u[0], h * u[1], h * u[2], h)
+    frame = matrix(rotations[element])
+    put_vector(plus(vector(positions[element]), applied(frame, chord)), position)
+    put_matrix(times(frame, turn), rotation)
+
+
+@kernel
+def frame_along(nodes: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                s: float) -> tuple[Floats, Floats]:
+    """Return rotation (3, 3) and position (3,) at arc length `s`, on its exact arc.
+
+    Args:
+        nodes: (N + 1,), read-only as all of these, arc lengths of the nodes, m
+        strains: (N, 3) 1/m; rotations: (N + 1, 3, 3); positions: (N + 1, 3), m
+    """
+    element = min(int(np.searchsorted(nodes, s, side='right')) - 1, nodes.size - 2)
+    h, begin = s - nodes[element], rotations[element]
+    turn, chord = rotation_and_chord(h * strains[element, 0], h * strains[element, 1],
+                                     h * strains[element, 2], h)
+    frame = (begin[0, 0], begin[0, 1], begin[0, 2], begin[1, 0], begin[1, 1], begin[1, 2],
+             begin[2, 0], begin[2, 1], begin[2, 2])
+    rotation, position = np.empty((3, 3)), np.empty(3)
+    way = applied(frame, chord)
+    for i in range(3):
+        position[i] = positions[element, i] + way[i]
+    put_matrix(times(frame, turn), rotation)
+    return rotation, position
+
+
+# ------------------------------------------------------------------------------------------------
+# Where a DLO, or the straight line on which it would go on, is nearest to a point.
+
+
+_STEPS = 60  # at most: as many halvings find any place to rounding
+
+
+@kernel
+def nearest_place(s: Floats, lengths: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                  point: Floats, after: float, place: Floats) -> float:
+    """Return the arc length of the DLO's nearest place to a point, m; beyond L if it only aims.
+
+    Args:
+        s: (N + 1,), read-only, of the nodes, m
+        lengths: (N,), strains: (N, 3), rotations: (N + 1, 3, 3), positions: (N + 1, 3): the shape
+        point: (3,), m
+        after: arc length beyond which the place is sought, m
+        place: (3, 3) filled, by rows: the place less the point, the tangent, its change per m
+    """
+    n, k, least = lengths.size, lengths.size, np.inf
+    for node in range(1, n + 1):
+        if s[node] > after:
+            away = 0.0
+            for i in range(3):
+                away += (positions[node, i] - point[i]) ** 2
+            if away < least:
+                k, least = node, away
+    ahead = _put_node(rotations, positions, n, point, place)
+    if ahead < 0.0:
+        aside = 0.0
+        for i in range(3):
+            aside += (place[0, i] - ahead * place[1, i]) ** 2
+        if aside <= least:
+            for i in range(3):
+                place[0, i] -= ahead * place[1, i]
+            return s[n] - ahead
+    slope = _put_node(rotations, positions, k, point, place)
+    if slope > 0.0:
+        low = min(max((after - s[k - 1]) / lengths[k - 1], 0.0), 1.0)
+        return s[k - 1] + lengths[k - 1] * _nearest_inside(
+            lengths, strains, rotations, positions, k - 1, low, point, place)
+    if slope < 0.0 and k < n:
+        return s[k] + lengths[k] * _nearest_inside(lengths, strains, rotations, positions, k, 0.0,
+                                                   point, place)
+    if k < n:
+        _put(lengths, strains, rotations, positions, k, 0.0, point, place)
+    return s[k]
+
+
+@kernel
+def _put_node(rotations, positions, k, point, place):
+    """Fill `place` at node `k`, as if it went on straight; return half the square's slope."""
+    for i in range(3):
+        place[0, i] = positions[k, i] - point[i]
+        place[1, i] = rotations[k, i, 0]
+        place[2, i] = 0.0
+    return inner(place[0], place[1])
+
+
+@kernel
+def _put(lengths, strains, rotations, positions, element, fraction, point, place):
+    """Fill `place` at a fraction of an element; return half the slope of the square distance."""
+    frame, x = np.empty((3, 3)), np.empty(3)
+    point_inside(lengths, strains, rotations, positions, element, fraction, frame, x)
+    for i in range(3):
+        place[0, i] = x[i] - point[i]
+        place[1, i] = frame[i, 0]
+        place[2, i] = strains[element, 2] * frame[i, 1] - strains[element, 1] * frame[i, 2]
+    return inner(place[0], place[1])
+
+
+@kernel
+def _nearest_inside(lengths, strains, rotations, positions, element, low, point, place):
+    """Return the fraction of an element, `low` at least, at which it is nearest; fill `place`.
+
+    Newton's method for where the distance does not change, inside an interval that shrinks.
+    """
+    if _put(lengths, strains, rotations, positions, element, low, point, place) >= 0.0:
+        return low
+    high, h = 1.0, lengths[element]
+    slope = _put(lengths, strains, rotations, positions, element, high, point, place)
+    if slope <= 0.0:
+        return high
+    fraction = high
+    for _ in range(_STEPS):
+        curvature = 1.0 + inner(place[0], place[2])
+        last = fraction
+        fraction = fraction - slope / (curvature * h) if curvature > 0.0 else 0.5 * (low + high)
+        if not low < fraction < high:
+            fraction = 0.5 * (low + high)
+        slope = _put(lengths, strains, rotations, positions, element, fraction, point, place)
+        if slope < 0.0:
+            low = fraction
+        else:
+            high = fraction
+        if slope == 0.0 or abs(fraction - last) < 1e-15:
+            break
+    return fraction

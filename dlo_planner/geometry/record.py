@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Named bundles of arrays that kernels take by reference, and sums of arrays (n, 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar, Self
+
+from dlo_planner.kernels import COMPILED, kernel
+
+# ------------------------------------------------------------------------------------------------
+# Named bundles of arrays that kernels take by reference.
+#
+# numba passes a named tuple field by field, array by array, through every call: with a dozen
+# arrays that is what compiling mostly does, and a call from Python costs more than small kernels
+# take. A Record is one pointer (numba's structref, see `boxed`). Its fields never change, the
+# arrays' contents may. Where kernels are plain Python, so is a Record.
+
+
+if COMPILED:
+    from dlo_planner.geometry.boxed import Base, declare, read
+else:
+    Base = object  # type: ignore[assignment, misc]
+
+
+class Record(Base):
+    """Base of a bundle: its fields are the annotations of the class, in order.
+
+    In kernels `Kind(...)` makes one. For Python a kernel does it that is written at the first one.
+    """
+
+    FIELDS: ClassVar[tuple[str, ...]] = ()
+    _make: ClassVar[Callable[..., Any] | None] = None
+
+    def __init_subclass__(cls) -> None:
+        cls.FIELDS, cls._make = tuple(cls.__annotations__), None
+        if COMPILED:
+            declare(cls, cls.FIELDS)
+
+    def __new__(cls, *values: Any) -> Self:
+        """Return the record of all fields in order."""
+        if COMPILED and cls._make is None:
+            cls._make = staticmethod(_maker(cls))
+        record = cls._make(*values) if cls._make else super().__new__(cls)
+        record.__dict__.update(zip(cls.FIELDS, values, strict=True))
+        result: Self = record
+        return result
+
+    def __getattr__(self, name: str) -> Any:
+        """Read the fields of a record that comes from a kernel, once."""
+        if name not in self.FIELDS or not COMPILED:
+            raise AttributeError(name)
+        self.__dict__.update(zip(self.FIELDS, read(self), strict=True))
+        return self.__dict__[name]
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse to set a field: the kernels would not see it."""
+        if name in self.FIELDS:
+            raise AttributeError(f'{type(self).__name__}.{name} cannot be set: use _replace')
+        super().__setattr__(name, value)
+
+    def _replace(self, **changes: Any) -> Self:
+        """Return the same record with other values of some fields."""
+        getattr(self, self.FIELDS[0])  # all are read with the first one
+        fields = {**self.__dict__, **changes}
+        return type(self)(*[fields[name] for name in self.FIELDS])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), tuple(getattr(self, name) for name in self.FIELDS)
+
+
+def _maker(kind: type[Record]) -> Callable[..., Any]:
+    """Return the kernel that makes a Record of its fields for Python.
+
+    Its parameters are written out: numba looks at the types in a tuple slowly.
+    """
+    fields = ', '.join(kind.FIELDS)
+    scope: dict[str, Any] = {'__name__': kind.__module__, 'Kind': kind}
+    exec(f'def _new_{kind.__name__}({fields}):\n    return Kind({fields})', scope)
+    result: Callable[..., Any] = kernel(scope[f'_new_{kind.__name__}'])
+    return result
+
+
+# ------------------------------------------------------------------------------------------------
+# Sums of arrays (n, 3), in loops: an array expression takes a compiler a hundred times longer.
+
+
+@kernel
+def copy(a, out):
+    """Fill out (n, 3) with a (n, 3)."""
+    for e in range(out.shape[0]):
+        for i in range(3):
+            out[e, i] = a[e, i]
+
+
+@kernel
+def put_sum(a, factor, b, out):
+    """Fill out (n, 3) with a (n, 3) and a factor times b (n, 3)."""
+    for e in range(out.shape[0]):
+        for i in range(3):
+            out[e, i] = a[e, i] + factor * b[e, i]
+
+
+@kernel
+def scaled_by(factor, a):
+    """Multiply a (n, 3) by a factor."""
+    for e in range(a.shape[0]):
+        for i in range(3):
+            a[e, i] *= factor

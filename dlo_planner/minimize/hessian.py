@@ -1,0 +1,288 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The Hessian H at one shape: its blocks, its factorization and solutions with H + shift I.
+
+With prefix rotations theta_f = sum of turning_e dq_e over e < f, the local Newton system is a
+linear-quadratic optimal control problem, solved by one backward and one forward sweep in O(N)
+(`riccati`); that of a series is dense (`dense`). Both factorizations are congruences, so the signs
+of their pivots are the signs of the eigenvalues (Sylvester): no negative pivot means a minimum.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.potential import element_hessian, value_at
+from dlo_planner.energy.problem import unknown_count
+from dlo_planner.energy.terms import KKTBorder, add_stiffness, new_border, row_count, width
+from dlo_planner.geometry.record import Record
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.dense import factorize_dense, project_all, solve_dense
+from dlo_planner.minimize.kkt import complemented, fill_border, keep, kept
+from dlo_planner.minimize.riccati import (
+    factorize_blocks,
+    factorize_dead_loads,
+    solve_turns,
+    solve_twists,
+)
+from dlo_planner.model.arrays import Floats
+
+LEAST_SHIFT = 1e-3
+_ALL = 2**62  # of the pivots may be negative
+_SMALL = 1e-6    # a pivot that is smaller spoils a factorization; 1 is a rod that feels no load
+
+
+class Hessian(Record):
+    """The Hessian at one state and its factorization (arrays, refilled in place).
+
+    Attributes
+    ----------
+    twist_jacobian : ndarray, shape (N, w, 3)
+        See `geometry.kinematics`; w is 3 for rotations alone, 6 for twists.
+    cross : ndarray, shape (N, 3, w)
+        Likewise.
+    diagonal : ndarray, shape (N, 3, 3)
+        Likewise.
+    base : ndarray, shape (3, 3)
+        Change of the moment on the gripper per rotation of it.
+    gain : ndarray, shape (N, 3, w)
+        Of the Riccati sweep; empty for Ritz.
+    inverse : ndarray, shape (N, 3, 3)
+        Of the Riccati sweep; empty for Ritz.
+    passed : ndarray, shape (N, 3, 3)
+        Of the Riccati sweep where only rotations count: I - twist_jacobian gain; else empty.
+    dense : ndarray, shape (3 m, 3 m)
+        The whole Hessian, for Ritz; (0, 0) for local.
+    factor : ndarray, shape (3 m, 3 m)
+        Its factorization.
+    border : KKTBorder or None
+        What is held; None: nothing.
+    """
+
+    twist_jacobian: Floats
+    cross: Floats
+    diagonal: Floats
+    base: Floats
+    gain: Floats
+    inverse: Floats
+    passed: Floats
+    dense: Floats
+    factor: Floats
+    border: KKTBorder | None
+
+
+@kernel
+def new_hessian(system):
+    """Return an empty Hessian of the right sizes."""
+    n = system.lengths.size
+    local = n if system.basis.shape[1] == 0 else 0
+    m, wide = unknown_count(system), width(system.needs.displaced)
+    size = 0 if local else 3 * m
+    return Hessian(np.empty((n, wide, 3)), np.empty((n, 3, wide)), np.empty((n, 3, 3)),
+                   np.empty((3, 3)), np.empty((local, 3, wide)), np.empty((local, 3, 3)),
+                   np.empty((local if wide == 3 else 0, 3, 3)), np.empty((size, size)),
+                   np.empty((size, size)),
+                   new_border(system.needs.border, m))
+
+
+@kernel
+def assemble(system, state, hessian):
+    """Fill the Hessian at `state`."""
+    element_hessian(system, state, hessian.twist_jacobian, hessian.cross, hessian.diagonal,
+                    hessian.base)
+    if system.basis.shape[1] > 0:
+        project_all(system.basis, hessian)
+    fill_border(system, state, hessian, hessian.border)
+    if system.basis.shape[1] > 0:
+        if system.proximal_point.shape[0]:
+            for i in range(hessian.dense.shape[0]):
+                hessian.dense[i, i] += system.proximal_weight
+    else:
+        _add_proximal(system, hessian.diagonal)
+
+
+@kernel
+def _add_proximal(system, diagonal):
+    if system.proximal_point.shape[0]:
+        for e in range(system.lengths.size):
+            for i in range(3):
+                diagonal[e, i, i] += system.proximal_weight
+
+
+@kernel
+def factorize(system, hessian, shift):
+    """Factorize H + shift I; return how many of its eigenvalues are not positive.
+
+    With a held far end these are the eigenvalues on what the grip leaves free (Haynsworth).
+    """
+    negative = _factorize_without_border(system, hessian, shift, _ALL)
+    return negative - _bordered(system, hessian, hessian.border)
+
+
+@kernel
+def is_definite(system, hessian, shift):
+    """Factorize H + shift I; return whether all its eigenvalues are positive, as `factorize`.
+
+    Where they are not, the factorization is given up and of no use.
+    """
+    held = row_count(hessian.border)
+    negative = _factorize_without_border(system, hessian, shift, held)
+    return negative <= held and negative <= _bordered(system, hessian, hessian.border)
+
+
+@kernel
+def assembled_definite(system, state, hessian, shift):
+    """Do what `assemble` and `is_definite` do, in one sweep where that can be.
+
+    Where H + shift I is definite, blocks of the Hessian that solving does not need may be missing.
+    """
+    swept = at_once(system)
+    if swept and _definite_at_once(system, state, hessian, system.needs.displaced, shift):
+        return True
+    assemble(system, state, hessian)
+    return not swept and is_definite(system, hessian, shift)
+
+
+@kernel
+def _turns_alone(displaced):
+    """Whether displacements of what lies beyond an element can never matter."""
+    return displaced is None
+
+
+@kernel
+def at_once(system):
+    """Whether the Hessian is assembled and factorized in one sweep: only dead loads act."""
+    return _turns_alone(system.needs.displaced) and system.basis.shape[1] == 0
+
+
+@kernel
+def _definite_at_once(system, state, hessian, displaced, shift):
+    """Return whether H + shift I is found to be definite in one sweep."""
+    if displaced is None:
+        diagonal = hessian.diagonal
+        for e in range(diagonal.shape[0]):
+            for i in range(3):
+                for j in range(3):
+                    diagonal[e, i, j] = 0.0
+        add_stiffness(system.effects, system, state, diagonal)
+        _add_proximal(system, diagonal)
+        return factorize_dead_loads(system, state, hessian, shift)
+    return False
+
+
+@kernel
+def _bordered(system, hessian, border):
+    """Fill what is held into a factorization; return how many eigenvalues it keeps in place."""
+    if border is None:
+        return 0
+    held = border.rows.shape[0]
+    if held == 0:
+        return 0
+    for row in range(held):
+        _solve_without_border(system, hessian, border.rows[row],
+                              border.answers[row])
+    return complemented(border)
+
+
+@kernel
+def _factorize_without_border(system, hessian, shift, most):
+    """Return how many pivots are negative; give up where they are more than `most`."""
+    if system.basis.shape[1] > 0:
+        return factorize_dense(hessian, shift, most)
+    return factorize_blocks(hessian, shift, most)
+
+
+@kernel
+def solve(system, hessian, right, out):
+    """Fill out (m, 3) with the solution of (H + shift I) out = right (m, 3).
+
+    With a held far end `out` keeps to what the grip leaves free, and the equation holds there.
+    """
+    _solve_without_border(system, hessian, right, out)
+    kept(hessian.border, out)
+
+
+@kernel
+def solve_held(system, hessian, right, miss, out, reaction):
+    """Fill out (m, 3) and reaction (K,), which bring a grip that is missed by `miss` (K,) to zero.
+
+    To first order, and but for what the grip gives under the reaction.
+    """
+    _solve_without_border(system, hessian, right, out)
+    for row in range(miss.size):
+        reaction[row] = miss[row]
+    keep(hessian.border, out, reaction)
+
+
+@kernel
+def _solve_without_border(system, hessian, right, out):
+    if system.basis.shape[1] > 0:
+        solve_dense(hessian.factor, right, out)
+    elif hessian.twist_jacobian.shape[1] == 6:
+        solve_twists(hessian, right, out)
+    else:
+        solve_turns(hessian, right, out)
+
+
+@kernel
+def well_factorized(hessian, border):
+    """Whether a factorization without springs in a grip has no pivot that spoils it."""
+    if border is None:
+        return True
+    if border.rows.shape[0] == 0:
+        return True
+    small, inverse = 0, hessian.inverse
+    for i in range(hessian.factor.shape[0]):
+        small += not abs(hessian.factor[i, i]) > _SMALL
+    for e in range(inverse.shape[0]):
+        for i in range(3):
+            small += not abs(inverse[e, i, i]) * _SMALL < 1.0
+    return small == 0
+
+
+@kernel
+def multiply(system, hessian, vector, out):
+    """Fill out (m, 3) = H vector (m, 3)."""
+    if system.basis.shape[1] > 0:
+        m = vector.shape[0]
+        for i in range(3 * m):
+            total = 0.0
+            for k in range(3 * m):
+                total += hessian.dense[i, k] * vector[k // 3, k % 3]
+            out[i // 3, i % 3] = total
+        return
+    n = hessian.twist_jacobian.shape[0]
+    wide = hessian.twist_jacobian.shape[1]
+    theta = np.zeros(wide)
+    after = np.zeros(wide)  # sum over f > e of cross_f^T vector_f
+    for e in range(n):
+        out[e] = hessian.diagonal[e] @ vector[e] + hessian.cross[e] @ theta
+        theta += hessian.twist_jacobian[e] @ vector[e]
+    for e in range(n - 1, -1, -1):
+        out[e] += hessian.twist_jacobian[e].T @ after
+        after += hessian.cross[e].T @ vector[e]
+
+
+@kernel
+def largest_turn(system, hessian, step):
+    """Return the largest rotation in rad of any node that the step (m, 3) makes, to first order."""
+    a = b = c = largest = 0.0
+    jacobian, basis = hessian.twist_jacobian, system.basis
+    for e in range(jacobian.shape[0]):
+        x, y, z = value_at(basis, step, e)
+        a += jacobian[e, 0, 0] * x + jacobian[e, 0, 1] * y + jacobian[e, 0, 2] * z
+        b += jacobian[e, 1, 0] * x + jacobian[e, 1, 1] * y + jacobian[e, 1, 2] * z
+        c += jacobian[e, 2, 0] * x + jacobian[e, 2, 1] * y + jacobian[e, 2, 2] * z
+        square = a * a + b * b + c * c
+        if not square <= largest:  # what is not a number has to be seen, too
+            largest = square
+    return np.sqrt(largest)
+
+
+@kernel
+def safe_shift(system, hessian, shift):
+    """Factorize with the first shift in a growing row that leaves no negative pivot."""
+    while not is_definite(system, hessian, shift):
+        shift = max(LEAST_SHIFT, 4.0 * shift)
+        if shift > 1e12:
+            factorize(system, hessian, shift)  # to its end, whatever it is
+            break
+    return shift

@@ -1,0 +1,256 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""From the poses of the grips to the shape of a DLO: one step, many in a loop, many rods.
+
+All of it is one kernel: of the time that such a shape takes, most would else be spent between
+kernels. Many shapes in a loop need no Python at all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlo_planner.energy.grip import GripConstraint
+from dlo_planner.energy.potential import unknowns_of
+from dlo_planner.energy.problem import Problem, with_gripper
+from dlo_planner.energy.terms import KKTBorder, Structure, potential, stored, with_terms
+from dlo_planner.geometry.basis import truncation_error
+from dlo_planner.geometry.record import Record, copy
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.newton import minimize, new_workspace, next_to, thorough, within
+from dlo_planner.model.arrays import Floats, Ints
+
+
+@kernel
+def solve_free(system: Problem, base: Floats, origin: Floats, strains: Floats, tolerance: float,
+               max_iterations: int, frames: Floats, before: Floats, nodes: Ints,
+               most: float) -> tuple[Floats, Floats, Floats, Floats, float, float, float, float,
+                                     int, int]:
+    """Return the equilibrium that a DLO falls into which hangs freely.
+
+    Args:
+        system: Problem without constraints; its `base` and `origin` are not used
+        base: (3, 3), read-only, rotation of the gripper; origin: (3,), read-only, its position, m
+        strains: (N, 3), read-only, where the descent starts, 1/m
+        tolerance, max_iterations: as `newton`
+        frames, before, nodes, most: how far it may turn, see `newton.within`
+
+    Returns
+    -------
+        strains (N, 3), rotations (N + 1, 3, 3), positions (N + 1, 3), wrench (6,) of the gripper on
+        the DLO, elastic and all energy, J; residual, stability, iterations, kicks of `minimize`
+    """
+    work, wrench = new_workspace(system), np.empty(6)
+    turned = with_gripper(system, np.empty((3, 3)), np.empty(3))
+    unknowns_of(turned, strains.copy(), work.start)
+    options = within(thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0),
+                     frames, before, base, nodes, most)
+    state, elastic, energy, residual, stability, iterations, kicks, _ = solve_step(
+        turned, base, origin, options, work, wrench)
+    return (state.strains, state.rotations, state.positions, wrench, elastic, energy, residual,
+            stability, iterations, kicks)
+
+
+@kernel
+def solve_step(system, base, origin, options, work, wrench):
+    """Descend from `work.start` in a gripper; return the Configuration in the world, and outputs.
+
+    That is elastic and all energy, residual, stability, iterations, kicks and violation. `base` and
+    `origin` of the Problem are written over; wrench (6,) is filled.
+    """
+    for i in range(3):
+        system.origin[i] = origin[i]
+        for j in range(3):
+            system.base[i, j] = base[i, j]
+    state, residual, stability, iterations, kicks, violation = minimize(system, work.start, options,
+                                                                        work)
+    elastic, energy = outputs(system, state, wrench)
+    return state, elastic, energy, residual, stability, iterations, kicks, violation
+
+
+@kernel
+def outputs(system, state, wrench):
+    """Put a Configuration's positions into the world, fill the gripper's wrench (6,) on the DLO.
+
+    Returns elastic and all energy, J.
+    """
+    positions = state.positions
+    for k in range(positions.shape[0]):
+        for i in range(3):
+            positions[k, i] += system.origin[i]
+    for i in range(3):
+        wrench[i], wrench[3 + i] = state.base_force[i], state.base_moment[i]
+    elastic = stored(system.effects, system, state.strains)
+    return elastic, elastic + potential(system.effects, system, positions)
+
+
+@kernel
+def solve_free_many(system: Problem, bases: Floats, origins: Floats, start: Floats,
+                    tolerance: float, max_iterations: int, strains: Floats, rotations: Floats,
+                    positions: Floats, wrenches: Floats, energies: Floats, proofs: Floats,
+                    iterations: Ints) -> None:
+    """Fill the equilibria that the DLO falls into from one shape in many grippers.
+
+    Args:
+        bases: (n, 3, 3), read-only, rotations of the grippers; origins: (n, 3), read-only, m
+        start: (N, 3), read-only, strains, 1/m
+        strains: (n, N, 3), rotations: (n, N + 1, 3, 3), positions: (n, N + 1, 3), wrenches: (n, 6),
+            energies: (n, 2) elastic and all, proofs: (n, 3) residual, stability,
+            `truncation_error`, iterations: (n,): all filled
+    """
+    work = new_workspace(system)
+    options = thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0)
+    turned = with_gripper(system, np.empty((3, 3)), np.empty(3))
+    unknowns = np.empty_like(work.start)
+    unknowns_of(turned, start.copy(), unknowns)
+    for k in range(bases.shape[0]):
+        copy(unknowns, work.start)
+        iterations[k] = _fill(turned, bases[k], origins[k], options, work, strains[k], rotations[k],
+                              positions[k], wrenches[k], energies[k], proofs[k])
+
+
+@kernel
+def _fill(system, base, origin, options, work, strains, rotations, positions, wrench, energies,
+          proof):
+    """Do what `solve_step` does, into arrays of one DLO; return the iterations."""
+    state, energies[0], energies[1], proof[0], proof[1], iterations, _, _ = solve_step(
+        system, base, origin, options, work, wrench)
+    copy(state.strains, strains)
+    copy(state.positions, positions)
+    for k in range(rotations.shape[0]):
+        copy(state.rotations[k], rotations[k])
+    proof[2] = truncation_error(system.lengths, strains, system.natural, system.scale, system.basis)
+    return iterations
+
+
+class RodTable(Record):
+    """What differs between DLOs of as many elements and terms; n rods, u different lengths.
+
+    Attributes
+    ----------
+    mesh : ndarray of int, shape (n,)
+        Which of the u meshes each rod has.
+    lengths : ndarray, shape (u, N)
+        Of the elements, m.
+    basis : ndarray, shape (u, N, N_c)
+        Orthonormal; (u, N, 0): local.
+    natural : ndarray, shape (n, N, 3)
+        As of a Problem, like what follows; read-only, like all from which a descent starts.
+    stiffness : ndarray, shape (n, N, 3)
+        Stiffness, N m^2.
+    scale : ndarray, shape (n, N, 3)
+        Scale of the unknowns.
+    pull : ndarray, shape (n, N + 1, 3)
+        Derivative of the dead loads' potential by the node positions, N.
+    """
+
+    mesh: Ints
+    lengths: Floats
+    basis: Floats
+    natural: Floats
+    stiffness: Floats
+    scale: Floats
+    pull: Floats
+
+
+@kernel
+def solve_free_rods(system: Problem, rods: RodTable, bases: Floats, origins: Floats,
+                    tolerance: float, max_iterations: int, strains: Floats, rotations: Floats,
+                    positions: Floats, wrenches: Floats, energies: Floats, proofs: Floats,
+                    iterations: Ints) -> None:
+    """Fill the equilibria that n DLOs fall into from their natural shapes.
+
+    Arguments as of `solve_free_many`, but a RodTable. Of the Problem lengths, natural, stiffness,
+    scale, basis and pull are written over.
+    """
+    last = -1
+    natural, work = rods.natural, new_workspace(system)
+    options = thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0)
+    turned = with_gripper(system, np.empty((3, 3)), np.empty(3))
+    for k in range(bases.shape[0]):
+        if rods.mesh[k] != last:
+            last = rods.mesh[k]
+            _put_mesh(system, rods, last)
+        _put_rod(system, rods, k)
+        unknowns_of(turned, natural[k].copy(), work.start)
+        iterations[k] = _fill(turned, bases[k], origins[k], options, work, strains[k], rotations[k],
+                              positions[k], wrenches[k], energies[k], proofs[k])
+
+
+@kernel
+def _put_mesh(system, rods, u):
+    """Write the mesh `u` into the system."""
+    lengths, basis = system.lengths, system.basis
+    for e in range(lengths.size):
+        lengths[e] = rods.lengths[u, e]
+        for j in range(basis.shape[1]):
+            basis[e, j] = rods.basis[u, e, j]
+
+
+@kernel
+def _put_rod(system, rods, k):
+    """Write the rod `k` into the system."""
+    natural, stiffness, scale = system.natural, system.stiffness, system.scale
+    pull = system.effects.load.pull
+    n = natural.shape[0]
+    for e in range(n):
+        for i in range(3):
+            natural[e, i] = rods.natural[k, e, i]
+            stiffness[e, i] = rods.stiffness[k, e, i]
+            scale[e, i] = rods.scale[k, e, i]
+            pull[e, i] = rods.pull[k, e, i]
+    for i in range(3):
+        pull[n, i] = rods.pull[k, n, i]
+
+
+@kernel
+def solve_between_grips(system: Problem, base: Floats, origin: Floats, place: Floats, axes: Floats,
+                        share: Floats, rows: Floats, strains: Floats, force: Floats,
+                        tolerance: float, exact: float) -> tuple[
+                            bool, Floats, Floats, Floats, Floats, Floats, float, float, float,
+                            float, int, float]:
+    """Return the equilibrium between two grips next to given strains, if it is near.
+
+    The grip has no springs: then displacements of what lies beyond an element do not matter, and
+    the Hessian's blocks are 3 wide. What springs would add is zero on what the grip leaves free.
+    Without them the Hessian may be indefinite; its factorization is a congruence nevertheless, and
+    is used only where no pivot is small.
+
+    Args:
+        system: Problem without obstacles, its far end free; its `base` and `origin` are not used
+        base: (3, 3), read-only, rotation of the gripper; origin: (3,), read-only, its position, m
+        place: (3,), read-only, where the far end is held, m; axes: (3, 3), read-only, its frame
+        share: (3,), rows: (K, 6), of the GripConstraint
+        strains: (N, 3), read-only, of the shape before, 1/m
+        force: (K,), read-only, forces of the grip before, N
+        tolerance: of the residual
+        exact: by how much the grip may be missed, m
+
+    Returns
+    -------
+        whether it is near; if not, nothing else means anything; strains, rotations, positions as
+        `solve_free`; wrenches (2, 6) of the gripper and of the far end's grip on the DLO; force
+        (K,); elastic and all energy, residual, stability, iterations; by how much the grip is
+        missed, m
+    """
+    target, wrenches = np.empty(3), np.empty((2, 6))
+    for i in range(3):
+        target[i] = place[i] - origin[i]
+    hold = GripConstraint(target, axes.copy(), share, rows, force.copy(), 0.0, 0.0)
+    effects, free = system.effects, np.empty((force.size, 0, 3))
+    needs = Structure(system.needs.displaced, system.needs.attached,
+                      KKTBorder(free, free, np.empty((0, 0)), np.zeros(1)))
+    held = Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
+                   np.empty((3, 3)), np.empty(3),
+                   with_terms(effects, effects.anchor, hold, effects.contact), needs,
+                   system.proximal_point, system.proximal_weight)
+    work = new_workspace(held)
+    unknowns_of(held, strains.copy(), work.start)
+    options = next_to(tolerance, exact, exact > 0.0, exact > 0.0)
+    state, elastic, energy, residual, stability, iterations, _, missed = solve_step(
+        held, base, origin, options, work, wrenches[0])
+    for i in range(3):
+        wrenches[1, i] = -state.attached.tip_force[i]
+        wrenches[1, 3 + i] = -state.attached.tip_moment[i]
+    return (residual < np.inf, state.strains, state.rotations, state.positions, wrenches,
+            hold.multiplier, elastic, energy, residual, stability, iterations, missed)

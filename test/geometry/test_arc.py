@@ -1,0 +1,66 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from scipy.integrate import quad_vec
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.geometry.so3 import jacobians, rotation_and_chord, second_derivatives, slope
+
+VECTORS = [np.zeros(3), np.array([1e-4, -2e-4, 5e-5]), np.array([0.02, 0.1, -0.07]),
+           np.array([0.5, -0.6, 0.62]), np.array([0.5, -0.6, 0.63]), np.array([2.0, 1.0, -2.5])]
+
+
+def arc(phi, h=0.7):
+    turn, chord = rotation_and_chord(*phi, h)
+    return np.reshape(turn, (3, 3)), np.array(chord)
+
+
+def derivatives(phi, h=0.7):
+    rotation_jacobian, chord_jacobian = jacobians(*phi, h)
+    return np.reshape(rotation_jacobian, (3, 3)), np.reshape(chord_jacobian, (3, 3))
+
+
+@pytest.mark.parametrize('phi', VECTORS)
+def test_arc_is_the_integral_of_the_rotating_tangent(phi):
+    turn, chord = arc(phi)
+    expected, _ = quad_vec(lambda t: 0.7 * Rotation.from_rotvec(t * phi).as_matrix()[:, 0], 0, 1,
+                           epsabs=1e-14)
+    np.testing.assert_allclose(turn, Rotation.from_rotvec(phi).as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(chord, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize('phi', VECTORS)
+def test_jacobians_against_differences(phi):
+    rotation_jacobian, chord_jacobian = derivatives(phi)
+    step = 1e-6
+    for j in range(3):
+        change = step * np.eye(3)[j]
+        (turn_up, chord_up), (turn_down, chord_down) = arc(phi + change), arc(phi - change)
+        spin = Rotation.from_matrix(turn_up @ turn_down.T).as_rotvec() / (2 * step)
+        np.testing.assert_allclose(rotation_jacobian[:, j], spin, atol=1e-9)
+        np.testing.assert_allclose(chord_jacobian[:, j], (chord_up - chord_down) / (2 * step),
+                                   atol=1e-9)
+
+
+@pytest.mark.parametrize('phi', VECTORS)
+def test_slope_of_a_load(phi, rng):
+    force, moment = rng.normal(size=(2, 3))
+    rotation_jacobian, chord_jacobian = derivatives(phi)
+    np.testing.assert_allclose(slope(*phi, 0.7, tuple(force), tuple(moment)),
+                               rotation_jacobian.T @ moment + chord_jacobian.T @ force, atol=1e-14)
+
+
+@pytest.mark.parametrize('phi', VECTORS)
+def test_second_derivatives_against_differences(phi, rng):
+    force, moment = rng.normal(size=(2, 3))
+    second = np.reshape(second_derivatives(*phi, 0.7, tuple(force), tuple(moment)), (3, 3))
+    expected = np.zeros((3, 3))
+    step = 1e-5
+    for j in range(3):
+        up, down = (derivatives(phi + sign * step * np.eye(3)[j]) for sign in (1, -1))
+        expected[:, j] = force @ (up[1] - down[1]) / (2 * step)
+        rate = moment @ (up[0] - down[0]) / (2 * step)  # d_j (a^T J) e_i
+        expected[:, j] += rate
+    # of the rotation's part only the symmetric half is meant: the quadratic form a . dJ[d] d
+    np.testing.assert_allclose(second, 0.5 * (expected + expected.T), atol=1e-8)
