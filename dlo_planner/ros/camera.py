@@ -35,15 +35,15 @@ from dlo_planner.identify.observing import Observing, Swing, deviation
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
+from dlo_planner.ros.closed import room_of
 from dlo_planner.ros.door import named, pose_in
 from dlo_planner.ros.frames import OneFrame
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.identifying import identified, told
 from dlo_planner.ros.parts import Parts
-from dlo_planner.ros.planning import Made
 from dlo_planner.ros.qos import LATEST, REQUEST
 from dlo_planner.ros.scene import Scene
-from dlo_planner.ros.state import State
+from dlo_planner.ros.state import Made, State
 from dlo_planner.view.dlo_items import drawn_radius
 from msg_helpers.clouds import points_from_cloud
 from msg_helpers.markers import estimate_markers
@@ -268,7 +268,7 @@ class Camera:
             bound = found.miss.together
         if left > 0:
             self._health.expected(bound + moving)
-        room = room_in(scene)
+        room = room_of(made)
         barred = '' if room is None else kept_out(bound, room, left, moving)
         if barred:
             self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
@@ -336,14 +336,6 @@ def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
     for stamp, pose in grippers:
         made.gripper(stamp, pose.compose(scene.tool))
     return made
-
-
-def room_in(scene: Scene) -> float | None:
-    """Return by how much the DLO may miss a cut-out without touching it, m; None: not known."""
-    thick = scene.direct.rod.radius or 0.0
-    if scene.cutout_radius is None or not isinstance(thick, float):
-        return None
-    return scene.cutout_radius - thick
 
 
 def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Floats:

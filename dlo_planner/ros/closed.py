@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from threading import Lock, Thread
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -18,39 +19,36 @@ from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing
-from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
+from dlo_planner.inverse.tasks import Thread
 from dlo_planner.ros.health import Health
-from dlo_planner.ros.planning import Made
-from dlo_planner.ros.state import Looking, State
-from dlo_planner.ros.store import Store
+from dlo_planner.ros.state import Looking, Made, State, Store
 from dlo_planner.ros.worker import Worker, persistent
+from dlo_planner.settings.threading import cutouts_of
 
 _STANDOFF = 0.05  # of the length, where none is given
-_SAME = 1e-9      # m, and of unit vectors
 
 
 def threading_of(made: Made) -> Threading | None:
     """Return what a plan threads, if that is one cut-out whose room is known; else None."""
-    plan, scene = made.plan, made.scene
-    rod, radius = scene.direct.rod, scene.cutout_radius
-    if radius is None or not isinstance(rod.radius, float) or radius <= rod.radius:
+    plan, scene, task = made.plan, made.scene, made.task
+    if not isinstance(task, Thread) or not (room_of(made) or 0.0) > 0:
         return None
-    passing = np.array([bool(passes) for passes in plan.via_points])
-    passes = [one for some in plan.via_points for one in some]
-    if not passes or len(passes) != passing.sum():
+    depths = plan.depths[[bool(passes) for passes in plan.via_points]]
+    if not depths.size:
         return None
-    center, _, normal = passes[0]
-    if normal is None or any(
-            one[2] is None or np.abs(one[0] - center).max() > _SAME
-            or np.abs(one[2] - normal).max() > _SAME for one in passes):
-        return None
-    depths = plan.depths[passing]
     if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
         depths = np.append(0.0, depths)
-    standoff = scene.standoff if scene.standoff > 0 else _STANDOFF * rod.length
-    return Threading(scene.inverse, CutOut(Pose.looking_along(center, normal), radius=radius),
-                     depths, standoff, scene.limits)
+    standoff = scene.standoff if scene.standoff > 0 else _STANDOFF * scene.direct.rod.length
+    return Threading(scene.inverse, task.cutout, depths, standoff, scene.limits)
+
+
+def room_of(made: Made) -> float | None:
+    """Return by how much the DLO may miss its cut-outs unharmed, m; None: not known."""
+    radii = [one.radius or 0.0 for one in cutouts_of(made.task)]
+    thick = made.scene.direct.rod.radius or 0.0
+    if not isinstance(thick, float) or not min(radii, default=0.0):
+        return None
+    return min(radii) - thick
 
 
 def closed_loop_of(state: State, observing: Observing | None,
@@ -131,7 +129,8 @@ class ClosedLoopDrive:
             health.expected(looking.promised)
         if work is not None and work is not self._computing:
             self._computing = work
-            Thread(target=self._compute, args=(work,), name='closed loop', daemon=True).start()
+            threading.Thread(target=self._compute, args=(work,), name='closed loop',
+                             daemon=True).start()
         self._known = execution
         known = store.change(lambda now: now.looked(state.execution, execution, looking)).execution
         # what was stopped meanwhile has the command before: out goes what the loop knows to go out

@@ -22,11 +22,12 @@ from msg_helpers.poses import header, pose_from_msg, pose_from_stamped, pose_msg
 
 _ONE = OneFrame()
 _UNIT = 1e-2  # by which the length of a quaternion may be off 1, as for tf2
-_MOST_GOALS = 2
+_MOST_GOALS = 100
 _MOST_BODIES = 1000
 _MOST_MARKERS = 10_000  # of a message, most of which delete
 _MOST_SAID = 2000  # characters of a text that goes out
-_OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|\b(?:Box|Sphere|Capsule) (\d+)\b')
+_OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|'
+                       r'\b(?:Box|Sphere|Capsule|Cylinder|Plane|Sheet) (\d+)\b')
 
 
 def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) -> Pose:
@@ -53,10 +54,10 @@ def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) 
         raise Refused(Cause.INVALID_POSE, str(error)) from None
     _judge_orientation(msg.pose.orientation, f'{name}.pose')
     if origin is None:
-        _judge_distance(pose.position, scene, f'{name}.pose')
+        judge_distance(pose.position, scene, f'{name}.pose')
         return pose
     there = origin.compose(pose)
-    _judge_distance(there.position, scene, f'{name} in {scene.frame_id}: pose')
+    judge_distance(there.position, scene, f'{name} in {scene.frame_id}: pose')
     return there
 
 
@@ -95,7 +96,7 @@ def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArr
             where = f'{name}.markers[{index}]'
             _judge_orientation(marker.pose.orientation, f'{where}.pose', Cause.INVALID_OBSTACLES)
             at, size = marker.pose.position, marker.scale
-            _judge_distance([at.x, at.y, at.z], scene, f'{where}.pose', Cause.INVALID_OBSTACLES)
+            judge_distance([at.x, at.y, at.z], scene, f'{where}.pose', Cause.INVALID_OBSTACLES)
             if max(size.x, size.y, size.z) > 2 * scene.reach:
                 raise Refused(Cause.INVALID_OBSTACLES, f'{where}.scale = '
                               f'{[size.x, size.y, size.z]}: expected at most twice '
@@ -113,18 +114,19 @@ def _judge_orientation(q: Quaternion, name: str, cause: Cause = Cause.INVALID_PO
                       f'of length 1, within {_UNIT:g}')
 
 
-def _judge_distance(position: Sequence[float] | Floats, scene: Scene, name: str,
-                    cause: Cause = Cause.OUT_OF_REACH) -> None:
+def judge_distance(position: Sequence[float] | Floats, scene: Scene, name: str,
+                   cause: Cause = Cause.OUT_OF_REACH) -> None:
+    """Refuse a position that is farther from the origin than workspace.reach."""
     if np.linalg.norm(position) > scene.reach:
         raise Refused(cause, f'{name}.position = {[float(x) for x in position]}: expected at most '
                       f'workspace.reach = {scene.reach:g} m from the origin of {scene.frame_id}')
 
 
 def goals_in(scene: Scene, msg: Goals, name: str, frames: OneFrame = _ONE) -> tuple[Pose, ...]:
-    """Return the Poses of a nav_msgs/Goals, one or two; an empty header is that of the message."""
+    """Return the Poses of a nav_msgs/Goals; an empty header is that of the message."""
     if not 1 <= len(msg.goals) <= _MOST_GOALS:
-        raise Refused(Cause.INVALID_GOALS, f'{name}.goals has {len(msg.goals)} poses: expected one '
-                      'or two')
+        raise Refused(Cause.INVALID_GOALS, f'{name}.goals has {len(msg.goals)} poses: expected 1 '
+                      f'to {_MOST_GOALS}')
     return tuple(pose_in(scene, PoseStamped(
         header=goal.header if goal.header.frame_id else msg.header, pose=goal.pose),
         f'{name}.goals[{index}]', frames) for index, goal in enumerate(msg.goals))
@@ -154,7 +156,8 @@ def _marker_in(scene: Scene, marker: Marker, name: str, frames: OneFrame) -> Mar
     except InvalidTask:
         pose = marker.pose
     return Marker(header=header(scene.frame_id, marker.header.stamp), ns=marker.ns, id=marker.id,
-                  type=marker.type, action=marker.action, pose=pose, scale=marker.scale)
+                  type=marker.type, action=marker.action, pose=pose, scale=marker.scale,
+                  points=marker.points, text=marker.text)
 
 
 def brief_text(text: str, most: int = _MOST_SAID) -> str:

@@ -24,10 +24,9 @@ from dlo_planner.ros.closed import ClosedLoopDrive, closed_loop_of, not_looked_a
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.health import stamp_text
 from dlo_planner.ros.parts import Parts
-from dlo_planner.ros.planning import Made
+from dlo_planner.ros.plan import Planning, refuse_tolerance
 from dlo_planner.ros.qos import LATCHED, LATEST, REQUEST
-from dlo_planner.ros.requests import Planning
-from dlo_planner.ros.state import Looking, State
+from dlo_planner.ros.state import Looking, Made, State
 from dlo_planner.ros.worker import Worker
 from msg_helpers.diagnostics import OK, WARN, status_msg
 from msg_helpers.markers import command_markers
@@ -103,17 +102,20 @@ class Drive:
 
     def _on_execute_plan(self, request: GetPlan.Request,
                          response: GetPlan.Response) -> GetPlan.Response:
-        made = self._execute(request.start.header.stamp)
+        made = self._execute(request.start.header.stamp, request=request)
         if made is not None:
             back, plan = made.scene.tool.inverse(), made.plan
             response.plan = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                                       made.scene.frame_id, made.stamp)
         return response
 
-    def _execute(self, wanted: Time | None, answer: Any = None) -> Made | None:
+    def _execute(self, wanted: Time | None, answer: Any = None,
+                 request: GetPlan.Request | None = None) -> Made | None:
         """Execute the last plan, if it is the one that is meant; return it, or None."""
         stamp = self._node.get_clock().now().to_msg()
         with self._reporter.answering('execute', stamp=stamp, answer=answer) as outcome:
+            if request is not None:
+                refuse_tolerance(request, 'execute_plan')
             observing = self._observing(stamp)
             loops: list[ClosedLoopDrive | None] = []
 

@@ -15,6 +15,7 @@ from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.proof import Proof
+from dlo_planner.verify.report import ValidationReport
 from msg_helpers.diagnostics import ERROR, OK, WARN
 
 _RECENT = 50      # shapes over which rates and latencies are averaged
@@ -43,6 +44,12 @@ _REPORTED = {  # figures of a ValidationReport
 def stamp_text(stamp: Time) -> str:
     """Return a builtin_interfaces/Time as seconds with nine digits."""
     return f'{stamp.sec}.{stamp.nanosec:09d}'
+
+
+def figures_of(report: ValidationReport | None) -> dict[str, Any]:
+    """Return the figures of a ValidationReport by their names, nan where it says nothing."""
+    return {'not looked at': ', '.join(getattr(report, 'not_looked_at', ())) or 'none',
+            **{text: float(getattr(report, name, np.nan)) for name, text in _REPORTED.items()}}
 
 
 class Health:
@@ -95,10 +102,7 @@ class Health:
         with self._lock:
             self._values['report'] = proof.state
             self._values['report reason'] = proof.reason or 'none'
-            self._values['report not looked at'] = ', '.join(
-                getattr(report, 'not_looked_at', ())) or 'none'
-            for name, text in _REPORTED.items():
-                self._values[f'report {text}'] = float(getattr(report, name, np.nan))
+            self._values |= {f'report {name}': value for name, value in figures_of(report).items()}
 
     def plan_void(self, reason: str) -> None:
         """Take why the last plan must not be executed any more."""

@@ -8,7 +8,7 @@ from dlo_planner.ros.frames import OneFrame
 from dlo_planner.ros.health import Health
 from dlo_planner.ros.picture import Picture
 from dlo_planner.ros.reporter import Reporter
-from dlo_planner.ros.store import Store
+from dlo_planner.ros.state import Store
 
 
 @dataclass(frozen=True)

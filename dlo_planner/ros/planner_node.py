@@ -32,12 +32,11 @@ from dlo_planner.ros.managed import ManagedNode
 from dlo_planner.ros.parameters import as_declared, declare
 from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import Picture
+from dlo_planner.ros.plan import Planning
 from dlo_planner.ros.qos import LATCHED, REQUEST
 from dlo_planner.ros.reporter import Reporter
-from dlo_planner.ros.requests import Planning
 from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import State
-from dlo_planner.ros.store import Store
+from dlo_planner.ros.state import State, Store
 from dlo_planner.ros.surroundings import Surroundings
 from dlo_planner.ros.verification import Verification
 from dlo_planner.ros.warm_up import warm_up, warm_up_corrections, warm_up_loop, warm_up_proofs

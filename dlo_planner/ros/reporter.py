@@ -19,7 +19,7 @@ from dlo_planner.ros.door import brief_text, named
 from dlo_planner.ros.gate import Gate
 from dlo_planner.ros.health import Health, stamp_text
 from dlo_planner.ros.qos import LATCHED
-from dlo_planner.ros.store import Store
+from dlo_planner.ros.state import Store
 from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
 
 _MOST_TRACED = 10_000  # characters of a traceback
@@ -51,12 +51,14 @@ class Outcome:
         One line.
     warning : str
         What is not as one would wish, though it is done; '': nothing. Added to the message.
+    stamp : Time
+        builtin_interfaces/Time of the request.
     values : dict
         What else there is to say, by name.
     """
 
-    def __init__(self) -> None:
-        self.message, self.warning = 'done', ''
+    def __init__(self, stamp: Time) -> None:
+        self.message, self.warning, self.stamp = 'done', '', stamp
         self.values: dict[str, Any] = {}
 
 
@@ -100,8 +102,8 @@ class Reporter:
         iterator of Outcome
             Outcome, to be filled.
         """
-        outcome = Outcome()
         stamp = stamp or self._node.get_clock().now().to_msg()
+        outcome = Outcome(stamp)
         try:
             yield outcome
         except Exception as error:  # an exception that leaves a callback ends the node

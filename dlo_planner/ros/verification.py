@@ -12,11 +12,11 @@ from dlo_planner.arm import rolls_freely
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.gate import Gate
+from dlo_planner.ros.health import figures_of, stamp_text
 from dlo_planner.ros.parts import Parts
-from dlo_planner.ros.planning import Made
 from dlo_planner.ros.proof import Proof, proofs
 from dlo_planner.ros.qos import LATCHED
-from dlo_planner.ros.state import State
+from dlo_planner.ros.state import Made, State
 from dlo_planner.ros.worker import Worker
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.report import ValidationReport
@@ -77,9 +77,18 @@ class Verification:
                     self._publish(made, report, report.trajectory)
                     self._move_arm(made, report)
                 self._health.plan_proved(proof)
-                if proof.done and not proof.safe:
-                    self._reporter.failed('report', proof.cause,
-                                          f'the plan is not safe: {proof.reason}')
+                if proof.done:
+                    self._tell(made, proof)
+
+    def _tell(self, made: Made, proof: Proof) -> None:
+        """Say how a proof has ended, with its figures."""
+        said, report = 'the plan is safe', proof.report
+        if not proof.safe:
+            said = f'the plan is not safe: {proof.reason}'
+            self._reporter.failed('report', proof.cause, said)
+        figures = {} if report is None else figures_of(report)
+        self._reporter.tell('proof', proof.cause, said, made.asked, {
+            'report': proof.state, 'plan stamp': stamp_text(made.stamp), **figures})
 
     def _publish(self, made: Made, report: ValidationReport, way: Trajectory) -> None:
         scene = made.scene

@@ -124,7 +124,7 @@ def test_obstacles_are_transformed(frames):
     gone = Marker(header=Header(frame_id='nowhere'), action=Marker.DELETEALL)
     msg = markers_in(SCENE, MarkerArray(markers=[gone, marker]), 'obstacles', frames)
     box, = obstacles_after({}, msg, 'world', 'obstacles').values()
-    np.testing.assert_allclose(box.pose.matrix, expected(), atol=1e-12)
+    np.testing.assert_allclose(box.obstacle.pose.matrix, expected(), atol=1e-12)
     assert marker.header.frame_id == 'camera'  # what came is not changed
     np.testing.assert_allclose(pose_from_msg(marker.pose).matrix, SEEN.matrix)
 

@@ -11,8 +11,7 @@ from dlo_planner import Pose
 from dlo_planner.execute.execution import Execution
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import State
-from dlo_planner.ros.store import Store
+from dlo_planner.ros.state import State, Store
 from dlo_planner.ros.surroundings import Surroundings
 
 VALUES = {name: entry.default for name, entry in ENTRIES.items()}
