@@ -120,6 +120,7 @@ def test_each_public_task_has_its_way_through_the_node():
 @pytest.mark.parametrize('kind', TASKS, ids=lambda kind: kind.__name__)
 def test_each_task_is_planned_as_the_library_does(inside, node, tell, bar, kind):
     task, start = TASKS[kind](), START if kind is Approach else HERE
+    inside.trigger('reset')
     inside.shape_for(start)
     code, message, values = tell(task)
     assert code == 0, message
