@@ -25,24 +25,14 @@ class Gate:
         LifecycleNodeMixin and Node.
     """
 
-    get_clock: Callable[..., Any]
-    get_logger: Callable[..., Any]
-    get_name: Callable[..., Any]
-    get_parameter: Callable[..., Any]
-    has_parameter: Callable[..., Any]
-    add_on_set_parameters_callback: Callable[..., Any]
-    add_post_set_parameters_callback: Callable[..., Any]
-    remove_on_set_parameters_callback: Callable[..., Any]
-    remove_post_set_parameters_callback: Callable[..., Any]
-
     def __init__(self, node: LifecycleNodeMixin) -> None:
         self._node = node
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
         self._open, self._calls, self._changed = False, 0, Condition()
-        for name in ('get_clock', 'get_logger', 'get_name', 'get_parameter', 'has_parameter',
-                     'add_on_set_parameters_callback', 'add_post_set_parameters_callback',
-                     'remove_on_set_parameters_callback', 'remove_post_set_parameters_callback'):
-            setattr(self, name, getattr(node, name))
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what else a Node has."""
+        return getattr(self._node, name)
 
     def create_publisher(self, kind: Any, topic: str, qos: Any, **options: Any) -> Any:
         """Return a lifecycle publisher: the node's transitions switch it."""
@@ -70,9 +60,10 @@ class Gate:
             kind, topic, self._counted(callback, always), qos, **options)
         return self._keep(self._node.destroy_subscription, made)
 
-    def create_timer(self, period: float, callback: Callable[..., Any], **options: Any) -> Any:
-        """Return a timer."""
-        made = self._node.create_timer(period, self._counted(callback), **options)
+    def create_timer(self, period: float, callback: Callable[..., Any], *, always: bool = False,
+                     **options: Any) -> Any:
+        """Return a timer; `always` as for a subscription."""
+        made = self._node.create_timer(period, self._counted(callback, always), **options)
         return self._keep(self._node.destroy_timer, made)
 
     def create_service(self, kind: Any, name: str, callback: Callable[..., Any],

@@ -11,6 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from dlo_planner.ros.gate import Gate
 
+_LOOK = 0.5  # s between looks whether somebody latches
 _REMEMBERED = 4096  # messages; the copy of one comes at most two queues later
 
 
@@ -41,10 +42,11 @@ class Once:
 
 
 def hear_latched(node: Gate, kind: Any, topic: str, callback: Callable[..., Any], qos: QoSProfile,
-                 group: Any) -> None:
-    """Subscribe twice, so that latched and volatile publishers are heard.
+                 clock: Any, group: Any) -> None:
+    """Subscribe so that latched and volatile publishers are heard, and no publisher warns.
 
-    A volatile subscription hears no history, and a latched one no volatile publisher.
+    A volatile subscription hears no history, and one that asks for it no volatile publisher, which
+    then warns. So the second one is made when a publisher that latches is there, and stays.
 
     Parameters
     ----------
@@ -58,14 +60,23 @@ def hear_latched(node: Gate, kind: Any, topic: str, callback: Callable[..., Any]
         Callback of the messages; each comes once.
     qos : QoSProfile
         Reliable and volatile.
+    clock : object
+        Steady Clock.
     group : object
         Callback group, mutually exclusive.
     """
     latched = QoSProfile(depth=qos.depth, reliability=qos.reliability,
                          durability=DurabilityPolicy.TRANSIENT_LOCAL)
     once = Once(callback)
-    for quality, said in ((qos, True), (latched, False)):
-        node.create_subscription(  # that volatile publishers do not suit the second is no news
-            kind, topic, once, quality, always=True,
-            callback_group=group,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=said))
+    node.create_subscription(kind, topic, once, qos, always=True, callback_group=group)
+
+    def look() -> None:
+        if any(info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+               for info in node.get_publishers_info_by_topic(topic)):
+            timer.cancel()
+            node.create_subscription(  # that a volatile publisher does not suit it is no news
+                kind, topic, once, latched, always=True, callback_group=group,
+                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+
+    timer = node.create_timer(_LOOK, look, always=True, clock=clock, callback_group=group)
+    look()

@@ -125,7 +125,7 @@ class PlannerNode(ManagedNode):
         # rclpy takes a topic or timer of a group before its services, which would wait for good
         (scene, seeing, identifying, hearing, asking, resetting, planning, answering, proving,
          moving, canceling, drawing) = (MutuallyExclusiveCallbackGroup() for _ in range(_GROUPS))
-        self._surroundings = Surroundings(gate, parts, scene)
+        self._surroundings = Surroundings(gate, parts, self._steady, scene)
         self._camera = Camera(gate, parts, seeing, identifying, self.set_parameters_atomically)
         self._live = LiveShapes(gate, parts, hearing, asking, resetting,
                                 self._camera.gripper)

@@ -37,17 +37,20 @@ class Surroundings:
     node : Gate
         Rclpy Node, its parameters declared.
     parts : Parts
+    clock : object
+        Steady Clock.
     group : object
         Callback group.
     """
 
-    def __init__(self, node: Gate, parts: Parts, group: Any) -> None:
+    def __init__(self, node: Gate, parts: Parts, clock: Any, group: Any) -> None:
         self._node, self._store, self._health = node, parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._apply)
-        hear_latched(node, MarkerArray, '~/obstacles', self._on_obstacles, CHANGES, group)
+        hear_latched(node, MarkerArray, '~/obstacles', self._on_obstacles, CHANGES, clock,
+                     group)
 
     def close(self) -> None:
         """Judge and apply parameters no more."""
