@@ -112,11 +112,12 @@ class Drive:
     def _execute(self, wanted: Time | None, answer: Any = None,
                  request: GetPlan.Request | None = None) -> Made | None:
         """Execute the last plan, if it is the one that is meant; return it, or None."""
-        stamp = self._node.get_clock().now().to_msg()
+        now, asked = self._node.get_clock().now().to_msg(), request and request.goal.header.stamp
+        stamp = asked if asked and (asked.sec or asked.nanosec) else now
         with self._reporter.answering('execute', stamp=stamp, answer=answer) as outcome:
             if request is not None:
                 refuse_tolerance(request, 'execute_plan')
-            observing = self._observing(stamp)
+            observing = self._observing(now)
             loops: list[ClosedLoopDrive | None] = []
 
             def started(now: State) -> State:

@@ -16,8 +16,8 @@ from std_msgs.msg import Bool
 from streams import largest
 from visualization_msgs.msg import MarkerArray
 
+from demo.follower import Follower
 from dlo_planner.execute.causes import Cause
-from dlo_planner.ros.follower import Follower
 from dlo_planner.ros.plan import make_plan
 from msg_helpers.poses import pose_from_msg, pose_msg
 
