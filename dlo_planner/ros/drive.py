@@ -80,8 +80,9 @@ class Drive:
         node.create_subscription(Bool, '~/enable', self._on_enable, LATEST,
                                  callback_group=canceling)
         node.create_service(Trigger, '~/cancel', self._on_cancel, callback_group=canceling)
-        node.create_timer(parts.store.state.scene.period, self._command, callback_group=moving,
-                          clock=clock)
+        self._timer = node.create_timer(parts.store.state.scene.period, self._command,
+                                        callback_group=moving, clock=clock)
+        self._timer.cancel()  # it runs while something is executed
 
     def announce(self) -> None:
         """Publish how the execution stands: the node begins to act."""
@@ -129,6 +130,7 @@ class Drive:
             self._loop = loops[0]
             self._stamp, self._told, self._finished = stamp, -1.0, False
             self._ahead = None
+            self._timer.reset()
             execution, scene = state.execution, state.scene
             assert execution is not None and state.running is not None  # it was started
             duration = execution.way.duration - execution.begin
@@ -201,6 +203,7 @@ class Drive:
 
     def _end(self, execution: Execution) -> None:
         self._finished = True
+        self._timer.cancel()
         if execution.ends_at_once:
             assert execution.command is not None and execution.stamp is not None  # it ran
             self._ahead_out.publish(poses_ahead([0.0], [execution.command], execution.frame_id,

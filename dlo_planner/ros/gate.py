@@ -3,13 +3,35 @@
 """What a managed node offers: entities that act only while the node is active."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import wraps
-from threading import Condition
+from threading import Condition, Thread
 from typing import Any
 
+from rclpy.callback_groups import CallbackGroup
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNodeMixin
 
+from dlo_planner.ros.qos import LATEST
+
 _INACTIVE = 'the node is not active: expected its lifecycle state to be active'
+
+_WAIT = 250_000_000  # ns between looks whether a subscription is still there
+
+
+class _Nobodys(CallbackGroup):  # type: ignore[misc]  # rclpy has no types
+    """Callback group of what no executor takes."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Whether an executor may: never."""
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Whether an executor may begin: never."""
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        """Note that an executor has ended: it never does."""
 
 
 class Gate:
@@ -57,20 +79,43 @@ class Gate:
             Whether it acts while the Gate is shut as well.
         """
         made = self._node.create_subscription(
-            kind, topic, self._counted(callback, always), qos, **options)
+            kind, topic, self.counted(callback, always), qos, **options)
         return self._keep(self._node.destroy_subscription, made)
+
+    def hear_newest(self, kind: Any, topic: str, callback: Callable[[Any], Any]) -> Any:
+        """Return a subscription to the newest message, which is heard in a thread of its own.
+
+        An executor looks at all that a node has for each message of it, which takes ten times as
+        long as the message.
+        """
+        made = self.create_subscription(kind, topic, callback, LATEST, callback_group=_Nobodys())
+        Thread(target=self._take, args=(made,), name=topic, daemon=True).start()
+        return made
+
+    def _take(self, subscription: Any) -> None:
+        """Hand messages to a subscription's callback, until it is destroyed."""
+        with suppress(_rclpy.InvalidHandle, _rclpy.RCLError):  # the node, or the context, has gone
+            waiting = _rclpy.WaitSet(1, 0, 0, 0, 0, 0, self._node.context.handle)
+            while True:
+                with subscription.handle, self._node.handle:
+                    waiting.clear_entities()
+                    waiting.add_subscription(subscription.handle)
+                    waiting.wait(_WAIT)
+                    taken = subscription.handle.take_message(subscription.msg_type, False)
+                if taken is not None:
+                    subscription.callback(taken[0])
 
     def create_timer(self, period: float, callback: Callable[..., Any], *, always: bool = False,
                      **options: Any) -> Any:
         """Return a timer; `always` as for a subscription."""
-        made = self._node.create_timer(period, self._counted(callback, always), **options)
+        made = self._node.create_timer(period, self.counted(callback, always), **options)
         return self._keep(self._node.destroy_timer, made)
 
     def create_service(self, kind: Any, name: str, callback: Callable[..., Any],
                        **options: Any) -> Any:
         """Return a service."""
         made = self._node.create_service(
-            kind, name, self._counted(callback, refusal=_refused), **options)
+            kind, name, self.counted(callback, refusal=_refused), **options)
         return self._keep(self._node.destroy_service, made)
 
     def open(self) -> None:
@@ -100,8 +145,9 @@ class Gate:
         self._entities.append((destroy, made))
         return made
 
-    def _counted(self, callback: Callable[..., Any], always: bool = False,
-                 refusal: Callable[..., Any] | None = None) -> Callable[..., Any]:
+    def counted(self, callback: Callable[..., Any], always: bool = False,
+                refusal: Callable[..., Any] | None = None) -> Callable[..., Any]:
+        """Return a callback that acts while the Gate is open, or `always`, and counts as a call."""
         @wraps(callback)  # rclpy looks at the signature
         def call(*args: Any) -> Any:
             with self._changed:

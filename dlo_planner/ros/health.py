@@ -63,6 +63,7 @@ class Health:
         self._arrivals: deque[float] = deque(maxlen=_RECENT)
         self._latencies: deque[float] = deque(maxlen=_RECENT)
         self._values: dict[str, Any] = {}
+        self._shape: Shape | None = None
         self._error: str | None = None
         self._error_time = -np.inf
 
@@ -79,10 +80,7 @@ class Health:
             self._counts['shapes published'] += 1
             self._counts['jumps'] += shape.jumped
             self._latencies.append(seconds)
-            self._values.update({'shape residual': shape.residual,
-                                 'shape stability': shape.stability,
-                                 'shape error estimate [m]': shape.error_estimate,
-                                 'shape iterations': shape.iterations})
+            self._shape = shape  # of which the estimate takes longer than the shape
 
     def plan_done(self, plan: Plan, seconds: float, stamp: Time) -> None:
         """Take the figures of a Plan that took `seconds` and is published with a Time `stamp`."""
@@ -146,6 +144,12 @@ class Health:
                 values['latency median [ms]'] = 1e3 * float(np.median(self._latencies))
                 values['latency largest [ms]'] = 1e3 * max(self._latencies)
             values.update(self._values)
+            shape = self._shape
+        if shape is not None:
+            values |= {'shape residual': shape.residual, 'shape stability': shape.stability,
+                       'shape error estimate [m]': shape.error_estimate,
+                       'shape iterations': shape.iterations}
+        with self._lock:
             values['last error'] = self._error or 'none'
             if self._error and monotonic() - self._error_time < _STALE:
                 return WARN, self._error, values

@@ -4,7 +4,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from threading import Condition, Thread
+from functools import partial
 from time import monotonic
 from typing import Any
 
@@ -29,7 +29,8 @@ from dlo_planner.ros.qos import LATCHED, LATEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
 from dlo_planner.view.dlo_items import drawn_radius
-from msg_helpers.paths import shape_path
+from dlo_planner.view.latest import Latest
+from msg_helpers.paths import shape_bytes, shape_path
 from msg_helpers.wrenches import wrench_in, wrench_msg
 
 _STANDS = 0.05  # s without a gripper pose, after which the far end's poses give shapes
@@ -94,28 +95,24 @@ class LiveShapes:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
-        self._waiting, self._closed = Condition(), False
-        self._newest: tuple[Pose, Time, float] | None = None
+        self._closed = False
         self._out = node.create_publisher(Path, '~/predicted_shape', LATCHED)
         self._wrench_out, self._far_wrench_out = (
             node.create_publisher(WrenchStamped, f'~/{name}', LATEST)
             for name in ('gripper_wrench', 'far_end_wrench'))
         node.create_subscription(PoseStamped, '~/far_end_pose', self._on_far_end, LATEST,
                                  callback_group=hearing)
-        node.create_subscription(PoseStamped, '~/gripper_pose', self._on_pose, LATEST,
-                                 callback_group=hearing)
+        node.hear_newest(PoseStamped, '~/gripper_pose', self._on_pose)
         node.create_service(Trigger, '~/reset', self._on_reset, callback_group=resetting)
         node.create_service(GetPlan, '~/predict_shape', self._on_predict_shape,
                             callback_group=asking)
-        self._thread = Thread(target=self._work, name='shapes', daemon=True)
-        self._thread.start()
+        self._newest = Latest(lambda _: None)  # what a job raises is told by itself
 
     def close(self) -> None:
         """End the thread."""
-        with self._waiting:
-            self._closed = True
-            self._waiting.notify()
-        self._thread.join(timeout=1.0)
+        self._closed = True
+        self._newest.close()
+        self._newest.wait(1.0)
 
     def _on_pose(self, msg: PoseStamped) -> None:
         with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
@@ -146,42 +143,30 @@ class LiveShapes:
         return Heard(pose, arrived, age, off, stamp.sec + 1e-9 * stamp.nanosec)
 
     def _look(self, gripper: Pose, stamp: Time, arrived: float) -> None:
-        with self._waiting:
-            self._newest = gripper, stamp, arrived
-            self._waiting.notify()
-
-    def _work(self) -> None:
-        while True:
-            with self._waiting:
-                while self._newest is None and not self._closed:
-                    self._waiting.wait()
-                if self._closed:
-                    return
-                newest, self._newest = self._newest, None
-            if newest is None:
-                continue
-            with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
-                self._predict(*newest)
+        self._newest.submit(partial(self._predict, gripper, stamp, arrived))
 
     def _predict(self, gripper: Pose, stamp: Time, arrived: float) -> None:
-        before = self._store.state
-        held = before.held_at(monotonic())
-        if held is None and before.far_end is not None and before.scene.far_hold != 'free':
-            self._reporter.warn('far end', 'far_end_pose: the last one is older than '
-                                f'far_end.timeout = {before.scene.far_timeout:g} s: the far end '
-                                'counts as free')
-        shape = predicted(before, gripper, 'gripper_pose', before.shape, held)
-        if self._closed:
-            return
-        self._store.change(lambda state: state.with_shape(shape, before))
-        if shape.jumped:
-            self._reporter.warn('jump', 'the DLO jumped into another shape on the way to this pose')
-        frame_id = before.scene.frame_id
-        self._out.publish(shape_path(shape, frame_id, stamp))
-        self._send_wrenches(before.scene, shape, stamp)
-        self._health.shape_done(shape, monotonic() - arrived)
-        radius, color = drawn_radius(before.scene.direct.rod), before.scene.color
-        self._picture.show('shape', lambda: markers_of_shape(shape, radius, frame_id, stamp, color))
+        with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
+            before = self._store.state
+            held = before.held_at(monotonic())
+            if held is None and before.far_end is not None and before.scene.far_hold != 'free':
+                self._reporter.warn('far end', 'far_end_pose: the last one is older than '
+                                    f'far_end.timeout = {before.scene.far_timeout:g} s: the far '
+                                    'end counts as free')
+            shape = predicted(before, gripper, 'gripper_pose', before.shape, held)
+            if self._closed:
+                return
+            self._store.change(lambda state: state.with_shape(shape, before))
+            if shape.jumped:
+                self._reporter.warn('jump', 'the DLO jumped into another shape on the way to this '
+                                    'pose')
+            frame_id = before.scene.frame_id
+            self._out.publish(shape_bytes(shape, frame_id, stamp))
+            self._send_wrenches(before.scene, shape, stamp)
+            self._health.shape_done(shape, monotonic() - arrived)
+            radius, color = drawn_radius(before.scene.direct.rod), before.scene.color
+            self._picture.show('shape', lambda: markers_of_shape(shape, radius, frame_id, stamp,
+                                                                 color))
 
     def _send_wrenches(self, scene: Scene, shape: Shape, stamp: Time) -> None:
         """Publish what the DLO does to the gripper and to what holds its far end."""

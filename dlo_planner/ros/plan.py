@@ -86,15 +86,18 @@ class Planning:
     node : Gate
         Rclpy Node.
     parts : Parts
+    prove : callable
+        Called when there is a plan to be proved.
     planning, answering : object
         Callback groups of the topics and of the services: tasks that come quicker than plans are
         made starve no service.
     """
 
-    def __init__(self, node: Gate, parts: Parts, planning: Any, answering: Any) -> None:
+    def __init__(self, node: Gate, parts: Parts, prove: Callable[[], object], planning: Any,
+                 answering: Any) -> None:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
-        self._frames = parts.frames
+        self._frames, self._prove = parts.frames, prove
         self._lock, self._turn, self._ended = Lock(), Lock(), ''
         self._run: Run | None = None
         self._out = node.create_publisher(Path, '~/gripper_trajectory', LATCHED)
@@ -250,6 +253,7 @@ class Planning:
             plan, cutouts_of(task), drawn_radius(scene.direct.rod), scene.frame_id, stamp))
         self._health.plan_proved(Proof(plan))  # what was said of the plan before is over
         self._health.plan_done(plan, seconds, stamp)
+        self._prove()
         outcome.message = f'{len(plan)} gripper poses'
         outcome.values = {'task': type(task).__name__, 'plan stamp': stamp_text(stamp),
                           'waypoints': len(plan), 'seconds': seconds,

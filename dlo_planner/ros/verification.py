@@ -20,9 +20,9 @@ from dlo_planner.ros.state import Made, State
 from dlo_planner.ros.worker import Worker
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.report import ValidationReport
+from dlo_planner.view.latest import Latest
 from msg_helpers.trajectories import timed_trajectory
 
-_LOOK = 0.1   # s between looks whether there is a plan to be proved
 _TIMED_STEP, _TIMED_MOST = 0.05, 20_000  # s between points of the timed trajectory; points
 
 
@@ -38,21 +38,25 @@ class Verification:
         Computes the proofs.
     arm : ArmOutput
         ArmOutput, which gets what is proved.
-    clock : object
-        Steady Clock.
-    group : object
-        Callback group.
     """
 
-    def __init__(self, node: Gate, parts: Parts, worker: Worker, arm: ArmOutput, clock: Any,
-                 group: Any) -> None:
+    def __init__(self, node: Gate, parts: Parts, worker: Worker, arm: ArmOutput) -> None:
         self._arm = arm
         self._store, self._health, self._reporter = parts.store, parts.health, parts.reporter
         self._worker = worker
         self._begun: Made | None = None  # whose proof has begun
         self._out = node.create_publisher(MultiDOFJointTrajectory, '~/gripper_trajectory_timed',
                                           LATCHED)
-        node.create_timer(_LOOK, self._prove, callback_group=group, clock=clock)
+        self._newest = Latest(lambda _: None)  # what a job raises is told by itself
+        self._job = node.counted(self._prove)
+
+    def look(self) -> None:
+        """Have the newest plan proved, if there is one and it is not yet."""
+        self._newest.submit(self._job)
+
+    def close(self) -> None:
+        """Prove no more."""
+        self._newest.close()
 
     def _prove(self) -> None:
         with self._reporter.answering('report', told=False):
