@@ -115,7 +115,7 @@ def obstacles_msg(obstacles: Iterable[Obstacle], frame_id: str, stamp: Time | No
     friction : float, optional
         Of all of them. If None, each has its own.
     """
-    markers = [Marker(header=header(frame_id, stamp), ns='obstacles', action=Marker.DELETEALL)]
+    markers = [Marker(header=header(frame_id, stamp), action=Marker.DELETEALL)]
     for index, one in enumerate(items('obstacles', obstacles, OBSTACLES)):
         kind, pose, size, said = _drawn(one)
         said['friction'] = one.friction if friction is None else number('friction', friction,

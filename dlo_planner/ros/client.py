@@ -44,7 +44,7 @@ class Progress(NamedTuple):
     done: float
 
 
-class DloCommander(Node):  # type: ignore[misc]  # rclpy has no types
+class DloCommander(Node):
     """Asks a planner node, and waits for its answers; rclpy has to be initialized.
 
     Each call raises Refused, whose `cause` is the number of the reason and whose text is the

@@ -19,7 +19,7 @@ _INACTIVE = 'the node is not active: expected its lifecycle state to be active'
 _WAIT = 250_000_000  # ns between looks whether a subscription is still there
 
 
-class _Nobodys(CallbackGroup):  # type: ignore[misc]  # rclpy has no types
+class _Nobodys(CallbackGroup):
     """Callback group of what no executor takes."""
 
     def can_execute(self, entity: Any) -> bool:
@@ -122,6 +122,11 @@ class Gate:
         """Let everything act."""
         with self._changed:
             self._open = True
+
+    @property
+    def is_open(self) -> bool:
+        """Whether everything acts."""
+        return self._open
 
     def shut(self, patience: float) -> bool:
         """Let nothing begin any more; return whether all that runs has ended.

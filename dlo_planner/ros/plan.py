@@ -147,8 +147,9 @@ class Planning:
         with self._answering('task_goal', msg.header.stamp) as outcome:
             state = self._store.state
             goal = self._pose(state, msg, 'task_goal')
-            self._plan(outcome, state, self._closed(
-                state, state.open_task or state.scene.task, goal, 'task_goal'), state.gripper)
+            content = state.open_task() or state.scene.task
+            self._plan(outcome, state, self._closed(state, content, goal, 'task_goal'),
+                       state.gripper)
 
     def _on_goals(self, msg: Goals) -> None:
         with self._answering('task_goals', msg.header.stamp) as outcome:
@@ -164,9 +165,7 @@ class Planning:
             start, goal = (self._pose(state, msg, f'{name}.{field}') if msg.header.frame_id
                            else None for field, msg in (('start', request.start),
                                                         ('goal', request.goal)))
-            known = [one for one in (state.open_task, state.scene.task)
-                     if one is not None and kind in (None, one['type'])]
-            content = known[0] if known else _BY_DEFAULT.get(kind or '')
+            content = state.open_task(kind) or _BY_DEFAULT.get(kind or '')
             if content is None:
                 raise Refused(Cause.NO_GOAL, f'{name}: no {kind} is known: expected one on ~/task, '
                               f'or as parameter task, {{type: {kind}, ...}}')

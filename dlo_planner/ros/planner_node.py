@@ -135,8 +135,9 @@ class PlannerNode(ManagedNode):
         self._planning = Planning(gate, parts, self._verification.look, planning, answering)
         self._drive = Drive(gate, parts, self._planning, self._camera.observing, self._looping,
                             self._steady, moving, canceling)
-        Thread(target=picture.run, args=(lambda: bool(markers.get_subscription_count()),
-                                         gate.counted(self._show_picture)), daemon=True).start()
+        Thread(target=picture.run, args=(
+            lambda: gate.is_open and bool(markers.get_subscription_count()),
+            gate.counted(self._show_picture)), daemon=True).start()
         self._gate, self._parts, self._store, self._health = gate, parts, store, health
 
     def activate(self) -> None:

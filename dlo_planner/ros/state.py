@@ -92,8 +92,8 @@ class State:
         The last one that was not too old when it came, or None.
     far_end : Heard or None
         The last pose of the far end's grip, or None.
-    open_task : dict or None
-        The last task that came on ~/task, as `open_task` returns it; None: the scene's counts.
+    tasks : dict
+        The last task of each type that came on ~/task, as `open_task` returns it, the newest last.
     task : Task or None
         The last task that a plan was asked for, or None.
     made : Made or None
@@ -122,7 +122,7 @@ class State:
     pose: Pose | None = None
     heard: Heard | None = None
     far_end: Heard | None = None
-    open_task: Mapping[str, Any] | None = None
+    tasks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     task: Task | None = None
     made: Made | None = None
     void: str = 'there is no plan yet'
@@ -161,7 +161,7 @@ class State:
         """
         state = replace(self, scene=scene, shape=carried(self.shape, self.scene, scene), **parts)
         if scene.task != self.scene.task:
-            state = replace(state, open_task=None)
+            state = state.opened(scene.task)
         return state if self.scene.keeps_plans(scene) else state.without_plan(cause, reason)
 
     def without_plan(self, cause: Cause, reason: str) -> State:
@@ -203,8 +203,14 @@ class State:
     # ---- plans ------------------------------------------------------------------------------
 
     def opened(self, content: Mapping[str, Any]) -> State:
-        """Return the State with a task that came on ~/task, see `open_task`."""
-        return replace(self, open_task=content)
+        """Return the State with another task that is meant from now on, see `open_task`."""
+        others = {kind: known for kind, known in self.tasks.items() if kind != content['type']}
+        return replace(self, tasks={**others, content['type']: content})
+
+    def open_task(self, kind: str | None = None) -> Mapping[str, Any] | None:
+        """Return the newest task, or that of a type; None: there is none."""
+        known = [self.scene.task, *self.tasks.values()]
+        return next((one for one in reversed(known) if kind in (None, one['type'])), None)
 
     def asked(self, task: Task) -> State:
         """Return the State in which a plan of a task was asked for."""

@@ -214,6 +214,7 @@ def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witn
         heard = Heard(plan.grippers[0], time.monotonic())
         node._parts.store.change(lambda now: replace(now, execution=execution, heard=heard))
         node._drive._finished = False
+        node._drive._timer.reset()
         assert witness.wait_for(lambda: len(commands) > fast)
         assert change(witness, 'deactivate')
         number = -1
