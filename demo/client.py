@@ -27,9 +27,9 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.health import stamp_text
-from dlo_planner.ros.proof import DONE
-from dlo_planner.ros.qos import ALL_LATCHED, CHANGES, LATCHED, REQUEST
+from dlo_planner.ros.managed import ALL_LATCHED, CHANGES, LATCHED, REQUEST
+from dlo_planner.ros.state import DONE
+from dlo_planner.ros.status import stamp_text
 from msg_helpers.poses import header, pose_stamped_msg
 
 Told = tuple[int, str, dict[str, str]]  # code, message, values

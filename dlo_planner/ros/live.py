@@ -20,14 +20,13 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Heard
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import GRIPS, FarEnd
-from dlo_planner.ros.door import inside_of, pose_in
-from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.parts import Parts
+from dlo_planner.ros.inputs import inside_of, pose_in
+from dlo_planner.ros.managed import LATCHED, LATEST, Gate
 from dlo_planner.ros.picture import markers_of_shape
 from dlo_planner.ros.plan import refuse_tolerance
-from dlo_planner.ros.qos import LATCHED, LATEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
+from dlo_planner.ros.status import Parts
 from dlo_planner.view.dlo_items import drawn_radius
 from dlo_planner.view.latest import Latest
 from msg_helpers.paths import shape_bytes, shape_path

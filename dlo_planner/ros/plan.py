@@ -27,16 +27,12 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import interrupted_by
-from dlo_planner.ros.door import goals_in, judge_distance, pose_in
-from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.health import stamp_text
-from dlo_planner.ros.parts import Parts
+from dlo_planner.ros.inputs import goals_in, judge_distance, pose_in
+from dlo_planner.ros.managed import LATCHED, REQUEST, Gate
 from dlo_planner.ros.picture import markers_of_plan
-from dlo_planner.ros.proof import Proof
-from dlo_planner.ros.qos import LATCHED, REQUEST
-from dlo_planner.ros.reporter import Outcome
 from dlo_planner.ros.scene import Scene
-from dlo_planner.ros.state import Made, State
+from dlo_planner.ros.state import Made, Proof, State
+from dlo_planner.ros.status import Outcome, Parts, stamp_text
 from dlo_planner.settings.tasks import close_task, open_task, poses_of
 from dlo_planner.settings.threading import Present, Wanted, cutouts_of, plan_task
 from dlo_planner.view.dlo_items import drawn_radius

@@ -22,23 +22,19 @@ from visualization_msgs.msg import MarkerArray
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.arm import ArmOutput
-from dlo_planner.ros.camera import Camera
 from dlo_planner.ros.drive import Drive, described
-from dlo_planner.ros.frames import frames_of
-from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.health import Health
+from dlo_planner.ros.estimate import Camera
+from dlo_planner.ros.inputs import frames_of
 from dlo_planner.ros.live import LiveShapes
-from dlo_planner.ros.managed import ManagedNode
+from dlo_planner.ros.managed import LATCHED, REQUEST, Gate, ManagedNode
 from dlo_planner.ros.parameters import as_declared, declare
-from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import Picture
 from dlo_planner.ros.plan import Planning
-from dlo_planner.ros.qos import LATCHED, REQUEST
-from dlo_planner.ros.reporter import Reporter
+from dlo_planner.ros.proof import Verification
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.state import State, Store
+from dlo_planner.ros.status import Health, Parts, Reporter
 from dlo_planner.ros.surroundings import Surroundings
-from dlo_planner.ros.verification import Verification
 from dlo_planner.ros.warm_up import warm_up, warm_up_corrections, warm_up_loop, warm_up_proofs
 from dlo_planner.ros.worker import Worker
 from dlo_planner.settings.entries import ENTRIES

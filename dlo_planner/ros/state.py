@@ -24,9 +24,11 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.plan.plan import Plan
-from dlo_planner.ros.proof import Proof
 from dlo_planner.ros.scene import Scene
+from dlo_planner.verify.report import ValidationReport
 
+DONE = ('held', 'refused')  # states of a proof that has no step left
+_CHECKED = 'the plan is still being checked: ask again'
 _SAME = 1e-3, 5e-3  # m, rad: gripper poses that differ by less are the same
 _SAME_LENGTH = 1e-9  # relative
 _SEEN = 3  # periods before and after a motion, in which its jerk is seen
@@ -63,6 +65,42 @@ class Made:
                         and angle_between(one.rotation, another.rotation) <= _SAME[1]
                         for one, another in zip(self.plan.grippers, other.plan.grippers,
                                                 strict=True)))
+
+
+@dataclass(frozen=True)
+class Proof:
+    """How far the proof of a plan has come, and what it says.
+
+    Attributes
+    ----------
+    plan : Plan
+    report : ValidationReport or None
+        ValidationReport, of the last step that was done, or None.
+    reason : str
+        Why its trajectory must not be executed; empty: it may be.
+    done : bool
+        Whether no step is left.
+    cause : Cause
+        Number of the reason.
+    """
+
+    plan: Plan
+    report: ValidationReport | None = None
+    reason: str = _CHECKED
+    done: bool = False
+    cause: Cause = Cause.PROOF_PENDING
+
+    @property
+    def safe(self) -> bool:
+        """Whether `report.trajectory` may be executed."""
+        return not self.reason
+
+    @property
+    def state(self) -> str:
+        """One of 'not ready', 'held slowly', and those of DONE: 'held', 'refused'."""
+        if self.done:
+            return DONE[0] if self.safe else DONE[1]
+        return 'not ready' if self.report is None else 'held slowly'
 
 
 class Looking(NamedTuple):

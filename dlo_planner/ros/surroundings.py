@@ -15,13 +15,11 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.door import bodies_in, body_name, brief_text
-from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.latched import hear_latched
-from dlo_planner.ros.parts import Parts
-from dlo_planner.ros.qos import CHANGES
+from dlo_planner.ros.inputs import bodies_in, body_name, brief_text
+from dlo_planner.ros.managed import CHANGES, Gate, hear_latched
 from dlo_planner.ros.scene import Scene, scene_of
 from dlo_planner.ros.state import State
+from dlo_planner.ros.status import Parts
 from dlo_planner.settings.entries import ENTRIES
 from msg_helpers.markers import obstacle_markers
 

@@ -32,7 +32,7 @@ from dlo_planner.execute.judge import (
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.trajectory import restored
-from dlo_planner.ros.closed import room_of
+from dlo_planner.ros.drive import room_of
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.state import Made

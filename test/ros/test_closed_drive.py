@@ -26,13 +26,13 @@ from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import used
 from dlo_planner.identify.observing import Observing
 from dlo_planner.identify.predicted_miss import crossing
-from dlo_planner.ros.closed import closed_loop_of, not_looked_at, threading_of
-from dlo_planner.ros.health import Health
+from dlo_planner.ros.drive import closed_loop_of, not_looked_at, threading_of
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.state import Made, State, Store
+from dlo_planner.ros.status import Health
 from dlo_planner.ros.worker import Worker
 
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)

@@ -18,9 +18,16 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner import Pose
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.ros.camera import points_in
-from dlo_planner.ros.door import bodies_in, goals_in, markers_in, pose_in
-from dlo_planner.ros.frames import OneFrame, TfFrames, frames_of
+from dlo_planner.ros.estimate import points_in
+from dlo_planner.ros.inputs import (
+    OneFrame,
+    TfFrames,
+    bodies_in,
+    frames_of,
+    goals_in,
+    markers_in,
+    pose_in,
+)
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
 from msg_helpers.clouds import cloud_msg

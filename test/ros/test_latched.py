@@ -14,8 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Int32
 
-from dlo_planner.ros.latched import Once, hear_latched
-from dlo_planner.ros.qos import CHANGES
+from dlo_planner.ros.managed import CHANGES, Once, hear_latched
 
 LATCHED = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

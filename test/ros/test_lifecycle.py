@@ -34,7 +34,7 @@ from dlo_planner import (
 )
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Execution, Guards, Heard
-from dlo_planner.ros.qos import CHANGES, LATCHED
+from dlo_planner.ros.managed import CHANGES, LATCHED
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))

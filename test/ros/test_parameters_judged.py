@@ -26,12 +26,14 @@ def judged(phase, **changed):
     made = []
     node = SimpleNamespace(add_on_set_parameters_callback=made.append,
                            add_post_set_parameters_callback=lambda _: None,
-                           create_subscription=lambda *_, **__: None)
+                           create_subscription=lambda *_, **__: None,
+                           create_timer=lambda *_, **__: None,
+                           get_publishers_info_by_topic=lambda _: ())
     execution = Execution(None, Pose.identity(), 'world', phase=phase)
     state = State(build_scene(VALUES), VALUES, execution=execution)
     parts = SimpleNamespace(store=Store(state), health=None, reporter=None, picture=None,
                             frames=None)
-    Surroundings(node, parts, None)
+    Surroundings(node, parts, None, None)
     return made[0]([Parameter(name.replace('__', '.'), value=value)
                     for name, value in changed.items()])
 

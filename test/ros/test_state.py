@@ -21,9 +21,9 @@ from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.plan import PlanStatus
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.plan import make_plan, through
-from dlo_planner.ros.proof import Proof, proofs
-from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import Made, State, Store, carried, ready
+from dlo_planner.ros.proof import proofs
+from dlo_planner.ros.scene import build_scene, scene_of
+from dlo_planner.ros.state import Made, Proof, State, Store, carried, ready
 from msg_helpers.obstacles import Body
 
 VALUES = {**{name: entry.default for name, entry in ENTRIES.items()}, 'rod.diameter': 1.5e-3,
@@ -327,3 +327,12 @@ def test_the_gripper_is_at_the_start_where_its_tool_frame_is(proved):
         with pytest.raises(Refused) as refused:
             ready(state.hearing(Heard(wrong, 10.0)), 10.0)
         assert refused.value.cause == Cause.NOT_AT_START
+
+
+def test_bodies_are_for_whom_they_say_and_rub_as_they_say():
+    balls = [Sphere((0, 5, z), 0.1, mu) for z, mu in ((0, 0.0), (1, 0.7), (2, 0.0))]
+    bodies = {('cell', 0): Body(balls[0]), ('cell', 1): Body(balls[1], 0.7),
+              ('cell', 2): Body(balls[2], role='workspace only')}
+    made = scene_of(values(obstacles__friction=0.2), bodies)
+    assert made.direct.obstacles == (replace(balls[0], friction=0.2), balls[1])
+    assert [one.center[2] for one in made.workspace.keep_out] == [0, 1, 2]

@@ -32,8 +32,8 @@ from std_srvs.srv import Trigger
 from type_description_interfaces.srv import GetTypeDescription
 from visualization_msgs.msg import MarkerArray
 
+from dlo_planner.ros.managed import LATCHED, REQUEST
 from dlo_planner.ros.parameters import ENTRIES
-from dlo_planner.ros.qos import LATCHED, REQUEST
 from soak.odd_values import INTEGERS, TEXTS, Odd
 
 # topic: type, quality, maker (of an Odd and a number of faults)
