@@ -155,7 +155,6 @@ class Touch(Part):
     name = 'contact'
     lets_go = True
     rests = True
-    residual = 1e-7  # stiff springs multiply rounding errors
 
     def acts(self, around: Surroundings) -> bool:
         """Whether there are obstacles."""

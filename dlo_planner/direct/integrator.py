@@ -35,7 +35,7 @@ from dlo_planner.energy.terms import KKTBorder, Structure, Terms, potential, sto
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.convergence import SETTLED, decrement_of, gradient_noise
+from dlo_planner.minimize.convergence import SETTLED, decrement_of, is_stationary
 from dlo_planner.minimize.hessian import LEAST_SHIFT, assembled_definite, new_hessian, safe_shift
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.multipliers import COARSER
@@ -57,9 +57,6 @@ PAST = 2  # rows before that of now: places of the nodes alone, which tell how e
 
 _PER_STEP = 0.5      # of the energy that a motion may still gain
 _EXACT = 1e-4        # relative error of an eigenvalue
-_RESIDUAL = 1e-8     # that is promised
-_TOUCHING = 1e-7     # the same in contact: stiff springs multiply rounding errors
-_BLURRED = 1e-5      # a residual that rounding may make larger than this tells nothing
 ELASTIC, STATIC, KINETIC, WORK, POWER, DAMPED, DISSIPATED, RUBBED, PUSHED = range(9)
 
 
@@ -112,6 +109,8 @@ class StepOptions(Record):
         By how much a constraint may be violated: what is aimed at, and what still counts, m.
     maxiter : int
         Newton steps at most.
+    nearby : bool
+        Whether a shape near the start is sought first, without all guards.
     spring : float
         Stiffness of contacts, N/m.
     share : ndarray, shape (3,)
@@ -133,6 +132,7 @@ class StepOptions(Record):
     ctol: float
     kept: float
     maxiter: int
+    nearby: bool
     spring: float
     share: Floats
     sleeve: bool
@@ -565,11 +565,13 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
 def _unobstructed(problem, how, q, buffer, row, memory, options, check):
     """Do what `_minimum` does, without obstacles: what is near, else with all guards."""
     work, held, tolerance = new_workspace(problem), is_held(problem), options.tolerance
-    state, residual, stability, iterations, _, _, missed = newton_descent(
-        problem, q, next_to(tolerance, options.ctol, check, held), work)
+    state, residual, stability, iterations, missed = work.state, np.inf, np.nan, 0, np.inf
+    if options.nearby:
+        state, residual, stability, iterations, _, _, missed = newton_descent(
+            problem, q, next_to(tolerance, options.ctol, check, held), work)
     if residual == np.inf:  # it is not near
         _take_back(problem.effects.hold, buffer, memory)
-        if not buffer.touched[row]:
+        if options.nearby and not buffer.touched[row]:
             _less_potential(how, buffer.bends, row, problem, state, q)
         for attempt in range(2):  # without forces of inertia that are in the way; with them
             state, residual, stability, more, _, missed = minimize(
@@ -630,8 +632,10 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     _move_on(how, buffer.nodes, row)
     _move_on(how, buffer.bends, row)
     violation = max(violation, _gripper_inside(problem.effects.contact, origin))
-    converged = _is_equilibrium(problem, state, residual, stability, options) and (
-        violation <= options.kept)
+    bound = buffer.held.shape[1] > 0 or _bodies(problem.effects.contact) > 0
+    converged = (is_stationary(problem, state, residual, options.rounding)
+                 and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
+                 and violation <= options.kept)
     if converged and buffer.held.shape[1]:
         converged = _missed(problem.effects.hold, state) <= buffer.reach[row]
     _keep_grip(problem.effects.hold, state, buffer, row)
@@ -642,31 +646,6 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     proof[0], proof[1], proof[3] = residual, stability, violation
     buffer.iterations[row], buffer.converged[row] = iterations, converged
     return converged
-
-
-@kernel
-def _is_equilibrium(problem, state, residual, stability, options):
-    """Whether a residual is as small as promised or rounding leaves it, and the shape stands."""
-    held, touching = _grips(problem.effects.hold), _bodies(problem.effects.contact) > 0
-    neutral = HELD_NEUTRAL if held or touching else NEUTRAL
-    promised = _TOUCHING if touching else _RESIDUAL
-    if not residual < promised:
-        left = residual - 100.0 * options.rounding
-        if held or touching:
-            noise = gradient_noise(problem, state)
-            if not (left < max(promised, noise) and noise < _BLURRED):
-                return False
-        elif not left < promised:
-            return False
-    return stability > -neutral
-
-
-@kernel
-def _grips(hold):
-    """Whether anything of the far end is held."""
-    if hold is None:
-        return False
-    return hold.multiplier.size > 0
 
 
 @kernel

@@ -403,6 +403,8 @@ class Stepper:
         Nodes whose places are recorded after each step. If None, some.
     """
 
+    nearby = True  # whether a shape near the start of a search is sought first
+
     def __init__(self, discretization: Discretization, grips: Grips, dt: float,
                  method: str = 'newton', watched: Ints | None = None) -> None:
         self.discretization, self.grips, self.dt = discretization, grips, dt
@@ -645,7 +647,7 @@ class Stepper:
         share = np.zeros(3) if end is None else end.share
         return StepOptions(
             TOLERANCE + rounding, rounding, float(exact * mesh.s[-1]), float(KEPT * mesh.s[-1]),
-            limits.patience, mesh.spring if end is None else mesh.held_spring, share,
+            limits.patience, self.nearby, mesh.spring if end is None else mesh.held_spring, share,
             end is not None and end.grip == 'sleeve', float(limits.error), limits.part,
             limits.noise, limits.began, limits.touched)
 

@@ -88,8 +88,6 @@ class Part:
         Whether it stores energy in the DLO where it acts, and moves the stress-free strains.
     rests : bool
         Whether it leaves and reports nothing new where it does not act, or its grip is free.
-    residual : float
-        Residual that is promised where it constrains the DLO.
     """
 
     name: str = ''
@@ -97,7 +95,6 @@ class Part:
     lets_go: bool = False
     stores: bool = False
     rests: bool = False
-    residual: float = 1e-8
 
     def acts(self, around: Surroundings) -> bool:
         """Whether a DLO in these Surroundings does not hang freely because of it."""

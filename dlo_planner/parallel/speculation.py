@@ -139,6 +139,8 @@ class AheadStepper(Stepper):
         As for Stepper.
     """
 
+    nearby = False  # guesses are not near
+
     def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
         super().__init__(*more)
         self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
