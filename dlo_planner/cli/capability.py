@@ -77,7 +77,8 @@ def command(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str, qua
 
     \b
     Examples:
-      dlo-planner map rubber_hose --x 0.2:1:5 --z 0.6:1.4:5 --radius 0.02 --jobs 4 -o map.png
+      dlo-planner map rubber_hose --x 0.2:1:5 --z 0.6:1.4:5 --radius 0.02 --jobs 4 -o map.png \\
+          -p 'workspace.lower=[-0.2, -0.3, 0.5]' -p 'workspace.upper=[0.6, 0.3, 1.2]'
       dlo-planner map rubber_hose --x 0.5 --z 1 --along 1,0,0 --along 1,0,-1 --radius 0.012 \\
           --radius 0.02 -o map.csv
 
@@ -96,7 +97,7 @@ def command(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str, qua
                                     starts=ranges['starts'], folder=ranges['folder'], progress=bar,
                                     chunk=max(1, min(32, len(grid) // (4 * jobs))))
     outcomes, counts = np.unique(capability.outcome, return_counts=True)
-    click.echo(text_table('CapabilityMap', [
+    click.echo(text_table(f'CapabilityMap of {dlo.rod_line}', [
         (str(outcome), str(count), 'cut-outs')
         for outcome, count in zip(outcomes, counts, strict=True)]))
     for path in outputs:

@@ -15,7 +15,7 @@ from dlo_planner.identify.fitting import Fit, fit_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.settings.identified import NAMES, identified
 from dlo_planner.settings.yaml_files import write_values
-from dlo_planner.view.summaries import figure, text_table
+from dlo_planner.view.summaries import figure, rod_line, text_table
 
 _DEFAULT = ('bending_stiffness', 'natural_curvature')
 
@@ -62,7 +62,7 @@ def command(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pose
         fit = fit_rod(direct.rod, observed, names, noise=noise, progress=bar,
                       gravity=direct.gravity, obstacles=direct.obstacles)
     rows = _rows(fit)
-    click.echo(text_table('Fit', rows))
+    click.echo(text_table(f'Fit of {rod_line(fit.rod, direct.gravity, values["rod.name"])}', rows))
     for path in outputs:
         if path.suffix.lower() == '.csv':
             write_table(path, ('quantity', 'value', 'deviation or unit'), rows)

@@ -21,7 +21,7 @@ from dlo_planner.view.axes import Frame
 from dlo_planner.view.films import film
 from dlo_planner.view.plots import plot_motion, plot_plan, plot_shape
 from dlo_planner.view.report_plot import plot_report
-from dlo_planner.view.summaries import rows_of, text_table
+from dlo_planner.view.summaries import heading, rows_of, text_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,7 +44,7 @@ def animate(value: Plan | Motion, path: str | PathLike[str], **options: Any) -> 
 
 def summary(value: Drawable) -> str:
     """Return the table of a value as text."""
-    return text_table(repr(value).split('(', 1)[0], rows_of(value))
+    return text_table(heading(value), rows_of(value))
 
 
 def html(value: Drawable) -> str:

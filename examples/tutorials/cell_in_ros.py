@@ -13,13 +13,14 @@ import numpy as np
 from dlo_planner import Pose
 from dlo_planner.ros.child import child
 from dlo_planner.ros.client import PlannerClient
+from dlo_planner.settings.yaml_files import config_file
 from msg_helpers.paths import poses_from_path
 
 
 def main():
     """Start a node, use it, and return what it said."""
-    settings = ('--ros-args', '-p', 'rod.diameter:=0.0015', '-p', 'rod.length:=1.0',
-                '-p', 'diagnostics_period:=0.2')
+    settings = ('--ros-args', '--params-file', str(config_file('copper_wire')), '-p',
+                'rod.diameter:=0.0015', '-p', 'diagnostics_period:=0.2')
     with child('dlo_planner.ros.main', *settings, env=os.environ) as node:
         client = PlannerClient(timeout=30.0)
         try:
