@@ -5,9 +5,8 @@
 from dlo_planner.parallel.capability import CapabilityMap, capability_map
 from dlo_planner.parallel.cell_grid import CellGrid
 from dlo_planner.parallel.mapping import map, solve_many
-from dlo_planner.parallel.picture import slices
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.parallel.speculation import speculative
 
-__all__ = ['CapabilityMap', 'CellGrid', 'Shapes', 'capability_map', 'map', 'slices', 'solve_many',
+__all__ = ['CapabilityMap', 'CellGrid', 'Shapes', 'capability_map', 'map', 'solve_many',
            'speculative']

@@ -2,22 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which cut-outs of a cell a DLO can be threaded through: a map over many tasks."""
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlo_planner.errors import InvalidTask
+from dlo_planner.extras import extra
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import depths_on, depths_or_none
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, integer, items, number, results, shown
+from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import brief, put
 from dlo_planner.parallel.cell_grid import CellGrid
 from dlo_planner.parallel.pieces import Shared
 from dlo_planner.parallel.store import Store, fingerprint, part_in, task_in
@@ -30,16 +32,26 @@ from dlo_planner.parallel.threadable import (
     answers,
 )
 from dlo_planner.parallel.workers import Crew, Workers, checked
+from dlo_planner.pictured import Answer
 from dlo_planner.progress import OnProgress, Progress
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _AT_ONCE = 32      # cut-outs in one piece of work
 _MOST = 10_000     # depths
 _PATIENCE = 30.0   # s
 _NUMBERS = ('amount', 'fraction', 'clearance', 'stability', 'roll', 'seconds')
 
+_SLICES = 12      # that are drawn
+_ALIKE = 1e-6   # m: positions in one slice
+QUANTITIES = {'share': 'part of directions and radii that can be threaded',
+              'clearance': 'largest clearance [m]', 'stability': 'largest stability',
+              'radius': 'narrowest radius that can be threaded [m]'}
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CapabilityMap(Value):
+class CapabilityMap(Answer):
     """Which cut-outs can be threaded; arrays (P, D, R) by position, direction and radius.
 
     Attributes
@@ -106,15 +118,73 @@ class CapabilityMap(Value):
         result: Floats = np.where(self.threaded, self.grid.radii, np.inf).min(axis=2)
         return result
 
+    def plot(self, *, axis: str = 'y', quantity: str = 'share') -> 'Figure':  # type: ignore[override]
+        """Draw the positions in slices across an axis, colored by a quantity; needs matplotlib.
+
+        Crosses stand where no cut-out can be threaded, dots where none has been looked at. Of more
+        than 12 slices 12 are shown.
+
+        Parameters
+        ----------
+        axis : str, optional
+            'x', 'y' or 'z' of the world, across which the slices lie.
+        quantity : str, optional
+            'share' of all directions and radii; or the best of them in 'clearance', 'stability' or
+            'radius'.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense.
+        MissingExtra
+            Matplotlib is not installed.
+        """
+        across = 'xyz'.index(choice('axis', axis, ('x', 'y', 'z')))
+        choice('quantity', quantity, tuple(QUANTITIES))
+        first, second = (k for k in range(3) if k != across)
+        places = self.grid.positions
+        levels = np.unique(np.round(places[:, across] / _ALIKE)) * _ALIKE
+        levels = levels[np.unique(np.linspace(
+            0, levels.size - 1, min(levels.size, _SLICES)).astype(int))]
+        values, known = _best(self, quantity), (self.outcome != '').any(axis=(1, 2))
+        low, high = 0.0, 1.0
+        if quantity != 'share' and np.isfinite(values).any():
+            low, high = np.nanmin(values), np.nanmax(values)
+        columns = min(levels.size, 4)
+        figure: Figure = extra('matplotlib.figure', 'figures', 'pictures').Figure(
+            figsize=(1.5 + 3.2 * columns, 1.5 + 3.0 * -(-levels.size // columns)),
+            layout='constrained')
+        axes = figure.subplots(-(-levels.size // columns), columns, squeeze=False, sharex=True,
+                               sharey=True).ravel()
+        for axis_, level in zip(axes, levels, strict=False):
+            in_slice = np.abs(places[:, across] - level) <= _ALIKE
+            some = in_slice & np.isfinite(values)
+            drawn = axis_.scatter(*places[some][:, [first, second]].T, c=values[some], s=60,
+                                  vmin=low, vmax=max(high, low + 1e-12), cmap='viridis', marker='s')
+            empty, unknown = in_slice & known & ~some, in_slice & ~known
+            axis_.plot(*places[empty][:, [first, second]].T, 'x', color='tab:red', ms=5)
+            axis_.plot(*places[unknown][:, [first, second]].T, '.', color='0.7', ms=3)
+            axis_.set(title=f'{axis} = {level:.3g} m', aspect='equal', xlabel=f'{"xyz"[first]} [m]',
+                      ylabel=f'{"xyz"[second]} [m]')
+            axis_.grid(alpha=0.3)
+        for axis_ in axes[levels.size:]:
+            axis_.set_visible(False)
+        figure.colorbar(drawn, ax=list(axes[:levels.size]), label=QUANTITIES[quantity])
+        figure.suptitle(repr(self), fontsize=10)
+        return figure
+
     @classmethod
-    def load(cls, folder: str | PathLike[str]) -> 'CapabilityMap':
-        """Return what has been done so far of the map that is kept in a folder.
+    def load(cls, path: str | PathLike[str]) -> 'CapabilityMap':
+        """Return the map that was saved, or what is done so far of the one kept in a folder.
 
         Raises
         ------
         InvalidTask
             No map is kept there; the message names it.
         """
+        if not os.path.isdir(instance('path', path, (str, os.PathLike))):
+            return super().load(path)
+        folder = path
         task = task_in(folder)
         try:
             grid = CellGrid(task['positions'], task['directions'], task['radii'])
@@ -221,6 +291,18 @@ def _joined(grid: CellGrid, chunk: int,
 
 
 _EMPTY: dict[str, Any] = {'start': -1, 'outcome': ''}  # else nan
+
+
+def _best(capability: CapabilityMap, quantity: str) -> Floats:
+    """Return (P,) the quantity of a picture at each position; nan where nothing can be threaded."""
+    threaded = capability.threaded
+    some = threaded.any(axis=(1, 2))
+    if quantity == 'share':
+        return np.where(some, threaded.mean(axis=(1, 2)), np.nan)
+    if quantity == 'radius':
+        return np.where(some, capability.least_radius.min(axis=1), np.nan)
+    values = np.where(threaded, getattr(capability, quantity), -np.inf).max(axis=(1, 2))
+    return np.where(some, values, np.nan)
 
 
 def _growing(depths: Floats) -> Floats:

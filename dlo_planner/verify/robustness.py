@@ -26,7 +26,8 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import Value, brief, put, same
+from dlo_planner.model.value import brief, put, same
+from dlo_planner.pictured import Answer
 from dlo_planner.plan.passing import Passes
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
@@ -40,7 +41,7 @@ _Work: TypeAlias = tuple[DirectSimulator, Sequence[Shape], Sequence[Passes], Unc
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Robustness(Value):
+class Robustness(Answer):
     """Misses of a plan under an Uncertainty; n waypoints, m samples.
 
     Attributes

@@ -12,6 +12,7 @@ from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod, Surface
+from dlo_planner.model.value import Value
 from dlo_planner.plan.plan import Plan
 from dlo_planner.verify.report import ValidationReport
 
@@ -33,12 +34,15 @@ def rows_of(value: Shape | Plan | Motion | ValidationReport) -> list[Row]:
     return _of_motion(value) if isinstance(value, Motion) else _of_report(value)
 
 
-def heading(value: Shape | Plan | Motion | ValidationReport) -> str:
+def heading(value: Value) -> str:
     """Return the line that a table begins with: what it is, and of which DLO, where that is known.
 
     A shape or a plan from a file knows none.
     """
     kind = repr(value).split('(', 1)[0]
+    rod = getattr(value, 'rod', None)
+    if isinstance(rod, Rod) and not isinstance(value, Shape):
+        return f'{kind} of {rod_line(rod)}'
     shapes = (value,) if isinstance(value, Shape) else getattr(value, 'shapes', ())
     mesh = next((shape.state.mesh for shape in shapes), None)
     if mesh is None:

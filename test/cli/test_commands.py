@@ -30,7 +30,7 @@ from dlo_planner import (
 from dlo_planner.cli.doctor import findings
 from dlo_planner.cli.main import BAD_INPUT, FAULT, INTERRUPTED, NO_SOLUTION, main
 from dlo_planner.cli.reading import read_poses
-from dlo_planner.parallel import slices
+from dlo_planner.parallel import CapabilityMap
 from dlo_planner.settings.building import rod_of
 from dlo_planner.settings.yaml_files import read_values
 
@@ -510,8 +510,9 @@ def test_what_is_found_is_what_was_asked_for_in_its_surroundings():
 
 def test_a_map_is_of_the_cell_that_was_asked_for(monkeypatch):
     drawn = []
-    monkeypatch.setattr('dlo_planner.cli.capability.slices', lambda *given: drawn.append(
-        given[1:]) or slices(*given))
+    plot = CapabilityMap.plot
+    monkeypatch.setattr(CapabilityMap, 'plot', lambda self, **given: drawn.append(
+        tuple(given.values())) or plot(self, **given))
     Path('block.yaml').write_text('- box: {pose: [0.4, 0.1, 1], size: [0.1, 0.1, 0.1]}\n')
     given = ['map', 'copper_wire', *QUICK, '--x', '0.4', '--y', '-0.1:0.1:2', '--z', '1',
              '--radius', '0.02', '--start', '-0.6,-0.1,1', '--folder', 'kept',
