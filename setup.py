@@ -99,7 +99,6 @@ setup(
         (f'lib/{NAME}', sorted(glob('scripts/*'))),
     ],
     entry_points={
-        'cosseratbench.solvers': [f'{NAME} = dlo_planner.cosserat.solver:DloPlanner'],
         'console_scripts': [
             'dlo-planner = dlo_planner.cli.main:main',
         ],

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
@@ -210,8 +209,6 @@ class Estimate(Reported):
         """Return the Pose to command so that the true pose of the gripper is `gripper`."""
         result: Pose = instance('gripper', gripper, Pose).compose(self.gripper_offset.inverse())
         return result
-
-    centre = renamed('centre', 'center')
 
     def center(self, center: ArrayLike) -> Floats:
         """Return the estimated true center (3,) of a cut-out that is stated at `center` (3,), m."""

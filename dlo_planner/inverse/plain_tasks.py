@@ -136,8 +136,6 @@ def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
         raise InvalidTask(f'{name}.type = {shown(kind)}: expected the name of a class of tasks, '
                           'penalties, cut-outs or obstacles that has been imported')
     cls = known[kind]
-    old_names = getattr(cls, 'renamed_fields', {})
-    content = {old_names.get(key, key): part for key, part in content.items()}
     allowed = {item.name for item in fields(cls) if item.init}
     for key in content:
         if key != _TYPE and key not in allowed:

@@ -16,7 +16,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
@@ -105,7 +104,6 @@ class Robustness(Answer):
         return result
 
 
-@renamed_arguments(spread='uncertainty')
 def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty, *,
                samples: int = 0, seed: int = 0, executor: Executor | None = None,
                progress: OnProgress = None, deadline: float | None = None) -> Robustness:
