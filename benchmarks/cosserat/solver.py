@@ -10,9 +10,9 @@ from cosseratbench.scenario import Rod as RodOfScenario
 from cosseratbench.solver import Capability
 from cosseratbench.trajectory import Trajectory
 
-from dlo_planner.cosserat.cord import Cord, recorded, settled
-from dlo_planner.cosserat.swinging import swung
-from dlo_planner.cosserat.touching import pressed
+from benchmarks.cosserat.cord import Cord, recorded, settled
+from benchmarks.cosserat.swinging import swung
+from benchmarks.cosserat.touching import pressed
 
 _GRIPS = {EndCondition.CLAMPED: 'clamped', EndCondition.PINNED: 'pinned', EndCondition.FREE: None}
 

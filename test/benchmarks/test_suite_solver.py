@@ -11,7 +11,7 @@ from cosseratbench.experiment import run  # noqa: E402
 from cosseratbench.solver import Solver  # noqa: E402
 
 from benchmarks import suite  # noqa: E402
-from dlo_planner.cosserat.solver import DloPlanner  # noqa: E402
+from benchmarks.cosserat.solver import DloPlanner  # noqa: E402
 
 
 def test_it_is_a_solver_that_scores():

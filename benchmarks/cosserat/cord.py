@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.cosserat.stretch import Stretch
+from benchmarks.cosserat.stretch import Stretch
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats

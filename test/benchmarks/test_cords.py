@@ -7,10 +7,10 @@ import pytest
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import j0, jn_zeros
 
-from dlo_planner.cosserat.cord import Cord, recorded, settled
-from dlo_planner.cosserat.stretch import Stretch
-from dlo_planner.cosserat.swinging import swung
-from dlo_planner.cosserat.touching import pressed
+from benchmarks.cosserat.cord import Cord, recorded, settled
+from benchmarks.cosserat.stretch import Stretch
+from benchmarks.cosserat.swinging import swung
+from benchmarks.cosserat.touching import pressed
 
 DENSITY, RADIUS, G = 1000.0, 5e-3, 9.81
 AREA = np.pi * RADIUS**2

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.cosserat.cord import Cord, settled
-from dlo_planner.cosserat.stretch import Stretch
+from benchmarks.cosserat.cord import Cord, settled
+from benchmarks.cosserat.stretch import Stretch
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats

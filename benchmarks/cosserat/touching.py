@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import brentq, least_squares, root
 
-from dlo_planner.cosserat.cord import Cord, at_rest, settled
-from dlo_planner.cosserat.stretch import Stretch
+from benchmarks.cosserat.cord import Cord, at_rest, settled
+from benchmarks.cosserat.stretch import Stretch
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 
