@@ -21,9 +21,9 @@ from dlo_planner.energy.terms import forbids
 from dlo_planner.geometry.kinematics import forward_kinematics
 from dlo_planner.geometry.record import put_sum
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_forces import lawful, put_forces
+from dlo_planner.minimize.contact_forces import lawful, put_forces, stands
 from dlo_planner.minimize.friction import with_friction
-from dlo_planner.minimize.hessian import assemble, factorize, largest_turn, new_hessian, solve
+from dlo_planner.minimize.hessian import assemble, largest_turn, new_hessian, solve
 from dlo_planner.minimize.touching import touching_system, truth
 
 _STEPS = 12
@@ -53,7 +53,7 @@ def carried(system, base, slid, strains, twist):
     evaluate(before, state)
     hessian = new_hessian(before)
     assemble(before, state, hessian)
-    if factorize(before, hessian, 0.0) > 0:
+    if not stands(before, hessian, strains.size > 0):
         return False, state.q
     loads, step, load = np.zeros_like(strains), np.empty_like(state.q), np.empty_like(state.q)
     for e in range(strains.shape[0]):
@@ -105,7 +105,7 @@ def borne(system, q, tolerance, exact, previous):
     loaded, turned, before = system, np.inf, np.inf
     begin, hessian = new_configuration(system), new_hessian(system)
     begin.q[:] = q
-    never = turned < 0.0  # literals would be compiled for by themselves
+    neutral = turned > 0.0  # literals would be compiled for by themselves
     if not _bears(system.effects.contact.contacts):
         return False, begin, np.inf, np.inf, system, hessian, turned, 0
     _place(system, begin)
@@ -129,7 +129,7 @@ def borne(system, q, tolerance, exact, previous):
         before = wrong
         # near the end the factorization before is as good; what slides turns its friction
         fresh = not _STALE * turned * residual < tolerance or np.max(table.rubbing) >= 0
-        if not lawful(loaded, state, table, hessian, fresh, never, normal, shear, step):
+        if not lawful(loaded, state, table, hessian, fresh, neutral, normal, shear, step):
             break
         turn = largest_turn(loaded, hessian, step)
         turned = turn if fresh else turned + turn

@@ -48,7 +48,7 @@ def move_multipliers(system, state, table, share, q, vain):
         state, table: Configuration and Touching at the minimum for the present multipliers
         share: of the way from the forces as they are to those of the linearized laws
         q: unknowns of `state`
-        vain: rounds in vain; after some what is neutral may stay so, too, see `_stands`
+        vain: rounds in vain; after some what is neutral may stay so, too, see `stands`
 
     Returns:
         whether these are known
@@ -106,7 +106,7 @@ def lawful(system, state, table, hessian, fresh, neutral, normal, shear, step):
 
     Args:
         hessian: filled if `fresh`; else that of a Configuration nearby, factorized
-        neutral: whether it need not be definite, see `_stands`
+        neutral: whether it need not be definite, see `stands`
         normal: (A,), shear: (A, 3) the forces as they are; filled where it can be trusted
         step: (m, 3) filled
 
@@ -116,7 +116,7 @@ def lawful(system, state, table, hessian, fresh, neutral, normal, shear, step):
     contacts = system.effects.contact.contacts
     if fresh:
         assemble(system, state, hessian)
-        if not _stands(system, hessian, neutral):
+        if not stands(system, hessian, neutral):
             return False
     count = table.gap.size
     first = np.empty(count, dtype=np.int64)  # row of the normal; of a friction's two, the next
@@ -158,7 +158,7 @@ def lawful(system, state, table, hessian, fresh, neutral, normal, shear, step):
 
 
 @kernel
-def _stands(system, hessian, neutral):
+def stands(system, hessian, neutral):
     """Factorize an assembled Hessian; return whether it is definite, but for what is `neutral`.
 
     Newton's method finds what is neutral nearby; a descent goes far along it, in many short steps.

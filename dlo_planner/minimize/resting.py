@@ -14,7 +14,7 @@ from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.bearing import borne, carried
 from dlo_planner.minimize.convergence import gradient_noise
-from dlo_planner.minimize.hessian import assemble, safe_shift
+from dlo_planner.minimize.hessian import assemble, is_definite, safe_shift
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import HARDLY, HELD_NEUTRAL, WELL_STABLE, is_held
 from dlo_planner.minimize.settling import ROUNDS, STALLED, settle
@@ -133,7 +133,7 @@ def _let_push(contacts):
 @kernel
 def _stability(system, state, hessian, turned):
     """Return the smallest eigenvalue, by a factorization from which the DLO has hardly turned."""
-    if turned < HARDLY:
+    if turned < HARDLY and is_definite(system, hessian, 0.0):
         stability, _ = lowest_mode(system, hessian, 0.0, 1e-4)
         if stability > WELL_STABLE:
             return stability
