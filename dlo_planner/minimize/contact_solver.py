@@ -189,7 +189,7 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
     bears, state, residual, violation, loaded, hessian, turned, steps = semismooth_newton(
         system, q, tolerance, exact, previous)
     stability, kicks, moves = np.nan, 0, 0
-    if bears and not _bears_there(loaded, state):
+    if bears and not _bears_there(loaded, state, exact):
         state, residual, stability, moves, kicks, loaded, violation = augmented_lagrangian(
             loaded, state.q, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
         bears = kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
@@ -201,9 +201,14 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
 
 
 @kernel
-def _bears_there(system, state):
-    """Whether the points that bear are those that would be chosen now, multipliers and all."""
+def _bears_there(system, state, exact):
+    """Whether the points that bear are those that would be chosen now, multipliers and all.
+
+    And nothing else is deeper in an obstacle than `exact`, m. What is pushes from now on.
+    """
     old = system.effects.contact.contacts
+    if _let_push(old) < -old.stiffness * exact:
+        return False
     node = old.node.copy()
     new, news = update_active_set(system, state)
     same = not news and new.element.size == old.element.size
@@ -216,6 +221,21 @@ def _bears_there(system, state):
             same = same and node[o, k] == old.node[o, k]
     old.node[:] = node
     return same
+
+
+@kernel
+def _let_push(contacts):
+    """Take back the multipliers below zero, which hold springs back, in place; return the least."""
+    least = 0.0
+    for o in range(contacts.node.shape[0]):
+        for k in range(contacts.node.shape[1]):
+            least = min(least, contacts.node[o, k])
+            contacts.node[o, k] = max(0.0, contacts.node[o, k])
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            least = min(least, contacts.multiplier[c])
+            contacts.multiplier[c] = max(0.0, contacts.multiplier[c])
+    return least
 
 
 @kernel

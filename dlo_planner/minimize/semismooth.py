@@ -515,7 +515,6 @@ def semismooth_newton(system, q, tolerance, exact, previous):
             break
         normal, shear = _forces(table, state)
         if residual < tolerance and violation < exact:
-            _let_go(loaded.effects.contact.contacts)
             return (not forbids(system.effects, system, begin, state), state, residual, violation,
                     loaded, hessian, turned, steps)
         wrong = max(residual / tolerance, violation / exact)
@@ -611,8 +610,8 @@ def _bears(contacts):
 def _loaded(system, state, previous, exact):
     """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
 
-    What has none does not push, unless it is pressed in by more than `exact`, m. Friction is that
-    of the contacts there.
+    What has none does not push. Where nodes bear, and no point rolls, those begin to that are
+    pressed in by more than `exact`, m. Friction is that of the contacts there.
     """
     given = system.effects.contact.contacts
     contacts = with_springs(given, 0.0, given.node.copy(), given.multiplier.copy())
@@ -622,37 +621,38 @@ def _loaded(system, state, previous, exact):
     x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
         node, last, longest = near_nodes(scene, o, state.strains)
+        deep = np.inf if _rolls(contacts, o) else k * exact
         while node <= last:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            hessian)
-            contacts.node[o, node] = _pushing(contacts.node[o, node], k * gap, k * exact)
+            contacts.node[o, node] = _pushing(contacts.node[o, node], k * gap, deep)
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         if contacts.obstacle[c] >= 0:
             gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
                                       state.positions, normal, hessian)
-            contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap, k * exact)
+            contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap, np.inf)
     contacts = with_springs(contacts, k, contacts.node, contacts.multiplier)
     return with_contacts(system, contacts, scene)
 
 
+
 @kernel
-def _let_go(contacts):
-    """Take back the multipliers below zero, in place, which hold back springs that are pressed."""
-    for o in range(contacts.node.shape[0]):
-        for k in range(contacts.node.shape[1]):
-            contacts.node[o, k] = max(0.0, contacts.node[o, k])
+def _rolls(contacts, o):
+    """Whether a point that rolls is watched against body `o`: nodes beside it have no say."""
     for c in range(contacts.element.size):
-        contacts.multiplier[c] = max(0.0, contacts.multiplier[c])
+        if contacts.obstacle[c] == o and contacts.fraction[c] == 0.0:
+            return True
+    return False
 
 
 @kernel
-def _pushing(force, yielded, exact):
+def _pushing(force, yielded, deep):
     """Return the multiplier with which a spring that has lost the force `yielded` has a force.
 
-    What is pressed in by more than `exact` bears from now on: with a force that counts for nothing,
-    the laws tell it (primal-dual active set method).
+    What is pressed in by more than `deep` (N) bears from now on: with a force that counts for
+    nothing, the laws tell it (primal-dual active set method).
     """
     if force > 0.0:
         return force + yielded
-    return (1.0 - _HARDLY) * yielded if yielded < -exact else min(0.0, yielded)
+    return (1.0 - _HARDLY) * yielded if yielded < -deep else min(0.0, yielded)
