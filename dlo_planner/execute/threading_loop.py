@@ -4,7 +4,7 @@
 
 It looks at rest, plans for the estimated DLO, goes calmly to the standoff, looks again and enters.
 On the way it looks and corrects a few times a second. Where looks come to disagree it stops, goes
-back to the standoff and tries again. It knows no clock, no message and no thread: who drives it
+back to the standoff and tries again. Where the DLO swings on it takes that away. It knows no clock, no message and no thread: who drives it
 hands in what is measured, does its `work` (plans, which take seconds) wherever that suits, and asks
 for the command of each period (`tick`).
 """
@@ -21,16 +21,18 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.execute.calming import Calming
 from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.judge import bound_of, doubts, looked_at, obstacles_around
+from dlo_planner.execute.judge import bound_of, doubts, obstacles_around
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.memory import way_between
 from dlo_planner.identify.observing import Observing, Swing
 from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.vibration import STATED, FreeVibration
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks import Approach, Thread
 from dlo_planner.model.arrays import Floats
@@ -51,6 +53,14 @@ _BACK = 12          # poses on the way back to the standoff
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
 _ASIDE = 0.02, 0.1  # m, rad: a gripper that is farther from where it stood was moved
 _COMPUTING = 0.3    # s that a correction takes to be computed
+_CALM_STOP = 2.0    # slowest periods in which a motion comes to rest, where there is room
+_OF_THE_WAY = 0.6   # to the entry, on which it comes to rest at most
+_FOLLOWED = 0.3     # s after the last command until the gripper is at rest
+_SWINGS = 0.6       # of the swing that is tolerated, from which on it is taken away
+_TOLD = 2.0         # times as large a swing tells of the delay
+_SEEING = 1.5       # s, in which a swing is looked at
+_LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing was seen
+_CALMINGS = 6       # in one look
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
 
 
@@ -131,7 +141,7 @@ class _Motion(NamedTuple):
     @property
     def steered(self) -> Steered:
         """The motion in poses to be commanded, which can be corrected."""
-        return Steered.of(self.trajectory, self.there, self.estimate.gripper_offset.inverse())
+        return _steered(self.trajectory, self.estimate, self.there)
 
     @property
     def bound(self) -> float:
@@ -142,6 +152,10 @@ class _Motion(NamedTuple):
     def departure(self) -> float:
         """By how much the DLO still swings at its end, m."""
         return np.nan if self.trajectory.motion is None else self.trajectory.motion.departure
+
+
+def _steered(trajectory: Trajectory, estimate: Estimate, there: Shape) -> Steered:
+    return Steered.of(trajectory, there, estimate.gripper_offset.inverse())
 
 
 @dataclass(frozen=True)
@@ -194,14 +208,19 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
         through, grippers=tuple(estimate.commanded(pose) for pose in through.grippers),
         via_points=tuple(tuple((stated, s, normal) for _, s, normal in passes)
                          for passes in through.via_points))
-    alone = estimate.miss(commanded, looked_at(through)).together
-    tolerance = max(_LEAST_FOR_MOTION * task.room, 0.5 * (task.room - alone))
+
+    def bound_in(way: Steered) -> float:
+        reached = way.reached(whole.times[-len(through):])
+        return bound_of(estimate, commanded, way, reached, 0.0, lag)
+
+    # a calmer motion is slower, and so corrected the better
+    at_most = bound_in(_steered(Trajectory(whole, task.motion_limits, tolerance=np.inf), estimate,
+                                whole.shapes[-1]))
+    tolerance = max(_LEAST_FOR_MOTION * task.room, 0.5 * (task.room - at_most))
     trajectory = _trajectory(task, whole, tolerance)
     motion = _Motion(estimate, trajectory, whole.shapes[-1],
                      swing_of(trajectory, estimate, whole))
-    entry = motion.steered
-    reached = entry.reached(whole.times[-len(through):])
-    bound = bound_of(estimate, commanded, entry, reached, 0.0, lag)
+    bound = bound_in(motion.steered)
     return _Entry(estimate, bound, whole, commanded, None if bound > most else motion)
 
 
@@ -367,6 +386,12 @@ class ThreadingLoop:
         self._ended = np.inf  # stamp at which the last motion began, had it gone on evenly
         self._left = 0.0  # m of swing that the motion to the standoff leaves
         self._stands = here  # where the gripper does while nothing is executed
+        self._shaken = False  # whether the DLO may swing, so that it is no use to look at it
+        self._rests = -np.inf  # stamp since which the gripper does
+        self._factor = STATED  # what is known of the frequencies of the DLO
+        self._delay = 0.0  # s, from a command until the DLO is seen to answer
+        self._calmed: Calming | None = None  # the last calming of this look
+        self._calmings = 0
         self._misses = False  # whether that is why it last turned back
         self.promised, self.cause, self.reason = np.nan, Cause.DONE, ''
 
@@ -478,20 +503,57 @@ class ThreadingLoop:
             self._look(time)
         elif phase is Phase.PLAN:
             self._plan(time, self._done)
-        elif phase in (Phase.GO, Phase.ENTER, Phase.RETREAT):
+        elif phase in (Phase.GO, Phase.ENTER, Phase.CALM, Phase.RETREAT):
             self._move(time, now)
 
     def _look(self, time: float) -> None:
         """Go on looking, anew where looks disagree, it swings, or nothing was seen all the time."""
-        loop = self._loop
+        loop, observing = self._loop, self.observing
+        if self._shaken:
+            self._to(self._swinging(time), time)
+            return
         since = loop.calm if loop.since is not None else time
-        unseen = time - since >= loop.look and self.observing.seen < since
-        swings = time - since >= loop.look and self.observing.swing > self._task.tolerance
-        doubted = self.observing.doubted or swings
+        unseen = time - since >= loop.look and observing.seen < since
+        swings = time - since >= loop.look and observing.swing > self._task.tolerance
+        doubted = observing.doubted or swings
         loop = loop.advanced(time, doubted=doubted or unseen)
         if doubted:
-            self.observing.reopen(loop.calm)
+            self._rest(time)
         self._to(loop, time)
+
+    def _rest(self, since: float) -> None:
+        """Look at nothing but how the DLO swings, since a time (s) from which the gripper stands."""
+        self._shaken, self._rests = True, since
+        self.observing.reopen(np.inf)
+
+    def _swinging(self, time: float) -> ClosedLoop:
+        """Return the state in which the swing of the DLO is seen, taken away, or over."""
+        loop, most = self._loop.advanced(time, doubted=True), self._task.tolerance
+        if loop.phase is Phase.STOP or time < self._rests + _SEEING:
+            return loop
+        seen = self.observing.vibration(self._measured, self._rests, self._factor)
+        if seen is None and time < self._rests + _LONGEST_SEEING:  # not enough of it is seen
+            return loop
+        if seen is not None:
+            self._factor = seen.factor
+            if seen.amplitude > _SWINGS * most and self._calmings < _CALMINGS:
+                self.execution = self._execution_of(self._calming(seen, time))
+                return loop.calming(time)
+            if seen.amplitude > most:  # it has to come to rest by itself
+                self._rests = time
+                return loop
+        self._shaken = False
+        self.observing.reopen(time)
+        return replace(loop, doubted=time)
+
+    def _calming(self, seen: FreeVibration, time: float) -> Steered:
+        """Return the motion that takes a vibration away; the last one tells of the delay."""
+        last, self._calmings = self._calmed, self._calmings + 1
+        if last is not None and last.before.amplitude > _TOLD * _SWINGS * self._task.tolerance:
+            self._delay = last.delay(seen)
+        self._calmed = Calming.of(seen, time, self._delay, self._here, self._task.motion_limits,
+                                  self._execution_of.keywords['period'])
+        return self._calmed.way
 
     def _plan(self, time: float, done: Any) -> None:
         task, estimate = self._task, self.observing.estimate
@@ -569,7 +631,21 @@ class ThreadingLoop:
             self._to(loop, time)
             self._work = self._done = None
             assert self.execution is not None
-            self.execution = self.execution.stop(Cause.MISS_EXPECTED, 'it goes back')
+            self.execution = self.execution.stop(Cause.MISS_EXPECTED, 'it goes back',
+                                                 lasting=self._gently(self.execution))
+
+    def _gently(self, execution: Execution) -> float:
+        """Return in how many s it may come to rest: the DLO swings the less, the longer it takes.
+
+        Before the hole on a part of the way there, in it at once.
+        """
+        way = execution.way
+        assert isinstance(way, Steered)
+        longest = _CALM_STOP * float(way.windows[0])
+        if self.phase is Phase.RETREAT and not self._loop.at_standoff:
+            return longest
+        left = float(self._reached(way)[0]) - execution.done
+        return min(longest, 2 * _OF_THE_WAY * max(left, 0.0))  # it goes half as far as it would
 
     def _stopped(self, time: float, execution: Execution) -> None:
         """Find the way back to the standoff, or look where the gripper is; or that is the end."""
@@ -592,9 +668,15 @@ class ThreadingLoop:
     def _to(self, loop: ClosedLoop, time: float) -> None:
         """Take the next state of the strategy."""
         before, self._loop = self._loop, loop
-        if loop.tries > before.tries and loop.phase is not Phase.RETREAT or (
-                before.phase is Phase.RETREAT and loop.phase is Phase.LOOK):
-            self.observing.reopen()
+        if loop.phase is Phase.LOOK and before.phase is Phase.PLAN:
+            self._calmed, self._calmings = None, 0
+            if loop.tries > before.tries:
+                self.observing.reopen()
+        elif loop.phase is Phase.LOOK and before.phase is Phase.RETREAT:
+            self._calmed, self._calmings = None, 0
+            self._rest(time + _FOLLOWED)
+        elif loop.phase is Phase.LOOK and before.phase is Phase.CALM:
+            self._rest(time + _FOLLOWED)
         if loop.phase is not Phase.STOP or before.phase is Phase.STOP:
             return
         if before.phase is Phase.LOOK:
