@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A small motion of a standing gripper that takes the vibration of its DLO away.
 
-The gripper is displaced in smooth steps, and comes back to where it stood. What they do to each mode
-is linear, so those are wanted that leave least of the vibration: a linear least-squares problem.
+The gripper is displaced in smooth steps, and comes back to where it stood. What they do to each
+mode is linear, so those are wanted that leave least of the vibration: linear least squares.
 """
 
 from __future__ import annotations

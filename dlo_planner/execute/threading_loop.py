@@ -4,9 +4,9 @@
 
 It looks at rest, plans for the estimated DLO, goes calmly to the standoff, looks again and enters.
 On the way it looks and corrects a few times a second. Where looks come to disagree it stops, goes
-back to the standoff and tries again. Where the DLO swings on it takes that away. It knows no clock, no message and no thread: who drives it
-hands in what is measured, does its `work` (plans, which take seconds) wherever that suits, and asks
-for the command of each period (`tick`).
+back to the standoff and tries again. Where the DLO swings it takes that away. It knows no clock, no
+message and no thread: who drives it hands in what is measured, does its `work` (plans, which take
+seconds) wherever that suits, and asks for the command of each period (`tick`).
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.assembly import build_plan, concatenate, truncate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import Plan, PlanStatus
 from dlo_planner.plan.waypoint import Waypoint
 
@@ -49,12 +50,12 @@ _LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of th
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _MOTION = 0.95      # of the limits
 _MOVED = 1e-4       # m, or of unit vectors: the gripper has left the standoff
-_BACK = 12          # poses on the way back to the standoff
+_BACK = 12, 24, 48  # poses on the way back to the standoff: as many as keep to the way there
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
 _ASIDE = 0.02, 0.1  # m, rad: a gripper that is farther from where it stood was moved
 _COMPUTING = 0.3    # s that a correction takes to be computed
 _CALM_STOP = 2.0    # slowest periods in which a motion comes to rest, where there is room
-_OF_THE_WAY = 0.6   # to the entry, on which it comes to rest at most
+_OF_THE_WAY = 0.3   # to the entry, on which it comes to rest where it can: it may swing ahead
 _FOLLOWED = 0.3     # s after the last command until the gripper is at rest
 _SWINGS = 0.6       # of the swing that is tolerated, from which on it is taken away
 _TOLD = 2.0         # times as large a swing tells of the delay
@@ -225,21 +226,46 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
 
 
 def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose], known: Shape) -> _Motion:
-    """Return the motion through measured poses; the DLO hangs, and leaves the hole freely.
+    """Return the motion through many measured poses; the DLO hangs, and leaves the hole freely.
 
     `known` is its Shape near the first of them.
+
+    Raises
+    ------
+    Infeasible
+        The DLO would come into what it has to stay clear of.
     """
-    shapes = estimate.simulator.track([estimate.actual(pose) for pose in poses], initial=known)
-    return _motion(task, estimate, build_plan(
-        [Waypoint(shape) for shape in shapes], np.zeros(len(shapes)), task.limits.sizes[0],
-        PlanStatus.COMPLETE))
+    for count in _BACK:
+        some = _evenly(poses, count)
+        shapes = estimate.simulator.track([estimate.actual(pose) for pose in some], initial=known)
+        plan = build_plan([Waypoint(shape) for shape in shapes], np.zeros(len(shapes)),
+                          task.limits.sizes[0], PlanStatus.COMPLETE)
+        off = _off(GripperPath.of(plan), [estimate.actual(pose) for pose in poses],
+                   float(known.s[-1]))
+        if off <= _LEAST_FOR_MOTION * task.room:
+            return _motion(task, estimate, plan)
+    raise Infeasible(f'the way back leaves the way there by {off:.3g} m: expected '
+                     f'{_LEAST_FOR_MOTION * task.room:.3g} m at most', 0, 'clearance', off)
 
 
-def _evenly(poses: Sequence[Pose]) -> list[Pose]:
-    """Return _BACK of many poses, about as far from each other: bends that are short take long."""
+def _evenly(poses: Sequence[Pose], count: int) -> list[Pose]:
+    """Return so many of many poses, about as far from each other: short bends take long."""
     way = np.cumsum([0.0, *(way_between(*pair) for pair in pairwise(poses))])
-    chosen = np.searchsorted(way, np.linspace(0.0, way[-1], _BACK)).clip(0, len(poses) - 1)
+    chosen = np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, len(poses) - 1)
     return [poses[k] for k in np.unique(chosen)]
+
+
+def _off(path: GripperPath, poses: Sequence[Pose], length: float) -> float:
+    """Return how far a path leaves Poses, m: of the gripper, or of what is a length (m) ahead."""
+    def ahead(position: Floats, rotation: Floats) -> Floats:
+        return np.concatenate([position[..., None, :], position[..., None, :] + length
+                               * np.swapaxes(rotation[..., :2], -1, -2)], axis=-2)
+
+    on_it = ahead(*path.at(np.linspace(path.times[0], path.times[-1], 2 * _TRIED)))
+    wanted = ahead(np.array([pose.position for pose in poses]),
+                   np.array([pose.rotation for pose in poses]))
+    apart = np.linalg.norm(wanted[:, None] - on_it, axis=3).max(axis=2)
+    return float(apart.min(axis=1).max())
 
 
 def _trajectory(task: Threading, plan: Plan, tolerance: float) -> Trajectory:
@@ -522,7 +548,7 @@ class ThreadingLoop:
         self._to(loop, time)
 
     def _rest(self, since: float) -> None:
-        """Look at nothing but how the DLO swings, since a time (s) from which the gripper stands."""
+        """Look only at how the DLO swings, from a time (s) on, since which the gripper stands."""
         self._shaken, self._rests = True, since
         self.observing.reopen(np.inf)
 
@@ -658,7 +684,7 @@ class ThreadingLoop:
             off = [np.linalg.norm(pose.position - self._here.position)
                    for pose in execution.way.poses(times)]
             since = float(times[int(np.argmin(off))])  # it may be held back by the limits
-            poses = [self._here, *_evenly(execution.way.poses(np.linspace(since, 0.0, _TRIED)))[1:]]
+            poses = [self._here, *execution.way.poses(np.linspace(since, 0.0, _TRIED))[1:]]
             progress = float(execution.way.progress([execution.done])[0])
             known = self._entry.whole.shapes[min(int(np.searchsorted(
                 self._entry.whole.times, progress)), len(self._entry.whole) - 1)]

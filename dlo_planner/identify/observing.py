@@ -292,8 +292,8 @@ class Observing:
         if not enough(clouds):
             return None
         shape = estimate.simulator.solve(estimate.actual(gripper))
-        return None if not shape.converged else FreeVibration.of(shape, [(stamp, points - estimate.camera_bias)
-                                                       for stamp, points in clouds], factor)
+        return None if not shape.converged else FreeVibration.of(
+            shape, [(stamp, points - estimate.camera_bias) for stamp, points in clouds], factor)
 
     def _begin(self, estimate: Estimate) -> None:
         self._estimate, self._last, self._off = estimate, -np.inf, np.nan

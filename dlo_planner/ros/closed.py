@@ -163,9 +163,10 @@ class ClosedLoopDrive:
             return replace(execution, phase='succeeded', cause=Cause.DONE, reason='')
         if loop.phase is Phase.STOP:
             return replace(execution, phase='stopped', cause=loop.cause, reason=loop.reason)
-        if loop.execution is None or (execution.phase == 'stopping' and not loop.cause):
-            # it stands, or comes to rest to go back, and will go on
+        if loop.execution is None:  # it stands, and will go on
             return replace(execution, phase='waiting', cause=Cause.DONE, reason='')
+        if execution.phase == 'stopping' and not loop.cause:  # to go back: what cancels it stops it
+            return replace(execution, phase='running', cause=Cause.DONE, reason='')
         if loop.cause:  # of several reasons the first one
             return replace(execution, cause=loop.cause, reason=loop.reason)
         return execution

@@ -25,9 +25,11 @@ from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop, aimed_anew
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.model.pose import displaced
 from dlo_planner.plan.assembly import concatenate, truncate
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.trajectory import restored
+from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus
 
 SEEING = Seeing(SPREAD, NOISE, robot_rotation=5e-3)
@@ -51,6 +53,9 @@ class Seen:
 
     def reopen(self, stamp=0.0):
         """Forget nothing."""
+
+    def vibration(self, gripper, since, factor):
+        """See none."""
 
     def moves(self, swing, time_at):
         """Expect nothing."""
@@ -196,10 +201,35 @@ def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):
     known = Seen().estimate
     way = Trajectory(on, task().motion_limits, tolerance=np.inf)
     times = way.duration * 0.5 * (1 - np.cos(np.linspace(0, np.pi, 200)))  # slow at both ends
-    poses = threading_loop._evenly([*way.poses(times)[::-1], *way.poses(np.zeros(50))])
+    dense = [*way.poses(times)[::-1], *way.poses(np.zeros(50))]
+    poses = threading_loop._evenly(dense, 12)
     steps = np.linalg.norm(np.diff([pose.position for pose in poses], axis=0), axis=1)
     assert 8 <= len(steps) <= 11
     assert steps.min() > 0.5 * steps.max()
-    back = threading_loop.way_back(task(), known, [known.commanded(pose) for pose in poses],
+    back = threading_loop.way_back(task(), known, [known.commanded(pose) for pose in dense],
                                    on.shapes[-1])
     assert back.trajectory.duration < 2 * way.duration
+    most = threading_loop._LEAST_FOR_MOTION * task().room
+    assert threading_loop._off(back.trajectory.path, dense, float(on.shapes[-1].s[-1])) <= most
+
+
+def test_how_far_a_path_leaves_poses_counts_what_is_carried_along():
+    poses = [displaced(START, np.append(np.zeros(3), (0.01 * k, 0, 0))) for k in range(5)]
+    path = GripperPath.through(poses, np.arange(5.0), 1.0)
+    assert threading_loop._off(path, poses, 0.7) == pytest.approx(0, abs=2e-4)  # it is sampled
+    side = START.rotation[:, 2] if abs(START.rotation[0, 2]) < 0.5 else START.rotation[:, 1]
+    for twist, off in ((np.append(np.zeros(3), (0, 0, 2e-3)), 2e-3),
+                       (0.01 * np.append(side, np.zeros(3)), 2 * np.sin(0.005) * 0.7)):
+        # a little farther on the path it may be nearer
+        found = threading_loop._off(path, [displaced(pose, twist) for pose in poses], 0.7)
+        assert 0.5 * off <= found <= 1.01 * off
+
+
+def test_a_way_back_that_cannot_keep_to_the_way_there_is_refused(ways):
+    on, known = ways[1], Seen().estimate
+    rng = np.random.default_rng(0)
+    rough = [known.commanded(displaced(pose, np.append(np.zeros(3), 5e-3 * rng.normal(size=3))))
+             for pose in Trajectory(on, task().motion_limits, tolerance=np.inf).poses(
+                 np.linspace(0, 3, 200))]
+    with pytest.raises(Infeasible, match='leaves the way there'):
+        threading_loop.way_back(task(), known, rough, on.shapes[0])

@@ -155,7 +155,8 @@ def test_looks_that_disagree_are_not_believed_and_two_are_a_doubt(rng):
         out.look(6.0 + 0.1 * k, truth.seen(rng, START).points)
     assert not out.doubted
     out.reopen(6.9)
-    assert [out.due(stamp) for stamp in (6.8, 6.9)] == [False, True]
+    out.look(6.8, truth.seen(rng, START).points)
+    assert out.looked == -np.inf  # of before it may tell of a vibration, and of nothing else
     for k in range(6):
         out.look(7.0 + 0.2 * k, slipped.seen(rng, START, shape=shape).points)
         assert not out.doubted
