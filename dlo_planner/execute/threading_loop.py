@@ -25,9 +25,17 @@ from dlo_planner.execute.calming import Calming
 from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.judge import bound_of, doubts, obstacles_around
+from dlo_planner.execute.judge import (
+    Aimed,
+    aimed_anew,
+    bound_of,
+    in_motion,
+    lag_of,
+    obstacles_around,
+    unexplained,
+)
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
-from dlo_planner.identify.correction import Correction, correct
+from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.memory import way_between
 from dlo_planner.identify.observing import Observing, Swing
@@ -53,7 +61,6 @@ _MOVED = 1e-4       # m, or of unit vectors: the gripper has left the standoff
 _BACK = 12, 24, 48  # poses on the way back to the standoff: as many as keep to the way there
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
 _ASIDE = 0.02, 0.1  # m, rad: a gripper that is farther from where it stood was moved
-_COMPUTING = 0.3    # s that a correction takes to be computed
 _CALM_STOP = 2.0    # slowest periods in which a motion comes to rest, where there is room
 _OF_THE_WAY = 0.3   # to the entry, on which it comes to rest where it can: it may swing ahead
 _FOLLOWED = 0.3     # s after the last command until the gripper is at rest
@@ -289,56 +296,6 @@ def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:
     return Swing.of(trajectory, estimate.simulator, plan.shapes[0])
 
 
-class Aimed(NamedTuple):
-    """A Correction, and what is expected with it and without it.
-
-    Attributes
-    ----------
-    correction : Correction
-    doubts : str
-        Why it must not be executed, '' if it may.
-    bound, bound_before : float
-        Bound of the miss with 95 %, m, at rest: with the correction, and with what is executed now.
-    """
-
-    correction: Correction
-    doubts: str
-    bound: float
-    bound_before: float
-
-
-def aimed_anew(task: Threading, estimate: Estimate, plan: Plan, way: Steered, free: float,
-               reached: Floats, before: Correction | None, largest: float,
-               lag: float) -> Aimed:
-    """Return the rest of a threading, Aimed anew for an estimate.
-
-    Parameters
-    ----------
-    task : Threading
-    estimate : Estimate
-    plan : Plan
-        The threading, in poses to be commanded.
-    way : Steered
-        The motion.
-    free : float
-        From which time of the motion on it may be changed, s.
-    reached : ndarray, shape (n,)
-        Times of the motion at which the plan's waypoints are reached, s.
-    before : Correction or None
-        The Correction before.
-    largest : float
-        By how much a correction may move the gripper, m.
-    lag : float
-        See `way_in`.
-    """
-    first = int(np.searchsorted(reached, free))
-    known = before if before is not None and before.converged else None
-    found = correct(estimate, plan, first, known)
-    return Aimed(found, doubts(found, task.inverse, largest), *(
-        bound_of(estimate, plan, one, reached, free, lag)
-        for one in (way.corrected(free, found, reached[first:]), way)))
-
-
 class ThreadingLoop:
     """One threading in a closed loop, see the module.
 
@@ -396,9 +353,7 @@ class ThreadingLoop:
         self._execution_of = partial(
             Execution, limits=limits or task.limits, back=self._tool.inverse(), frame_id=frame_id,
             period=period, horizon=horizon, guards=self._guards)
-        seeing = observing.seeing
-        self._lag = (seeing.period + seeing.correction_period + _COMPUTING + horizon
-                     if seeing.correct else np.inf)
+        self._lag = lag_of(observing.seeing, horizon)
         self._heard: Heard | None = None
         self._enabled: Enabled | None = None
         self.execution: Execution | None = None
@@ -754,8 +709,7 @@ class ThreadingLoop:
             self.aimed, self.refusal = aimed, refusal
             if not self._before_entry(execution):
                 return None
-            moves = 0.0 if entry.motion is None else entry.motion.bound
-            bound = self._left + moves + (
+            bound = self._left + in_motion(execution) + (
                 aimed.bound if corrected.way is not way else aimed.bound_before)
             self.promised = max(self.promised, bound)
             return bound
@@ -764,8 +718,10 @@ class ThreadingLoop:
             self._loop = self._loop.with_correction(time)
             first = int(np.searchsorted(self._reached(way), execution.free))
             if first < len(entry.commanded):
-                self._work = partial(aimed_anew, self._task, self.observing.estimate,
-                                     entry.commanded, way, execution.free, self._reached(way),
-                                     self._correction, self.observing.seeing.largest_correction,
-                                     self._lag)
+                observing = self.observing
+                self._work = partial(
+                    aimed_anew, self._task.inverse, observing.estimate, entry.commanded, way,
+                    execution.free, self._reached(way), self._correction,
+                    observing.seeing.largest_correction, self._lag,
+                    unexplained(observing, self._task.limits.linear_speed))
         return None

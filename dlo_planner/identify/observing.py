@@ -4,7 +4,8 @@
 
 Measured gripper poses and clouds of points come with stamps of one clock. A cloud counts as seen
 where the gripper was at its stamp; the faster the gripper moved then, the less it counts. One that
-does not agree with what was expected is not believed; two of the last eight are a doubt.
+does not agree with what was expected is not believed; two of the last eight are a doubt, or one
+that is far from it.
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ _OWN = 4.0           # times the median distance: what is farther off is none of
 _DOUBT, _OF = 2, 8   # looks that disagree, of the last ones: fewer are left to chance
 _OFTEN = 0.06        # s between two clouds that tell of a vibration
 _CLOUDS = 50         # by which a vibration is told
+_NO_CHANCE = 10.0    # times the surprise that one look in 10,000 exceeds
 _FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
 
 
@@ -229,8 +231,11 @@ class Observing:
 
     @property
     def doubted(self) -> bool:
-        """Whether the last looks do not agree with the estimate: it is no more to be relied on."""
-        return sum(self._disagree) >= _DOUBT
+        """Whether the last looks do not agree with the estimate: it is no more to be relied on.
+
+        Two of the last eight, or one that no chance explains.
+        """
+        return sum(self._disagree) >= _DOUBT or _NO_CHANCE < self._surprise < np.inf
 
     def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
         """Return by how much a DLO in a known motion is off its rest, and was at most; or None.

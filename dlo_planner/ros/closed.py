@@ -26,7 +26,7 @@ from dlo_planner.ros.state import Looking, State
 from dlo_planner.ros.store import Store
 from dlo_planner.ros.worker import Worker, persistent
 
-_STANDOFF = 0.05  # of the length, where none is given
+_STANDOFF = 0.05  # of the length, where none is given, and the plan does not stop before the hole
 _SAME = 1e-9      # m, and of unit vectors
 
 
@@ -48,7 +48,9 @@ def threading_of(made: Made) -> Threading | None:
     depths = plan.depths[passing]
     if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
         depths = np.append(0.0, depths)
-    standoff = scene.standoff if scene.standoff > 0 else _STANDOFF * rod.length
+    stops = [normal @ (center - plan.shapes[k].positions[-1]) for k in plan.stops if not passing[k]]
+    standoff = scene.standoff if scene.standoff > 0 else float(
+        max(stops, default=0.0)) or _STANDOFF * rod.length
     return Threading(scene.inverse, CutOut(Pose.looking_along(center, normal), radius=radius),
                      depths, standoff, scene.limits)
 

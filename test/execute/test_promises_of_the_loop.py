@@ -19,10 +19,11 @@ from dlo_planner import (
     Trajectory,
     Workspace,
 )
-from dlo_planner.execute import threading_loop
+from dlo_planner.execute import judge, threading_loop
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Guards, Heard
-from dlo_planner.execute.threading_loop import Threading, ThreadingLoop, aimed_anew
+from dlo_planner.execute.judge import aimed_anew
+from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.model.pose import displaced
@@ -49,7 +50,7 @@ class Seen:
 
     def __init__(self):
         self.seeing, self.estimate = SEEING, Observing(DIRECT, SEEING).estimate
-        self.doubted, self.seen, self.swing = False, np.inf, 0.0
+        self.doubted, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
 
     def reopen(self, stamp=0.0):
         """Forget nothing."""
@@ -170,7 +171,7 @@ def test_a_way_is_planned_within_the_workspace():
 def aimed(ways, most=0.05, lag=0.0, estimate=None, **workspace):
     through = ways[2]
     way = Steered.of(Trajectory(through, tolerance=np.inf), through.shapes[-1])
-    return aimed_anew(task(**workspace), estimate or Seen().estimate, through, way, 0.5,
+    return aimed_anew(task(**workspace).inverse, estimate or Seen().estimate, through, way, 0.5,
                       way.reached(through.times), None, most, lag)
 
 
@@ -182,8 +183,8 @@ def test_a_correction_keeps_workspace_obstacles_and_its_largest_size(ways, monke
     tip = found.correction.shapes[-1].positions[-1]
     box = Box(Pose(tip, (0, 0, 0, 1)), (0.02, 0.02, 0.02))
     assert 'm into Box 0' in aimed(ways, keep_out=[box]).doubts
-    correct = threading_loop.correct
-    monkeypatch.setattr(threading_loop, 'correct', lambda *given: replace(
+    correct = judge.correct
+    monkeypatch.setattr(judge, 'correct', lambda *given: replace(
         one := correct(*given), offsets=one.offsets + 0.02))
     assert 'it moves the gripper by' in aimed(ways, most=0.03).doubts
     assert aimed(ways, most=0.05).doubts == ''
