@@ -112,8 +112,9 @@ class FreeVibration:
         """Return (2, m) what becomes of a state (2, m) in some seconds."""
         phase = self.rates * seconds
         (y, v), decay = state, np.exp(-self.modes.damping_ratios * phase)
-        return decay * np.stack([y * np.cos(phase) + v * np.sin(phase),
-                                 v * np.cos(phase) - y * np.sin(phase)])
+        result: Floats = decay * np.stack([y * np.cos(phase) + v * np.sin(phase),
+                                           v * np.cos(phase) - y * np.sin(phase)])
+        return result
 
     def end(self, state: Floats) -> Floats:
         """Return (2, 3) where the free end is off its rest in a state, m, and a quarter later."""

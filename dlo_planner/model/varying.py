@@ -390,7 +390,7 @@ def smooth(content: Expanded, length: float) -> Profile:
     """Return the Profile on [0, length] of a constant plus a series: known without a look at it."""
     edges = np.linspace(0, length, _PANELS + 1)
     places = edges[:-1, None] + np.diff(edges)[:, None] * _AT
-    values = np.asarray(content.base) + np.moveaxis(
+    values: Floats = np.asarray(content.base) + np.moveaxis(
         legval(2 * places / content.length - 1, content.coefficients), 0, -1)
     return Profile(edges, values, np.zeros(0))
 
