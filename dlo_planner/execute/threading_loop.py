@@ -66,7 +66,7 @@ _OF_THE_WAY = 0.3   # to the entry, on which it comes to rest where it can: it m
 _FOLLOWED = 0.3     # s after the last command until the gripper is at rest
 _SWINGS = 0.6       # of the swing that is tolerated, from which on it is taken away
 _TOLD = 2.0         # times as large a swing tells of the delay
-_SEEING = 1.5       # s, in which a swing is looked at
+_SEEING, _AGAIN = 1.5, 0.25  # s, in which a swing is looked at, until it is tried again
 _LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing was seen
 _CALMINGS = 6       # in one look
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
@@ -368,7 +368,7 @@ class ThreadingLoop:
         self._left = 0.0  # m of swing that the motion to the standoff leaves
         self._stands = here  # where the gripper does while nothing is executed
         self._shaken = False  # whether the DLO may swing, so that it is no use to look at it
-        self._rests = -np.inf  # stamp since which the gripper does
+        self._rests = self._sees = -np.inf  # stamps: since it does, and when that is looked at
         self._factor = STATED  # what is known of the frequencies of the DLO
         self._delay = 0.0  # s, from a command until the DLO is seen to answer
         self._calmed: Calming | None = None  # the last calming of this look
@@ -482,6 +482,8 @@ class ThreadingLoop:
         phase = self.phase
         if phase is Phase.LOOK:
             self._look(time)
+            if self.phase is Phase.CALM:  # what was computed is for now
+                self._move(time, now)
         elif phase is Phase.PLAN:
             self._plan(time, self._done)
         elif phase in (Phase.GO, Phase.ENTER, Phase.CALM, Phase.RETREAT):
@@ -504,16 +506,17 @@ class ThreadingLoop:
 
     def _rest(self, since: float) -> None:
         """Look only at how the DLO swings, from a time (s) on, since which the gripper stands."""
-        self._shaken, self._rests = True, since
+        self._shaken, self._rests, self._sees = True, since, since + _SEEING
         self.observing.reopen(np.inf)
 
     def _swinging(self, time: float) -> ClosedLoop:
         """Return the state in which the swing of the DLO is seen, taken away, or over."""
         loop, most = self._loop.advanced(time, doubted=True), self._task.tolerance
-        if loop.phase is Phase.STOP or time < self._rests + _SEEING:
+        if loop.phase is Phase.STOP or time < self._sees:
             return loop
         seen = self.observing.vibration(self._measured, self._rests, self._factor)
         if seen is None and time < self._rests + _LONGEST_SEEING:  # not enough of it is seen
+            self._sees = time + _AGAIN
             return loop
         if seen is not None:
             self._factor = seen.factor
@@ -521,7 +524,7 @@ class ThreadingLoop:
                 self.execution = self._execution_of(self._calming(seen, time))
                 return loop.calming(time)
             if seen.amplitude > most:  # it has to come to rest by itself
-                self._rests = time
+                self._rests, self._sees = time, time + _SEEING
                 return loop
         self._shaken = False
         self.observing.reopen(time)
@@ -652,7 +655,7 @@ class ThreadingLoop:
         if loop.phase is Phase.LOOK and before.phase is Phase.PLAN:
             self._calmed, self._calmings = None, 0
             if loop.tries > before.tries:
-                self.observing.reopen()
+                self._rest(time)
         elif loop.phase is Phase.LOOK and before.phase is Phase.RETREAT:
             self._calmed, self._calmings = None, 0
             self._rest(time + _FOLLOWED)

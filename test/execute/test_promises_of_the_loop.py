@@ -23,9 +23,11 @@ from dlo_planner.execute import judge, threading_loop
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.judge import aimed_anew
+from dlo_planner.execute.limiter import used
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.identify.vibration import STATED, FreeVibration
 from dlo_planner.model.pose import displaced
 from dlo_planner.plan.assembly import concatenate, truncate
 from dlo_planner.plan.motion.in_motion import InMotion
@@ -51,12 +53,15 @@ class Seen:
     def __init__(self):
         self.seeing, self.estimate = SEEING, Observing(DIRECT, SEEING).estimate
         self.doubted, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
+        self.vibrations, self.since = [], []
 
     def reopen(self, stamp=0.0):
         """Forget nothing."""
 
     def vibration(self, gripper, since, factor):
-        """See none."""
+        """See what a test says, once."""
+        self.since.append(since)
+        return self.vibrations.pop(0) if self.vibrations else None
 
     def moves(self, swing, time_at):
         """Expect nothing."""
@@ -125,6 +130,55 @@ def test_a_swing_that_is_seen_delays_and_is_promised(ways):
     assert cell.loop.phase is Phase.LOOK
     cell.seen.swing = 5e-4
     assert cell.entering().loop.promised == pytest.approx(1e-3 + 5e-4 + 4e-4)
+
+
+def test_a_swing_is_taken_away_before_it_is_planned(ways):
+    cell = Cell(ways)
+    modes = DIRECT.solve(START).modes(2)
+    size = np.linalg.norm(modes.displacements[0, -1])
+
+    def swinging(amplitude):
+        state = np.array([[amplitude / size, 0], [0, 0]])
+        return FreeVibration(modes, cell.time, state, STATED, 1e-3)
+
+    cell.until(lambda: cell.time > 0.05)
+    cell.seen.doubted = True
+    cell.step()
+    cell.seen.doubted = False
+    cell.seen.vibrations = [swinging(8e-3), swinging(0.1e-3)]
+    begun = cell.time
+    cell.until(lambda: cell.loop.phase is Phase.CALM)
+    assert cell.time - begun > 1.4  # it was looked at
+    began, moved = cell.time, []
+    cell.until(lambda: moved.append(cell.here) or cell.loop.phase is not Phase.CALM)
+    away = [np.linalg.norm(pose.position - START.position) for pose in moved]
+    assert 2e-4 < max(away) <= 0.01
+    assert away[-1] == pytest.approx(0.0, abs=1e-9)
+    assert used(moved, task().limits, PERIOD) <= 1
+    ended = cell.time
+    cell.until(lambda: cell.loop.phase is not Phase.LOOK)
+    assert cell.loop.phase is Phase.PLAN
+    assert cell.seen.since[-1] > ended  # what was seen before tells nothing of what is left
+    assert ended - began < 6.0
+
+
+def test_a_swing_that_cannot_be_taken_away_has_to_come_to_rest_by_itself(ways):
+    cell = Cell(ways)
+    modes = DIRECT.solve(START).modes(1)
+    state = np.array([[3e-2 / np.linalg.norm(modes.displacements[0, -1])], [0.0]])
+    cell.seen.vibrations = [FreeVibration(modes, 0.0, state, STATED, 1e-3)] * 100
+    cell.step()
+    cell.seen.doubted = True
+    cell.step()
+    cell.seen.doubted = False
+    phases = []
+    cell.until(lambda: phases.append(cell.loop.phase) or cell.loop.phase is Phase.STOP)
+    calmed = sum(one is Phase.CALM and other is not Phase.CALM
+                 for one, other in zip(phases[1:], phases, strict=False))
+    assert calmed == 6
+    assert Phase.PLAN not in phases
+    assert cell.time == pytest.approx(90.0, abs=1.0)
+    assert cell.loop.cause is Cause.LOOKS_DISAGREE
 
 
 @pytest.mark.parametrize('what', ['doubted', 'unseen'])
