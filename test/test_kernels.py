@@ -50,12 +50,9 @@ from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
 from dlo_planner.identify import looking, response
 from dlo_planner.identify.misfit import nearest
+from dlo_planner.inverse.nearest_goals import _nearest_goals
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
-from dlo_planner.inverse.solvers.points.aims import fill_misses, fill_slopes
-from dlo_planner.inverse.solvers.points.aligned import aligned_newton
-from dlo_planner.inverse.solvers.points.coupled import aligned_hanging
-from dlo_planner.inverse.solvers.points.nearest_hanging import _nearest_hanging
-from dlo_planner.inverse.solvers.points.spanning import two_points_hanging
+from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
 from dlo_planner.kernels.linking import kernel_of
 from dlo_planner.minimize.bearing import correction
 from dlo_planner.minimize.contact_forces import move_multipliers
@@ -69,17 +66,18 @@ from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_fr
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import curve_distance, workspace
+from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
 from dlo_planner.plan.motion.oscillators import turned, vibrated
 
 _KINDS = 3
-KERNELS = [newton_descent, unknowns_of, aligned_newton, integrate_from_tip, frame_along,
+KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
            watching, with_friction, led, gradient_noise, touching, truth, move_multipliers,
            add_sliding, gripper_answers, curve_distance.element_rooms, curve_distance._distances,
            workspace._distances, _strains_by, response._moved, looking._points_at, turned, vibrated,
-           nearest_place, aligned_hanging, two_points_hanging, solve_free_rods, touch_down, bear_on,
+           nearest_place, follow_goals, solve_free_rods, touch_down, bear_on,
            correction, solve_between_grips, foresee, resampled_means, equidistribute, node_twists,
-           twists_inside, fill_misses, fill_slopes, _nearest_hanging]
+           twists_inside, fill_residuals, fill_rows, _nearest_goals]
 
 
 def use_everything():

@@ -21,7 +21,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.predicted_miss import PredictedMiss, judged_plan, miss_of
 from dlo_planner.identify.uncertain import mesh_of
-from dlo_planner.inverse.solvers.points.one_point import aligned_on
+from dlo_planner.inverse.solvers.conditions import aligned_on
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results
@@ -161,9 +161,10 @@ class _Aim:
         assert normal is not None  # `correct` has judged the plan
         mesh = self._mesh(mesh_of(plan.shapes[index]))
         inside = min(s, float(mesh.s[-1]))
-        shape = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)
-        if shape is None or shape.stability < -NEUTRAL:
+        found = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)
+        if found is None or found.shape.stability < -NEUTRAL:
             return None
+        shape = found.shape
         axes, position = shape.frame_at(inside)
         position = position + (s - inside) * axes[:, 0]
         result: Shape | None = shape.moved(self._estimate.center(center) - position)

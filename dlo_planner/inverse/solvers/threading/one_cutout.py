@@ -11,6 +11,7 @@ import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.solvers.conditions import Aligned
 from dlo_planner.inverse.solvers.continuation.following import Rolls
 from dlo_planner.inverse.solvers.continuation.quick import (
     gets_there,
@@ -25,7 +26,6 @@ from dlo_planner.inverse.solvers.hanging.start_candidates import (
     start_candidates,
     with_free_end,
 )
-from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.inverse.solvers.threading.through_depths import Threading, thread_from
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
