@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import gripper_answers, node_twists, twists_inside
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -53,23 +54,30 @@ def nearest_goals(simulator: DirectSimulator, goals: GoalTable, shape: Shape, tu
         Distance by which it may be displaced, about, m.
     """
     for _ in range(_MESHES):
-        mesh, gripper = shape.state.mesh, shape.gripper
+        mesh = shape.state.mesh
         assert mesh is not None  # only a shape that was loaded has none
-        status, base, origin, found = _nearest_goals(
-            mesh.static, gripper.rotation, gripper.position, mesh.start_from(shape), mesh.s, goals,
-            np.array([turn] * 3 + [shift] * 3), TOLERANCE, MAX_ITERATIONS)
-        if status == _NONE:
-            return None
-        if status == _MOVED:
-            shape = hanging_shape(mesh, pose_of(origin, base), found)
-        if simulator.accuracy is None:  # its mesh is the same everywhere
-            break
+        nearest = nearest_on(mesh, goals, shape, turn, shift)
+        if nearest is None or simulator.accuracy is None:  # its mesh is the same everywhere
+            return nearest
+        shape = nearest
         if simulator.discretization(shape.gripper, shape) is mesh:
             break
         shape = simulator.solve(shape.gripper, shape)
         if not shape.converged:
             return None
     return shape
+
+
+def nearest_on(mesh: Discretization, goals: GoalTable, shape: Shape, turn: float,
+               shift: float) -> Shape | None:
+    """Return what `nearest_goals` returns, on the mesh of the shape."""
+    gripper = shape.gripper
+    status, base, origin, found = _nearest_goals(
+        mesh.static, gripper.rotation, gripper.position, mesh.start_from(shape), mesh.s, goals,
+        np.array([turn] * 3 + [shift] * 3), TOLERANCE, MAX_ITERATIONS)
+    if status == _MOVED:
+        return hanging_shape(mesh, pose_of(origin, base), found)
+    return shape if status == _STAYS else None
 
 
 @kernel

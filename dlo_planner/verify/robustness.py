@@ -224,7 +224,7 @@ def _sampled(work: _Work) -> Floats:
         for k, shape in enumerate(shapes):
             gripper = displaced(shape.gripper, twist(shape.gripper, uncertainty, draw))
             # it starts where the plan does, and then goes its own way
-            start = _stretched(shape, rod.length) if initial is None else initial
+            start = stretched(shape, rod.length) if initial is None else initial
             reached = drawn.track([gripper], initial=start)[0]
             initial = reached if reached.converged else initial
             out[i, k] = max((np.linalg.norm(_off(reached, center, s))
@@ -234,7 +234,7 @@ def _sampled(work: _Work) -> Floats:
     return out
 
 
-def _stretched(shape: Shape, length: float) -> Shape:
+def stretched(shape: Shape, length: float) -> Shape:
     """Return a Shape on a mesh of another length, to start from."""
     share = length / shape.s[-1]
     return replace(shape, s=np.append(shape.s[:-1] * share, length),
