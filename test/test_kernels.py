@@ -48,7 +48,7 @@ from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
-from dlo_planner.identify import looking, response
+from dlo_planner.identify import looking
 from dlo_planner.identify.misfit import nearest
 from dlo_planner.inverse.nearest_goals import _nearest_goals
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
@@ -68,6 +68,7 @@ from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import curve_distance, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
 from dlo_planner.plan.motion.oscillators import turned, vibrated
+from dlo_planner.verify import response
 
 _KINDS = 3
 KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,

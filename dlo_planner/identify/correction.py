@@ -22,7 +22,6 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.predicted_miss import PredictedMiss, miss_of
-from dlo_planner.identify.uncertain import element_means, mesh_of
 from dlo_planner.inverse.nearest_goals import nearest_on
 from dlo_planner.inverse.penalties import DirectionAt, GripperNear, PositionAt
 from dlo_planner.inverse.penalty import Residuals
@@ -46,6 +45,7 @@ from dlo_planner.plan.goal_rows import (
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.verify.robustness import stretched
+from dlo_planner.verify.uncertain import element_means, mesh_of
 
 _LOOKED_AT = 3   # waypoints at which the miss that remains is predicted
 _STILL = 1e-3    # weight of the planned gripper, which decides only what is left free

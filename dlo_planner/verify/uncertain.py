@@ -110,6 +110,12 @@ class Uncertain(Value):
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
 
     @property
+    def causes(self) -> list[str]:
+        """Name in Uncertainty of what each of the n numbers is part of."""
+        return ['curvature_variation' if name == 'natural_curvature' and number > 1 else str(name)
+                for name, number in zip(self._each, self._number, strict=True)]
+
+    @property
     def size(self) -> int:
         """The number n of entries of the state."""
         return self.deviations.size
