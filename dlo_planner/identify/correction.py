@@ -23,8 +23,6 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.predicted_miss import PredictedMiss, miss_of
 from dlo_planner.inverse.nearest_goals import nearest_on
-from dlo_planner.inverse.penalties import DirectionAt, GripperNear, PositionAt
-from dlo_planner.inverse.penalty import Residuals
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.waypoint_newton import follow, free_axis
 from dlo_planner.minimize.newton import NEUTRAL
@@ -42,6 +40,7 @@ from dlo_planner.plan.goal_rows import (
     THROUGH,
     GoalTable,
 )
+from dlo_planner.plan.goals import DirectionAt, GripperNear, PositionAt, Residuals
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.verify.robustness import stretched

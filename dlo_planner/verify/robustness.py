@@ -21,11 +21,11 @@ from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.penalties import Through
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.value import Value, brief, put, same
+from dlo_planner.plan.goals import Through
 from dlo_planner.plan.passing import Passes
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress

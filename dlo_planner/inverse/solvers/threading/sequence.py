@@ -18,7 +18,6 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.nearest_goals import nearest_goals
-from dlo_planner.inverse.penalties import Through
 from dlo_planner.inverse.solvers.continuation.quick import quick_simulator, thinned
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
 from dlo_planner.inverse.solvers.threading.one_cutout import thread
@@ -30,6 +29,7 @@ from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
+from dlo_planner.plan.goals import Through
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_at
 
