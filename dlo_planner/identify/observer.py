@@ -15,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
@@ -80,7 +79,6 @@ class Observer(Value):
     sway: float
     robot: RobotError
 
-    @renamed_arguments(spread='uncertainty')
     def __init__(self, simulator: DirectSimulator | Rod, uncertainty: Uncertainty, *,
                  noise: float = 0.001, bias: float = 0.0, cutout: float = 0.0,
                  outliers: float = 0.1, sway: float = 0.0, robot_position: float = 0.0,

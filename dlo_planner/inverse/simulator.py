@@ -5,7 +5,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dlo_planner.deprecated import renamed, renamed_arguments
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
@@ -54,7 +53,6 @@ class InverseSimulator(ContactShorthands):
 
     _given: DirectSimulator
 
-    @renamed_arguments(may_yield='allow_plastic')
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
                  allow_plastic: bool = True) -> None:
         clamping('simulator', simulator)
@@ -110,8 +108,6 @@ class InverseSimulator(ContactShorthands):
         instance('task', task, Task)
         instance('requirements', requirements, Requirements, optional=True)
         return self._plan(task, start, initial, requirements or self.requirements, progress)
-
-    minimise_penalty = renamed('minimise_penalty', 'minimize_penalty')
 
     def minimize_penalty(self, penalties: Penalty | Sequence[Penalty], start: Pose, *,
                          initial: Shape | None = None, max_iterations: int = 200,

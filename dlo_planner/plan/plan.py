@@ -13,7 +13,6 @@ from typing import NamedTuple, overload
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.deprecated import renamed, renamed_fields
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
@@ -55,10 +54,7 @@ class PlanPoint(NamedTuple):
     misalignment: float
     clearance: float
 
-    miss = renamed('miss', 'position_error')  # type: ignore[misc]
 
-
-@renamed_fields(miss='position_error', passes='via_points')
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Filmed):
     """A sequence of gripper poses; n waypoints.
@@ -183,8 +179,6 @@ class Plan(Filmed):
         """(n,) smallest of the `clearances` of each waypoint, m."""
         result: Floats = self.clearances.min(axis=(1, 2), initial=np.inf)
         return result
-
-    misses = renamed('misses', 'position_errors')
 
     @property
     def goals(self) -> tuple[tuple[Residuals, ...], ...]:

@@ -17,14 +17,14 @@ from typing import TypeAlias
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import displaced
-from dlo_planner.model.value import Value, brief, put, same
+from dlo_planner.model.value import brief, put, same
+from dlo_planner.pictured import Answer
 from dlo_planner.plan.goals import Through
 from dlo_planner.plan.passing import Passes
 from dlo_planner.plan.plan import Plan
@@ -47,7 +47,7 @@ _Work: TypeAlias = tuple[DirectSimulator, Sequence[Shape], Sequence[Passes], Unc
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Robustness(Value):
+class Robustness(Answer):
     """Misses of a plan under an Uncertainty; n waypoints, m samples.
 
     Attributes
@@ -111,7 +111,6 @@ class Robustness(Value):
         return result
 
 
-@renamed_arguments(spread='uncertainty')
 def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty, *,
                samples: int = 0, seed: int = 0, executor: Executor | None = None,
                progress: OnProgress = None, deadline: float | None = None) -> Robustness:
