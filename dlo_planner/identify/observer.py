@@ -22,10 +22,10 @@ from dlo_planner.identify.looking import Own
 from dlo_planner.identify.memory import Memory, RobotError
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.smoothing import Search, estimate_of, memory_of
-from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.model.checks import array, instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
+from dlo_planner.verify.uncertain import Uncertain
 from dlo_planner.verify.uncertainty import Uncertainty
 
 _LONGER = 5.0  # standard deviations of the length by which an arc length may exceed it
