@@ -58,29 +58,26 @@ from dlo_planner.inverse.solvers.points.nearest_hanging import _nearest_hanging
 from dlo_planner.inverse.solvers.points.spanning import two_points_hanging
 from dlo_planner.kernels import files
 from dlo_planner.kernels.cache import key_of
-from dlo_planner.minimize.bearing import correction
 from dlo_planner.minimize.contact_forces import move_multipliers
 from dlo_planner.minimize.convergence import gradient_noise
-from dlo_planner.minimize.expected_error import foresee, resampled_means
+from dlo_planner.minimize.expected_error import foresee
 from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.newton import led, newton_descent
 from dlo_planner.minimize.resting import bear_on, touch_down
-from dlo_planner.minimize.sliding import add_sliding
 from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_free_rods
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import curve_distance, workspace
-from dlo_planner.plan.motion.oscillators import turned, vibrated
 
 _KINDS = 3
 KERNELS = [newton_descent, unknowns_of, aligned_newton, integrate_from_tip, frame_along,
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
            watching, with_friction, led, gradient_noise, touching, truth, move_multipliers,
-           add_sliding, gripper_answers, curve_distance.element_rooms, curve_distance._distances,
-           workspace._distances, _strains_by, response._moved, looking._points_at, turned, vibrated,
-           nearest_place, aligned_hanging, two_points_hanging, solve_free_rods, touch_down, bear_on,
-           correction, solve_between_grips, foresee, resampled_means, equidistribute, node_twists,
-           twists_inside, fill_misses, fill_slopes, _nearest_hanging]
+           gripper_answers, curve_distance.element_rooms, curve_distance._distances,
+           workspace._distances, _strains_by, response._moved, looking._points_at, nearest_place,
+           aligned_hanging, two_points_hanging, solve_free_rods, touch_down, bear_on,
+           solve_between_grips, foresee, equidistribute, node_twists, twists_inside, fill_misses,
+           fill_slopes, _nearest_hanging]
 
 
 def use_everything():
