@@ -25,13 +25,10 @@ from dlo_planner import (
     Observer,
     Plane,
     Pose,
-    PositionAt,
     Rod,
     Sheet,
-    Through,
     Uncertainty,
     Workspace,
-    correct,
     fit_rod,
     solve_many,
 )
@@ -48,7 +45,7 @@ from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
-from dlo_planner.identify import looking, response
+from dlo_planner.identify import correct, looking, response
 from dlo_planner.identify.misfit import nearest
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.inverse.solvers.points.aims import fill_misses, fill_slopes
@@ -68,6 +65,7 @@ from dlo_planner.minimize.sliding import add_sliding
 from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_free_rods
 from dlo_planner.minimize.touching import touching, truth
 from dlo_planner.minimize.watching import watching
+from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan import curve_distance, workspace
 from dlo_planner.plan.motion.oscillators import turned, vibrated
 

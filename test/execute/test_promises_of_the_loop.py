@@ -15,7 +15,6 @@ from dlo_planner import (
     InverseSimulator,
     Observer,
     Pose,
-    Steered,
     Trajectory,
     Workspace,
 )
@@ -23,6 +22,7 @@ from dlo_planner.execute import threading_loop
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop, aimed_anew
+from dlo_planner.identify import Steered
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.plan.assembly import concatenate, truncate

@@ -15,10 +15,9 @@ from dlo_planner import (
     InvalidTask,
     InverseSimulator,
     Observer,
-    Phase,
     Pose,
-    correct,
 )
+from dlo_planner.identify import Phase, correct
 from dlo_planner.identify import correction as correction_module
 from dlo_planner.plan.assembly import concatenate
 

@@ -5,10 +5,11 @@
 import numpy as np
 import pytest
 
-from dlo_planner import DirectionAt, DirectSimulator, Pose, PositionAt, Rod, Through
+from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.solvers.points.aims import Aimed, Aims
 from dlo_planner.model.pose import displaced
+from dlo_planner.penalties import DirectionAt, PositionAt, Through
 
 ROD = Rod(1.0, 0.05, (0.2, 0.5), 0.3, natural_curvature=(0.3, 0.2), natural_twist=0.4)
 GRIPPER = Pose.looking_along((0.3, -0.2, 0.1), (1, 0.3, 0.4))

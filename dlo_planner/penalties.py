@@ -1,0 +1,19 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Penalties of a shape, their search, and what penalties of one's own are made of."""
+
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.inverse.keep_tangent import KeepTangent
+from dlo_planner.inverse.penalties import (
+    AwayFrom,
+    BentAtMost,
+    DirectionAt,
+    GripperNear,
+    PositionAt,
+    Through,
+)
+from dlo_planner.inverse.solvers.search import PenaltyResult, minimize_penalty
+from dlo_planner.model.value import Value, put
+
+__all__ = ['AwayFrom', 'BentAtMost', 'DirectionAt', 'GripperNear', 'KeepTangent', 'PenaltyResult',
+           'PositionAt', 'Sensitivity', 'Through', 'Value', 'minimize_penalty', 'put']
