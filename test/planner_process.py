@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from dlo_planner.ros.client import PlannerClient
+from demo.client import PlannerClient
 
 ROOT = Path(__file__).parent.parent
 WIRE = ('--params-file', str(ROOT / 'config' / 'copper_wire.yaml'))  # where no other DLO is given
