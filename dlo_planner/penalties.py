@@ -3,17 +3,19 @@
 """Penalties of a shape, their search, and what penalties of one's own are made of."""
 
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.inverse.keep_tangent import KeepTangent
-from dlo_planner.inverse.penalties import (
+from dlo_planner.inverse.solvers.search import PenaltyResult, minimize_penalty
+from dlo_planner.model.value import Value, put
+from dlo_planner.plan.goals import (
     AwayFrom,
     BentAtMost,
     DirectionAt,
+    FrameAt,
     GripperNear,
+    KeepTangent,
     PositionAt,
     Through,
 )
-from dlo_planner.inverse.solvers.search import PenaltyResult, minimize_penalty
-from dlo_planner.model.value import Value, put
 
-__all__ = ['AwayFrom', 'BentAtMost', 'DirectionAt', 'GripperNear', 'KeepTangent', 'PenaltyResult',
-           'PositionAt', 'Sensitivity', 'Through', 'Value', 'minimize_penalty', 'put']
+__all__ = ['AwayFrom', 'BentAtMost', 'DirectionAt', 'FrameAt', 'GripperNear', 'KeepTangent',
+           'PenaltyResult', 'PositionAt', 'Sensitivity', 'Through', 'Value', 'minimize_penalty',
+           'put']

@@ -23,7 +23,6 @@ from dlo_planner.identify.predicted_miss import (
     miss_of,
 )
 from dlo_planner.identify.settling import settled
-from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, flag, instance, integer, items, results, vector
@@ -33,6 +32,7 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, brief, put
 from dlo_planner.pictured import Reported
 from dlo_planner.plan.plan import Plan
+from dlo_planner.verify.uncertain import Uncertain
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,7 +42,7 @@ class Estimate(Reported):
     Attributes
     ----------
     uncertain : Uncertain
-        The meaning of the numbers, see `identify.uncertain`.
+        The meaning of the numbers, see `verify.uncertain`.
     mean : ndarray, shape (n,)
         Logarithms of factors, 1/m, rad, m, as in `names`.
     covariance : ndarray, shape (n, n)

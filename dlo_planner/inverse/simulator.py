@@ -17,7 +17,7 @@ from dlo_planner.inverse.tasks import Minimize
 from dlo_planner.model.checks import flag, instance
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
-from dlo_planner.plan.builder import kept_between
+from dlo_planner.plan.builder import PlanRequirements, kept_between
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.waypoint import Waypoint
@@ -155,10 +155,13 @@ class InverseSimulator(ContactShorthands):
         Infeasible
             The DLO does not follow; the waypoint is the one to which the gripper is going.
         """
+        return kept_between(plan, self.demands(plan, Progress(progress, deadline)))
+
+    def demands(self, plan: Plan, progress: Progress | None = None) -> PlanRequirements:
+        """Return the demands by which a Plan is judged, which touches what it touches."""
         touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
-        context = PlanContext(self._given, self.simulator, requirements=self.requirements,
-                              touching=touching, progress=Progress(progress, deadline))
-        return kept_between(plan, context.demands)
+        return PlanContext(self._given, self.simulator, requirements=self.requirements,
+                           touching=touching, progress=progress or Progress()).demands
 
     def _context(self, task: Task, start: Pose | None, initial: Shape | None,
                  requirements: Requirements, progress: OnProgress) -> PlanContext:

@@ -15,9 +15,9 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.geometry.kinematics import part_of_element
 from dlo_planner.geometry.so3 import left_jacobian
-from dlo_planner.identify.uncertain import Uncertain, Varied, mesh_of
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
+from dlo_planner.verify.uncertain import Uncertain, Varied, mesh_of
 
 _LONGER = 1e-5  # of the length: step of the difference quotients by the length
 
@@ -90,7 +90,16 @@ def _by_gripper(uncertain: Uncertain, z: Floats, shape: Shape, sensitivity: Sens
         out[:, :, columns] += np.cross(turns.T[None], arms[:, None]).transpose(0, 2, 1)
     columns, numbers = (np.append(one, more) for one, more in zip(
         uncertain.columns('gripper_position'), (n + 3 + robot, robot), strict=True))
-    out[:, :, columns] += said[:, numbers]  # nothing touches the DLO: its shape stays
+    out[:, :, columns] += said[:, numbers]
+    if shape.contacts:  # else its shape stays
+        strains[columns] = np.moveaxis(sensitivity.strains[:, :, 3:] @ said[:, numbers], 2, 0)
+
+
+def at_arc_lengths(nodes: Floats, s: Floats, wanted: Floats) -> Floats:
+    """Return (m, 3, n) at arc lengths `wanted` (m,): linear between `nodes` (N + 1, 3, n)."""
+    element = np.clip(np.searchsorted(s, wanted, side='right') - 1, 0, s.size - 2)
+    share = ((wanted - s[element]) / (s[element + 1] - s[element]))[:, None, None]
+    return (1 - share) * nodes[element] + share * nodes[element + 1]
 
 
 @kernel

@@ -110,6 +110,12 @@ class Uncertain(Value):
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
 
     @property
+    def causes(self) -> list[str]:
+        """Name in Uncertainty of what each of the n numbers is part of."""
+        return ['curvature_variation' if name == 'natural_curvature' and number > 1 else str(name)
+                for name, number in zip(self._each, self._number, strict=True)]
+
+    @property
     def size(self) -> int:
         """The number n of entries of the state."""
         return self.deviations.size
@@ -199,6 +205,13 @@ class Uncertain(Value):
             natural_curvature=natural)
 
 
+def element_means(x: Floats, n_terms: int) -> Floats:
+    """Return (N, n_terms): means of the Legendre polynomials between nodes x (N + 1,)."""
+    integrals = [legval(x, legint(unit)) for unit in np.eye(n_terms)]
+    means: Floats = (np.diff(integrals, axis=1) / np.diff(x)).T
+    return means
+
+
 def mesh_of(shape: Shape) -> Discretization:
     """Return the Discretization on which a simulator found a Shape."""
     assert shape.state.mesh is not None  # only a shape that was loaded has none
@@ -232,9 +245,7 @@ class Varied:
 
     def __init__(self, uncertain: Uncertain, mesh: Discretization) -> None:
         self.uncertain, self.mesh = uncertain, mesh
-        x = 2 * mesh.s / mesh.s[-1] - 1
-        integrals = [legval(x, legint(unit)) for unit in np.eye(uncertain.n_terms)]
-        self.legendre = (np.diff(integrals, axis=1) / np.diff(x)).T
+        self.legendre = element_means(2 * mesh.s / mesh.s[-1] - 1, uncertain.n_terms)
         self.weight = -node_masses(mesh.rod, mesh.s)[:, None] * mesh.surroundings.gravity
         self.by_length = self._by_length() if uncertain.columns('length')[0].size else {}
 

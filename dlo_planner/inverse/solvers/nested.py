@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's nested optimization (sections 5.1, 5.2): outer over the gripper, inner direct.
 
-Slower than `aligned`, and independent of it: nothing but `DirectSimulator.solve` is used.
+Slower than `waypoint_newton`, and independent of it: nothing but `DirectSimulator.solve` is used.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.inverse.solvers.points.aligned import free_axis
+from dlo_planner.inverse.waypoint_newton import free_axis
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 
@@ -41,7 +41,7 @@ def nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, norma
     latest = initial
     # steps are judged by the size of the variables: tilts of zero would be sought to 1e-308
     offset = 1.0
-    across = null_space(free_axis(reference, normal)[None, :])
+    across = null_space(free_axis(np.array(reference), np.array(normal))[None, :])
 
     def gripper(tilts: Floats) -> Pose:
         turn = Rotation.from_rotvec(across @ (tilts - offset)).as_matrix()

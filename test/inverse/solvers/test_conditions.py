@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
+from dlo_planner.inverse.solvers import conditions
+from dlo_planner.inverse.solvers.conditions import Aligned
 from dlo_planner.inverse.solvers.continuation.following import LONGEST_STEP
 from dlo_planner.inverse.solvers.hanging.start_candidates import start_candidates
-from dlo_planner.inverse.solvers.points import one_point
-from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.plan import continuity
 
 CUTOUT = CutOut(Pose.looking_along((0.1, -0.2, 0.3), (1.0, 0.4, 0.1)))
@@ -126,9 +126,9 @@ def test_with_an_accuracy_they_end_where_another_mesh_is_needed(accuracy):
 def test_a_plan_is_the_same_whichever_way_its_shapes_are_found(monkeypatch):
     inverse = InverseSimulator(DirectSimulator(ROD, n_elements=32))
     calls = []
-    onward = one_point.aligned_onward
-    monkeypatch.setattr(one_point, 'aligned_onward',
-                        lambda *given: calls.append(0) or onward(*given))
+    follow = conditions.follow
+    monkeypatch.setattr(conditions, 'follow',
+                        lambda *given, **more: calls.append(0) or follow(*given, **more))
     depths = np.linspace(0, 0.7, 71)
     plan = inverse.thread(CUTOUT, depths=depths)
     assert 0 < len(calls) < 20
