@@ -77,7 +77,7 @@ def obstacles_after(known: Mapping[tuple[str, int], Body], msg: MarkerArray, fra
     InvalidTask
         Naming marker, field and value; nothing of the message counts then.
     """
-    instance('known', known, dict)
+    items('known', tuple(instance('known', known, dict).values()), Body)
     instance('msg', msg, MarkerArray)
     instance('frame_id', frame_id, str)
     instance('name', name, str)

@@ -310,10 +310,6 @@ def test_what_loads_the_dlo_is_stated_by_parameters(inside, node, values, simula
         assert at_once(inside, **before).successful
 
 
-PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
-LINES = re.findall(r'^    ros2 (topic pub --once|service call) (\S+) (\S+) "(.*)"$', PAGE, re.M)
-
-
 def of_type(name):
     """Return the class of a type, 'package/msg/Name' or 'package/Name'."""
     package, *kind, name = name.split('/')
@@ -335,9 +331,11 @@ def fill(message, values):
 
 def test_the_commands_of_the_page_are_answered(inside, node):
     """Each does what it says, one after the other, from where the gripper is."""
-    assert len(LINES) == 15
+    page = (ROOT / 'docs' / 'ros_interface.md').read_text()
+    lines = re.findall(r'^    ros2 (topic pub --once|service call) (\S+) (\S+) "(.*)"$', page, re.M)
+    assert len(lines) == 15
     inside.trigger('reset')
-    for how, name, type_name, text in LINES:
+    for how, name, type_name, text in lines:
         drain(inside.statuses)
         kind = of_type(type_name)
         if 'far_end' in name or 'predict_shape' in name:
