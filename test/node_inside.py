@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker
 
 from dlo_planner import Pose
-from dlo_planner.ros.executor import PatientExecutor
+from dlo_planner.ros.managed import PatientExecutor
 from dlo_planner.ros.planner_node import PlannerNode
 from msg_helpers.poses import pose_msg
 

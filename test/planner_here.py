@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dlo_planner.ros import planner_node
-from dlo_planner.ros.executor import PatientExecutor
+from dlo_planner.ros.managed import PatientExecutor
 
 
 @contextlib.contextmanager

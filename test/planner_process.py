@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from dlo_planner.ros.client import PlannerClient
+from demo.client import PlannerClient
 
 ROOT = Path(__file__).parent.parent
 PATIENCE = 60.0  # s to wait for what has to come: a busy machine is late, a fault is for good

@@ -214,7 +214,7 @@ def arguments():
             'seconds')},
         'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
         'diagnostics.diagnostics_msg.values': {'a': 1.0}, 'frame_id': 'world',
-        'markers.obstacle_markers.before': 0, 'known': {}, 'color': 'yield', 'drawn': (),
+        'known': {}, 'color': 'yield', 'drawn': (),
         'index': 0, 'group': 'dlo', 'number_shown': 2,
         'trajectories.poses_ahead.times': [0.0, 1.0],
         'trajectories.poses_ahead.poses': [LEVEL, LEVEL],

@@ -17,7 +17,6 @@ import numpy as np
 
 from dlo_planner.direct.ball_joint import hinge_unknowns, own_unknowns, turn_of, with_hinge
 from dlo_planner.direct.contact import (
-    Touch,
     contacts_in,
     ended,
     forces_left,
@@ -38,7 +37,6 @@ from dlo_planner.direct.statics import (
     Search,
     Solution,
     Way,
-    as_rounded,
     equilibrium,
     hanging,
     held_nearby,
@@ -56,6 +54,7 @@ from dlo_planner.energy.scene import Scene
 from dlo_planner.geometry.so3 import partway
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.bearing import correction
+from dlo_planner.minimize.convergence import TOUCHING, as_rounded
 from dlo_planner.minimize.multipliers import COARSER, carried_newton
 from dlo_planner.minimize.newton import HELD_NEUTRAL, led
 from dlo_planner.minimize.resting import bear_on
@@ -480,7 +479,7 @@ def _shape(mesh: Discretization, gripper: Pose, proof: Sequence[Any], past: Memo
     residual, stability, steps, violation = proof
     (strains, frames, positions, tangents, wrench, elastic, energy, noise), forces, rows = known
     after = past.followed(positions, tangents, **left_of(forces))
-    good = (as_rounded(residual, noise, Touch.residual) and stability > -HELD_NEUTRAL
+    good = (as_rounded(residual, noise, TOUCHING) and stability > -HELD_NEUTRAL
             and violation <= KEPT * mesh.s[-1])
     solution = Solution(strains, frames, positions, wrench, elastic, energy, residual, stability,
                         steps, bool(good), violation=violation,

@@ -67,6 +67,8 @@ def from_plain(name: str, content: object, depth: int = 0) -> object:
     """
     if depth > _DEEPEST:
         raise InvalidTask(f'{name[:40]}...: expected values in at most {_DEEPEST} others')
+    if isinstance(content, Value):
+        return content
     if isinstance(content, Mapping):
         return _value(name, content, depth)
     if isinstance(content, list | tuple):
@@ -80,7 +82,7 @@ def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
     kind = content.get(_TYPE)
     if isinstance(kind, str) and kind in ('Shape', 'Plan'):
         return _packed(name, kind, content)
-    known: dict[str, Any] = {cls.__name__: cls for cls in _below(Value) if is_dataclass(cls)}
+    known: dict[str, Any] = {cls.__name__: cls for cls in classes_below(Value) if is_dataclass(cls)}
     if not isinstance(kind, str) or kind not in known:
         raise InvalidTask(f'{name}.type = {shown(kind)}: expected the name of a class of tasks, '
                           'penalties, cut-outs or obstacles that has been imported')
@@ -115,8 +117,8 @@ def _packed(name: str, kind: str, content: Mapping[str, Any]) -> Shape | Plan:
 _DTYPES = {'f': float, 'i': int, 'u': int, 'b': bool, 'U': str}
 
 
-def _below(cls: type[Value]) -> Iterator[type[Value]]:
+def classes_below(cls: type[Value]) -> Iterator[type[Value]]:
     """Yield all classes derived from a class."""
     for one in cls.__subclasses__():
         yield one
-        yield from _below(one)
+        yield from classes_below(one)

@@ -9,6 +9,7 @@ import numpy as np
 from dlo_planner.direct.integrator import KinematicState, Scheme
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.statics import TOLERANCE
+from dlo_planner.direct.stepper import StepMemory
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.minimize.classic import approximate
 from dlo_planner.model.arrays import Floats
@@ -26,8 +27,8 @@ class Moving(NamedTuple):
         Shared Stepper.
     nodes, bends : KinematicState
         Those of now.
-    history : Memory
-        Memory of now.
+    memory : StepMemory
+        What is left to the next step.
     place : float
         Where to look, in instants.
     scheme : Scheme
@@ -41,7 +42,7 @@ class Moving(NamedTuple):
     stepper: Shared
     nodes: KinematicState
     bends: KinematicState
-    history: Memory
+    memory: StepMemory
     place: float
     scheme: Scheme
     strains: Floats
@@ -84,8 +85,8 @@ def look(task: Moving | Resting) -> Guess:
     if isinstance(task, Moving):
         stepper = task.stepper.content
         method = stepper.method
-        system, _, _, rounding = stepper.moving(task.nodes, task.bends, task.history, task.place,
-                                                task.scheme)
+        system = stepper.problem(task.nodes, task.bends, task.memory, task.place, task.scheme)
+        rounding = stepper.rounding(task.scheme)
     else:
         simulator = task.simulator.content
         method, rounding = simulator.method, 0.0

@@ -32,7 +32,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, Prescribed, made_by, motion_by
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import past_of
-from dlo_planner.direct.stepper import Stepper, TimePoint
+from dlo_planner.direct.stepper import Limits, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
@@ -139,56 +139,61 @@ class AheadStepper(Stepper):
         As for Stepper.
     """
 
+    nearby = False  # guesses are not near
+
     def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
         super().__init__(*more)
-        self.swings = False
         self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
 
-    def _step(self, before: TimePoint, place: float, scheme: Scheme, patience: int) -> TimePoint:
-        usual = self.guess(before, scheme.dt)
+    def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme,
+              limits: Limits) -> StepBatch:
+        """Return the StepBatch of the first step, which may begin where it was seen ahead."""
+        place, usual = float(places[0]), self.guess(now, scheme.dt)
 
         def ahead(most: int) -> dict[float, Task]:
-            return self._ahead(before, place, scheme, usual, most)
+            return self._ahead(now, place, scheme, usual, most)
+
+        def begun(guess: Floats) -> tuple[StepBatch, Shape]:
+            batch = self.steps_from(now, past, places[:1], scheme, limits, guess)
+            return batch, (batch.last if batch.refused is None else batch.refused).shape
 
         def step(guess: Floats | None) -> Stepped:
             vain = judging = 0
             if guess is not None:
-                system = self._system(before, place, scheme)
+                system, budget = self._system(now, place, scheme), limits.budget.copy()
                 start = _unknowns(system, usual)
                 if lower(system, _unknowns(system, guess), start):
-                    after = self.step_from(before, place, scheme, guess, patience)
-                    end, vain = _unknowns(system, after.shape.element_strains), _work(after.shape)
-                    same, judging, _ = leads_to(system, start, end)
-                    if after.shape.converged and same:
-                        return Stepped(after, vain, judging, 'used')
-            after = self.step_from(before, place, scheme, usual, patience)
-            return Stepped(after, vain + _work(after.shape), judging,
+                    batch, shape = begun(guess)
+                    vain = _work(shape)
+                    same, judging, _ = leads_to(system, start,
+                                                _unknowns(system, shape.element_strains))
+                    if shape.converged and same:
+                        return Stepped(batch, vain, judging, 'used')
+                    limits.budget[:] = budget
+            batch, shape = begun(usual)
+            return Stepped(batch, vain + _work(shape), judging,
                            'none' if guess is None else 'refused')
 
-        result: TimePoint = self._rounds.make(place, ahead, step)
+        result: StepBatch = self._rounds.make(place, ahead, step)
         return result
 
-    def _ahead(self, before: TimePoint, place: float, scheme: Scheme, usual: Floats,
+    def _ahead(self, now: TimePoint, place: float, scheme: Scheme, usual: Floats,
                most: int) -> dict[float, Task]:
         """Return Moving tasks by place."""
         size, strains = scheme.dt / self.dt, usual
         tasks: dict[float, Task] = {}
-        history: Any = before.shape.history
-        history = replace(history, of=None)  # which is long, and not needed
         for k in range(1, self._rounds.tasks):
             later = place + k * size
             if later > self._last:
                 break
             guess = self._rounds.guess(later)
             strains = strains if guess is None else guess  # else those of the place before
-            tasks[later] = Moving(self._shared, before.nodes, before.bends, history, later,
+            tasks[later] = Moving(self._shared, now.nodes, now.bends, now.memory, later,
                                   replace(scheme, dt=(k + 1) * scheme.dt), strains, most)
         return tasks
 
-    def _system(self, before: TimePoint, place: float, scheme: Scheme) -> Problem:
-        system: Problem = self.moving(before.nodes, before.bends, before.shape.history, place,
-                                      scheme)[0]
-        return system
+    def _system(self, now: TimePoint, place: float, scheme: Scheme) -> Problem:
+        return self.problem(now.nodes, now.bends, now.memory, place, scheme)
 
 
 def _unknowns(system: Any, strains: Floats) -> Floats:

@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.checks import vector
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.rod import Rod, with_plug
+from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.varying import Expanded
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
@@ -40,8 +42,23 @@ def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
     Raises
     ------
     DloPlannerError
-        A value, or their combination, makes no sense.
+        A value, or their combination, makes no sense; the DLO is grasped inside.
     """
+    if values['rod.grasped_at']:
+        raise InvalidTask(f'parameter rod.grasped_at = {values["rod.grasped_at"]:g}: expected 0 '
+                          'here: only the node predicts shapes of a DLO that is grasped inside')
+    rod, options = _described(values)
+    return DirectSimulator(rod, obstacles=obstacles, **options)
+
+
+def grasped_of(values: Values, obstacles: Iterable[Any] = ()) -> GraspedInside:
+    """Return the GraspedInside of values with rod.grasped_at, as `direct_of` does without."""
+    rod, options = _described(values)
+    return GraspedInside(rod, values['rod.grasped_at'], obstacles=obstacles, **options)
+
+
+def _described(values: Values) -> tuple[Rod, dict[str, Any]]:
+    """Return the Rod, and the options of its simulator but the obstacles."""
     rod = rod_of(values)
     _judge(values)
     options: dict[str, Any] = {'accuracy': values['simulator.accuracy']}
@@ -49,14 +66,19 @@ def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
         options = {'n_elements': values['simulator.n_elements']}
         if values['simulator.basis'] != 'local':
             options['n_terms'] = values['simulator.n_terms']
-    return DirectSimulator(rod, basis=values['simulator.basis'], gravity=values['gravity'],
-                           obstacles=obstacles, **options)
+    loads = [PointLoad(force, s=s) for s, *force in _rows(values, 'rod.point_loads', 4)]
+    return rod, {'basis': values['simulator.basis'], 'gravity': values['gravity'],
+                 'point_loads': loads, **options}
 
 
-def inverse_of(values: Values, direct: DirectSimulator) -> InverseSimulator:
-    """Return the InverseSimulator of a DirectSimulator, with the workspace of the values."""
-    workspace = Workspace(values['workspace.lower'], values['workspace.upper'], direct.obstacles,
-                          values['workspace.gripper_radius'])
+def inverse_of(values: Values, direct: DirectSimulator,
+               keep_out: Iterable[Any] = ()) -> InverseSimulator:
+    """Return the InverseSimulator of a DirectSimulator, with the workspace of the values.
+
+    The gripper keeps out of its obstacles, and of those of `keep_out`.
+    """
+    workspace = Workspace(values['workspace.lower'], values['workspace.upper'],
+                          (*direct.obstacles, *keep_out), values['workspace.gripper_radius'])
     return InverseSimulator(direct, workspace=workspace,
                             allow_plastic=values['threading.may_yield'])
 
@@ -100,7 +122,18 @@ def bounded(name: str, value: Sequence[float], most: float, unit: str) -> None:
 
 
 def rod_of(values: Values) -> Rod:
-    """Return the Rod."""
+    """Return the Rod, with its plug."""
+    rod, plug = _bare_rod(values), {name: values[f'rod.plug.{name}'] for name in (
+        'length', 'mass', 'radius')}
+    if plug['length']:
+        return with_plug(rod, plug['length'], plug['mass'], radius=plug['radius'] or None)
+    if any(plug.values()):
+        raise InvalidTask(f'parameter rod.plug.length = 0: expected more, of a plug with mass = '
+                          f'{plug["mass"]:g} kg and radius = {plug["radius"]:g} m')
+    return rod
+
+
+def _bare_rod(values: Values) -> Rod:
     section = values['rod.section']
     if len(values['rod.damping']) != 2:
         raise InvalidTask(f'parameter rod.damping = {values["rod.damping"]}: expected two numbers, '
@@ -108,6 +141,7 @@ def rod_of(values: Values) -> Rod:
     more: dict[str, Any] = {name: values[f'rod.{name}'] for name in (
         'natural_twist', 'tip_mass', 'damping', 'hardening')}
     more['natural_curvature'] = _natural_curvature(values)
+    more['point_masses'] = tuple(map(tuple, _rows(values, 'rod.point_masses', 2)))
     more['section_model'] = values['rod.section_model'] or None
     more['max_bend_curvature'] = values['rod.max_bend_curvature'] or None
     material = {name: values[f'rod.{name}'] for name in (
@@ -128,6 +162,18 @@ def rod_of(values: Values) -> Rod:
                    yield_torsion=values['rod.yield_torsion'] or None, **more)
     raise InvalidTask(f'parameter rod.section = {section!r}: expected one of '
                       f'{", ".join(SECTIONS)}')
+
+
+def _rows(values: Values, name: str, width: int) -> list[list[float]]:
+    """Return the rows that a parameter lists one after the other.
+
+    Each begins with a place; a row with nothing but 0 behind it says nothing, and is left out.
+    """
+    listed = values[name]
+    if len(listed) % width or not np.isfinite(listed).all():
+        raise InvalidTask(f'parameter {name} = {listed!r}: expected finite numbers, {width} by '
+                          f'{width}')
+    return [row for row in np.reshape(listed, (-1, width)).tolist() if any(row[1:])]
 
 
 def _natural_curvature(values: Values) -> Expanded | list[float]:

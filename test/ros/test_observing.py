@@ -19,8 +19,7 @@ from dlo_planner import (
     Uncertainty,
 )
 from dlo_planner.identify.observing import Observing, Seeing, Swing, motion_at
-from dlo_planner.ros.camera import observing_of
-from dlo_planner.ros.identifying import identified, told
+from dlo_planner.ros.estimate import identified, observing_of, told
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
 

@@ -7,8 +7,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dlo_planner.ros.overrides import take_overrides
-from dlo_planner.ros.parameters import declare
+from dlo_planner.ros.parameters import declare, take_overrides
 from dlo_planner.settings.entries import ENTRIES
 from dlo_planner.settings.names import unknown_parameter
 

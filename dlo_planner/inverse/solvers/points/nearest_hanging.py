@@ -9,7 +9,7 @@ import numpy as np
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import gripper_answers, node_twists, twists_inside
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import CONVERGED, MAX_ITERATIONS, TOLERANCE, hanging_shape
+from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hanging_shape
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, with_gripper
 from dlo_planner.inverse.solvers.points.aims import Aims, fill_misses, fill_slopes, inside
@@ -26,6 +26,7 @@ from dlo_planner.inverse.solvers.points.nearest import (
     step_within_ball,
 )
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.convergence import CONVERGED
 from dlo_planner.minimize.newton import NEUTRAL, Workspace, new_workspace, thorough
 from dlo_planner.minimize.solve import solve_step
 from dlo_planner.model.arrays import Floats

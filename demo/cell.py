@@ -23,13 +23,13 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path as PathMsg
 from rclpy.qos import qos_profile_sensor_data
 
+from demo.child import child
+from demo.client import PlannerClient
+from demo.figures import Watched, save_cell
 from dlo_planner.execute.execution import ACTIVE
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.child import child
-from dlo_planner.ros.client import PlannerClient
-from dlo_planner.ros.demo_figures import Watched, save_cell
-from dlo_planner.ros.qos import LATCHED
+from dlo_planner.ros.managed import LATCHED
 from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_from_msg
 

@@ -13,6 +13,8 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
+from demo.client import PlannerClient, drained
+from demo.follower import Follower
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.potential import evaluate, unknowns_of
@@ -21,8 +23,6 @@ from dlo_planner.execute.execution import ACTIVE
 from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.client import PlannerClient, drained
-from dlo_planner.ros.follower import Follower
 from msg_helpers.poses import pose_from_msg
 
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))

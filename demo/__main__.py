@@ -15,23 +15,17 @@ from subprocess import Popen
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.model.arrays import Floats
-from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
-from dlo_planner.ros.child import child
-from dlo_planner.ros.client import PlannerClient
-from dlo_planner.ros.demo_cell import RADIUS, close_the_loop, installed
-from dlo_planner.ros.demo_figures import (
+from demo.cell import RADIUS, close_the_loop, installed
+from demo.child import child
+from demo.client import PlannerClient
+from demo.figures import (
     Executed,
     save_moving,
     save_threading,
     save_turning,
     save_two,
 )
-from dlo_planner.ros.demo_measures import (
+from demo.measures import (
     GOAL,
     away_from,
     executed,
@@ -40,6 +34,12 @@ from dlo_planner.ros.demo_measures import (
     received_residual,
     times_and_poses,
 )
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
 from msg_helpers.paths import poses_from_path
 
 # Benchmark C of the paper: 180 degrees in 10-degree steps and back, 36 positions after the first.

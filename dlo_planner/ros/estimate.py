@@ -1,12 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The closed loop in the node: what a tracker of the DLO publishes becomes an estimate.
-
-It corrects what is executed, and by `~/identify` the parameters.
-"""
+"""What is seen of the DLO: an estimate of it, by which motions are corrected, or the parameters."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from threading import Lock
 from typing import Any
@@ -35,15 +32,12 @@ from dlo_planner.identify.observing import Observing, Swing, deviation
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.door import named, pose_in
-from dlo_planner.ros.frames import OneFrame
-from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.identifying import identified, told
-from dlo_planner.ros.parts import Parts
-from dlo_planner.ros.planning import Made
-from dlo_planner.ros.qos import LATEST, REQUEST
+from dlo_planner.ros.drive import room_of
+from dlo_planner.ros.inputs import OneFrame, named, pose_in
+from dlo_planner.ros.managed import LATEST, REQUEST, Gate
 from dlo_planner.ros.scene import Scene
-from dlo_planner.ros.state import State
+from dlo_planner.ros.state import Made, State
+from dlo_planner.ros.status import Parts
 from dlo_planner.view.dlo_items import drawn_radius
 from msg_helpers.clouds import points_from_cloud
 from msg_helpers.markers import estimate_markers
@@ -262,7 +256,7 @@ class Camera:
         bound = aimed.bound_before if reason else aimed.bound
         if left > 0:
             self._health.expected(bound + moving)
-        room = room_in(scene)
+        room = room_of(made)
         barred = '' if room is None else kept_out(bound, room, left, moving)
         if barred:
             self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
@@ -332,14 +326,6 @@ def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
     return made
 
 
-def room_in(scene: Scene) -> float | None:
-    """Return by how much the DLO may miss a cut-out without touching it, m; None: not known."""
-    thick = scene.direct.rod.radius or 0.0
-    if scene.cutout_radius is None or not isinstance(thick, float):
-        return None
-    return scene.cutout_radius - thick
-
-
 def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Floats:
     """Return the points (n, 3), m, of a PointCloud2 in the scene's frame.
 
@@ -361,3 +347,66 @@ def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Fl
 
 def _seconds(stamp: Time) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
+
+
+_MOST_POISSON = 0.5
+_SECTIONS = 'youngs_modulus', 'density'
+_STIFFNESSES = 'bending_stiffness', 'mass_per_length'
+
+
+def identified(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters (name -> value) that change by an Estimate.
+
+    Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Estimate of the DLO that `values` describe.
+    values : dict
+        dict of all parameters, see `ros.parameters`.
+    """
+    uncertain, z = estimate.uncertain, estimate.mean
+    (twist, bend, _), mass = uncertain.factors(z)
+    terms = uncertain.terms(z)
+    sized = values['rod.section'] != 'stiffness'
+    stiffness, weight = (f'rod.{name}' for name in (_SECTIONS if sized else _STIFFNESSES))
+    out = {stiffness: _times(values[stiffness], bend), weight: _times(values[weight], mass),
+           'rod.tip_mass': values['rod.tip_mass'] * mass,
+           'rod.length': float(values['rod.length'] + uncertain.part(z, 'length', 1)[0]),
+           'rod.natural_curvature': (np.array(values['rod.natural_curvature'])
+                                     + terms[0]).tolist(),
+           'rod.natural_curvature_terms': _sum(values['rod.natural_curvature_terms'], terms[1:])}
+    if sized:
+        ratio = (1 + values['rod.poisson_ratio']) * bend / twist - 1
+        out['rod.poisson_ratio'] = float(min(ratio, _MOST_POISSON))
+    else:
+        out['rod.torsional_stiffness'] = float(values['rod.torsional_stiffness'] * twist)
+    tool = Pose(values['tool.position'], values['tool.orientation']).compose(
+        estimate.gripper_offset)
+    return out | {'tool.position': tool.position.tolist(),
+                  'tool.orientation': tool.quaternion.tolist()}
+
+
+def told(estimate: Estimate) -> str:
+    """Return in a sentence what an Estimate says: the numbers that were told by what was seen."""
+    values, deviations = estimate.values, estimate.deviations
+    prior = dict(zip(estimate.names, estimate.uncertain.deviations.tolist(), strict=True))
+    said = [f'{name} {values[name]:+.3g} +- {deviations[name]:.1g}' for name in estimate.names
+            if deviations[name] < 0.7 * prior[name]]
+    return (f'{estimate.looks} looks, points {1e3 * estimate.misfit:.2g} mm off, '
+            f'{estimate.outliers:.0%} of them outliers: {", ".join(said) or "nothing told"}')
+
+
+def _times(value: Any, factor: float) -> Any:
+    return [float(factor * part) for part in value] if isinstance(value, list) else float(
+        factor * value)
+
+
+def _sum(known: Sequence[float], terms: Floats) -> list[float]:
+    """Return the sum of pairs that follow each other and of rows (n, 2), as pairs in a row."""
+    pairs = np.asarray(known, dtype=float).reshape(-1, 2)
+    out = np.zeros((max(len(pairs), len(terms)), 2))
+    out[:len(pairs)] += pairs
+    out[:len(terms)] += terms
+    return out.ravel().tolist()
