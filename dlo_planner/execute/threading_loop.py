@@ -367,7 +367,7 @@ class ThreadingLoop:
         self._ended = np.inf  # stamp at which the last motion began, had it gone on evenly
         self._left = 0.0  # m of swing that the motion to the standoff leaves
         self._stands = here  # where the gripper does while nothing is executed
-        self._shaken = False  # whether the DLO may swing, so that it is no use to look at it
+        self._may_swing = False  # whether the DLO may swing, so that it is no use to look at it
         self._rests = self._sees = -np.inf  # stamps: since it does, and when that is looked at
         self._factor = STATED  # what is known of the frequencies of the DLO
         self._delay = 0.0  # s, from a command until the DLO is seen to answer
@@ -492,7 +492,7 @@ class ThreadingLoop:
     def _look(self, time: float) -> None:
         """Go on looking, anew where looks disagree, it swings, or nothing was seen all the time."""
         loop, observing = self._loop, self.observing
-        if self._shaken:
+        if self._may_swing:
             self._to(self._swinging(time), time)
             return
         since = loop.calm if loop.since is not None else time
@@ -506,7 +506,7 @@ class ThreadingLoop:
 
     def _rest(self, since: float) -> None:
         """Look only at how the DLO swings, from a time (s) on, since which the gripper stands."""
-        self._shaken, self._rests, self._sees = True, since, since + _SEEING
+        self._may_swing, self._rests, self._sees = True, since, since + _SEEING
         self.observing.reopen(np.inf)
 
     def _swinging(self, time: float) -> ClosedLoop:
@@ -526,7 +526,7 @@ class ThreadingLoop:
             if seen.amplitude > most:  # it has to come to rest by itself
                 self._rests, self._sees = time, time + _SEEING
                 return loop
-        self._shaken = False
+        self._may_swing = False
         self.observing.reopen(time)
         return replace(loop, doubted=time)
 
