@@ -73,7 +73,7 @@ class Calming:
         """
         slowest = float(2 * np.pi / vibration.rates.min())
         windows = np.full(3, np.clip(_WIDTH * slowest, 0.02, 5.0))
-        begins: Floats = _APART * slowest * np.arange(_PULSES)
+        begins = _APART * slowest * np.arange(_PULSES, dtype=float)
         lasts = _LASTS * _APART * slowest
         duration = float(begins[-1] + lasts + windows.sum())
         answers = _answers(vibration, begins, lasts, windows, duration)
