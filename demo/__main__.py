@@ -40,6 +40,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.settings.yaml_files import config_file
 from msg_helpers.paths import poses_from_path
 
 # Benchmark C of the paper: 180 degrees in 10-degree steps and back, 36 positions after the first.
@@ -79,7 +80,8 @@ def wire(diameter: float) -> Rod:
 def planner_process(domain: int, directory: str) -> AbstractContextManager[Popen[bytes]]:
     """Return a context in which the planner node runs in a ROS domain of its own: its Popen."""
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': str(directory)}
-    return child('dlo_planner.ros.planner_node', '--ros-args', '-p',
+    return child('dlo_planner.ros.planner_node', '--ros-args', '--params-file',
+                 str(config_file('copper_wire')), '-p',
                  f'threading.waypoints:={WAYPOINTS}', '-p', f'threading.deepest:={DEEPEST}',
                  env=environment)
 

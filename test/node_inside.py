@@ -7,7 +7,7 @@ import time
 from contextlib import contextmanager
 
 import rclpy
-from planner_process import PATIENCE, ROOM
+from planner_process import PATIENCE, ROOM, WIRE
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker
 
@@ -27,7 +27,7 @@ def served_node(overrides=OVERRIDES):
     """Yield a PlannerNode with parameters (name -> value) that is served by a thread."""
     context = rclpy.Context()
     rclpy.init(context=context)
-    planner = PlannerNode(context=context, parameter_overrides=[
+    planner = PlannerNode(context=context, cli_args=['--ros-args', *WIRE], parameter_overrides=[
         Parameter(name, value=value) for name, value in overrides.items()])
     executor = PatientExecutor(8, context=context)
     executor.add_node(planner)

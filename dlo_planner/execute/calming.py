@@ -74,8 +74,8 @@ class Calming:
             By how much the gripper may be displaced, m.
         """
         slowest = float(2 * np.pi / vibration.rates.min())
-        windows = np.full(3, np.clip(_WIDTH * slowest, 0.02, 5.0))
-        begins = _APART * slowest * np.arange(_PULSES, dtype=float)
+        windows: Floats = np.full(3, float(np.clip(_WIDTH * slowest, 0.02, 5.0)))
+        begins: Floats = _APART * slowest * np.arange(float(_PULSES))
         lasts = _LASTS * _APART * slowest
         duration = float(begins[-1] + lasts + windows.sum())
         answers = _answers(vibration, begins, lasts, windows, duration)

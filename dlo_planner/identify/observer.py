@@ -15,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
@@ -23,10 +22,10 @@ from dlo_planner.identify.looking import Own
 from dlo_planner.identify.memory import Memory, RobotError
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.smoothing import Search, estimate_of, memory_of
-from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.model.checks import array, instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
+from dlo_planner.verify.uncertain import Uncertain
 from dlo_planner.verify.uncertainty import Uncertainty
 
 _LONGER = 5.0  # standard deviations of the length by which an arc length may exceed it
@@ -80,7 +79,6 @@ class Observer(Value):
     sway: float
     robot: RobotError
 
-    @renamed_arguments(spread='uncertainty')
     def __init__(self, simulator: DirectSimulator | Rod, uncertainty: Uncertainty, *,
                  noise: float = 0.001, bias: float = 0.0, cutout: float = 0.0,
                  outliers: float = 0.1, sway: float = 0.0, robot_position: float = 0.0,

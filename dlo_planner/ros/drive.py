@@ -51,14 +51,15 @@ def threading_of(made: Made) -> Threading | None:
     plan, scene, task = made.plan, made.scene, made.task
     if not isinstance(task, Thread) or not (room_of(made) or 0.0) > 0:
         return None
-    passing = np.array([bool(passes) for passes in plan.via_points])
+    passing = [bool(passes) for passes in plan.via_points]
     depths = plan.depths[passing]
     if not depths.size:
         return None
     if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
         depths = np.append(0.0, depths)
-    stops = [task.cutout.normal @ (task.cutout.center - plan.shapes[k].positions[-1])
-             for k in plan.stops if not passing[k]]
+    normal = task.cutout.pose.direction
+    stops = [normal @ (task.cutout.center - plan.shapes[k].positions[-1]) for k in plan.stops
+             if not passing[k]]
     standoff = scene.standoff if scene.standoff > 0 else float(
         max(stops, default=0.0)) or _STANDOFF * scene.direct.rod.length
     return Threading(scene.inverse, task.cutout, depths, standoff, scene.limits)

@@ -8,25 +8,93 @@ from math import isnan
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.model.checks import vector
-from dlo_planner.model.rod import Rod, with_plug
+from dlo_planner.model.checks import choice, vector
+from dlo_planner.model.rod import Rod, Surface, with_plug
 from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.varying import Expanded
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
+from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.names import unknown_parameter
 from dlo_planner.verify.uncertainty import Uncertainty
 
-SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
+# What describes a DLO of each section; none of it has a default that could be meant.
+_SOLID = ('density', 'youngs_modulus', 'poisson_ratio')
+NEEDED = {
+    'round': ('length', 'diameter', *_SOLID),
+    'tube': ('length', 'diameter', 'inner_diameter', *_SOLID),
+    'rectangular': ('length', 'width', 'thickness', *_SOLID),
+    'stiffness': ('length', 'diameter', 'mass_per_length', 'bending_stiffness',
+                  'torsional_stiffness')}
+SECTIONS = tuple(NEEDED)
+_BY_SECTION = {'yield_stress': ('round', 'tube', 'rectangular'),
+               'yield_curvature': ('stiffness',), 'yield_torsion': ('stiffness',)}
+_THICK = 0.1           # of the length: the model leaves out shear
+_LIMP = 1e6            # w L^3 / EI: of what bends so easily
+_LIGHT = 10.0          # kg/m^3
 _FINEST = 1e-6         # accuracy, of the length: a shape takes less than a second
 _MOST_TOLERANCE = 1.0  # m
 _MOST_GRAVITY = 1e4    # m/s^2
 
 Values = Mapping[str, Any]  # of all names in ENTRIES
+
+
+def check_described(given: Iterable[str], section: str) -> None:
+    """Refuse a DLO that is described in part: no other DLO's numbers stand in for its own.
+
+    Parameters
+    ----------
+    given : iterable of str
+        Names of the parameters that were given.
+    section : str
+        Value of rod.section.
+
+    Raises
+    ------
+    InvalidTask
+        A parameter rod.* does not exist, or one that the section needs was not given.
+    """
+    given = set(given)
+    for name in sorted(given):
+        if name.startswith('rod.') and name not in ENTRIES:
+            raise InvalidTask(unknown_parameter(name, ENTRIES))
+    absent = [f'rod.{name}' for name in NEEDED[choice('parameter rod.section', section, SECTIONS)]
+              if f'rod.{name}' not in given]
+    if absent:
+        raise InvalidTask(f'parameter {", ".join(absent)}: expected, a DLO of rod.section '
+                          f'{section!r} is not described without (config/ has files of some)')
+
+
+def without_effect(section: str) -> set[str]:
+    """Return the names of the parameters that say nothing of a DLO of this section."""
+    others = {name for names in NEEDED.values() for name in names} - set(NEEDED[section])
+    others |= {name for name, sections in _BY_SECTION.items() if section not in sections}
+    return {f'rod.{name}' for name in others}
+
+
+def doubts(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> list[str]:
+    """Return what of a Rod is probably not meant, or beyond the model, as warnings."""
+    middle = [0.5 * rod.length]
+    thickness = 2 * Surface.of(rod).radius
+    weight = float(rod.masses_per_length(middle)[0] * np.linalg.norm(gravity))
+    limpness = weight * rod.length**3 / rod.stiffnesses(middle)[0, 1:].min()
+    density = 0.0 if rod.section is None else rod.masses_per_length(middle)[0] / rod.section.area
+    found = []
+    if thickness > _THICK * rod.length:
+        found.append(f'{thickness:g} m thick, {rod.length:g} m long: the model, which leaves out '
+                     'shear, is for what is ten times as long as thick')
+    if limpness > _LIMP:
+        found.append(f'w L^3 / EI = {limpness:.3g}: it hangs like a chain; is its stiffness in Pa '
+                     'or N m^2?')
+    if 0 < density < _LIGHT:
+        found.append(f'density {density:.3g} kg/m^3: lighter than any solid; is it in kg/m^3?')
+    return [f'rod: {one}' for one in found]
 
 
 def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:

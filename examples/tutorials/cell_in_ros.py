@@ -15,12 +15,14 @@ import rclpy
 
 from dlo_planner import CutOut, Pose, Thread
 from dlo_planner.ros.client import DloCommander
+from dlo_planner.settings.yaml_files import config_file
 from msg_helpers.paths import poses_from_path
 
 
 def main():
     """Start a node, use it, and return what it said."""
     node = subprocess.Popen([sys.executable, '-m', 'dlo_planner.ros.main', '--ros-args',
+                             '--params-file', str(config_file('copper_wire')),
                              '-p', 'rod.diameter:=0.0015', '-p', 'rod.length:=1.0'])
     rclpy.init()
     robot = DloCommander()

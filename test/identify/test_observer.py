@@ -24,8 +24,8 @@ from dlo_planner import (
 )
 from dlo_planner.identify.memory import Consistency
 from dlo_planner.identify.predicted_miss import PredictedMiss, _bound, crossing
-from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
+from dlo_planner.verify.response import node_slopes
 
 CURLY = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), tip_mass=0.01,
             point_masses=((0.6, 0.01),), natural_twist=0.3)

@@ -1,0 +1,658 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Shape and contact forces at once: a semismooth Newton method (Alart and Curnier 1991).
+
+With the compliance of the DLO at its contacts, from solves with Newton's Hessian, all multipliers
+follow to first order: no gap where it bears, no sliding where it sticks, mu times the force where
+it slides. Where that cannot be trusted each multiplier becomes the force that it has (augmented
+Lagrangian).
+
+In `semismooth_newton` the springs of contacts push with the forces themselves, whatever their gaps
+are, so that a gap of the start is closed by the forces and not fought by the springs. It begins
+where a DLO that goes on bearing would be carried by its gripper. What it finds is a start: the
+minimizer alone tells whether something else touches, and whether the shape falls.
+"""
+
+import numpy as np
+
+from dlo_planner.energy.ccd import sweeps_through
+from dlo_planner.energy.contact import ContactSet, trial_traction
+from dlo_planner.energy.gap import closest_point, near_nodes, next_touching, node_gap
+from dlo_planner.energy.inertia import is_drawn
+from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
+from dlo_planner.energy.problem import hinged, new_configuration, with_gripper
+from dlo_planner.energy.scene import translated
+from dlo_planner.energy.terms import forbids, row_count
+from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
+from dlo_planner.geometry.record import put_sum
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_table import (
+    kkt_residual,
+    touching,
+    update_friction,
+    with_contacts,
+    with_springs,
+)
+from dlo_planner.minimize.dense import softly_solved
+from dlo_planner.minimize.hessian import (
+    assemble,
+    factorize,
+    is_definite,
+    largest_turn,
+    new_hessian,
+    solve,
+)
+from dlo_planner.minimize.newton import HELD_NEUTRAL
+
+_SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
+_REFINED = 2      # times: what is soft counts a thousandth as much after each
+_CHANGES = 8      # times that contacts are let go or taken back
+_FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
+_TOILS = 2        # rounds in vain, after which what is soft goes with its forces
+_FARTHEST_TURN = 0.3  # rad: the same, of what a node turns by
+_STEPS = 12
+_LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
+_FALLS = 0.5         # of the error before: what falls less does not converge
+_STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
+_GRACE = 3           # first steps, in which it may do so
+_HARDLY = 1e-9       # of its springs' force: what a contact that begins to bear pushes with
+
+
+@kernel
+def update_multipliers(system, state, table, share, q, vain):
+    """Move the multipliers of `system`, in place, to what the laws ask for.
+
+    After some rounds in vain q (m, 3) goes with them: what is soft, like the plane in which a
+    column buckles, would go anywhere on its way to where the new multipliers belong.
+
+    Args:
+        state, table: Configuration and Touching at the minimum for the present multipliers
+        share: of the way from the forces as they are to those of the linearized laws
+        q: unknowns of `state`
+        vain: rounds in vain; after some what is neutral may stay so, too, see `_stands`
+
+    Returns
+    -------
+        whether these are known
+    """
+    normal, shear = _forces(table, state)
+    used = share > 0.0 and table.gap.size > 0
+    if used:
+        target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
+        step = np.empty_like(q)
+        used = complementarity_step(system, state, table, hessian, used, vain > _TOILS, target,
+                                    across, step)
+        if used:
+            there = new_configuration(system)
+            put_sum(q, share, step, there.q)
+            evaluate(system, there)
+            if (vain > _TOILS and largest_turn(system, hessian, step) < _FARTHEST_TURN
+                    and not forbids(system.effects, system, state, there)):
+                q[:] = there.q
+            for a in range(table.gap.size):
+                normal[a] += share * (target[a] - normal[a])
+                for i in range(3):
+                    shear[a, i] += share * (across[a, i] - shear[a, i])
+    _put_forces(system, table, normal, shear)
+    return used
+
+
+@kernel
+def _forces(table, state):
+    """Return the forces of the contacts in a table: normal (A,) and across (A, 3), N."""
+    shear = np.zeros((table.gap.size, 3))
+    for a in range(table.gap.size):
+        if table.rubbing[a] >= 0:
+            shear[a] = state.attached.force[table.rubbing[a]]
+    return table.force.copy(), shear
+
+
+@kernel
+def _put_forces(system, table, normal, shear):
+    """Make forces, normal (A,) and across (A, 3), the multipliers of `system`, in place."""
+    contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
+    contacts.node[:] = 0.0
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            contacts.multiplier[c] = 0.0
+    for a in range(table.gap.size):
+        o, e, c = table.obstacle[a], table.element[a], table.rubbing[a]
+        force = max(0.0, normal[a])
+        if table.inside[a] < 0:
+            contacts.node[o, e + 1] = force
+        else:
+            contacts.multiplier[table.inside[a]] = force
+        if c >= 0:
+            limit = friction[o] * force
+            contacts.multiplier[c] = limit
+            size = max(limit, np.sqrt(np.sum(shear[a] ** 2)))
+            for i in range(3):
+                contacts.shear[c, i] = shear[a, i] * limit / size if size > 0.0 else 0.0
+
+
+@kernel
+def complementarity_step(system, state, table, hessian, fresh, neutral, normal, shear, step):
+    """Fill the forces that satisfy the linearized laws, and the step to where they do.
+
+    Args:
+        hessian: filled if `fresh`; else that of a Configuration nearby, factorized
+        neutral: whether it need not be definite, see `_stands`
+        normal: (A,), shear: (A, 3) the forces as they are; filled where it can be trusted
+        step: (m, 3) filled
+
+    Returns
+    -------
+        whether it can
+    """
+    contacts = system.effects.contact.contacts
+    if fresh:
+        assemble(system, state, hessian)
+        if not _stands(system, hessian, neutral):
+            return False
+    count = table.gap.size
+    first = np.empty(count, dtype=np.int64)  # row of the normal; of a friction's two, the next
+    size = 0
+    for a in range(count):
+        first[a] = size
+        size += 1 if table.rubbing[a] < 0 else 3
+    axes, laws = np.zeros((size, 3)), np.zeros((size, 3))
+    linearize_contact_law(system, state, table, first, axes, laws)
+    loads, answers = _answers(system, state, hessian, table, first, axes)
+    compliance = _products(loads, answers)
+    shift = np.zeros(size)  # of the limits, to those of the multipliers as they are
+    for a in range(count):
+        if table.rubbing[a] >= 0 and laws[first[a] + 1, 0] > 0.0:
+            shift[first[a] + 1] = laws[first[a] + 1, 2] * contacts.stiffness * table.gap[a]
+    gradient = state.gradient.copy().reshape(-1)
+    free = np.empty(size)
+    for i in range(size):
+        free[i] = -np.sum(answers[i] * gradient) - np.sum(compliance[i] * shift)
+    reaction = _reaction(compliance, table, first, laws)
+    matrix, right, soft = _equations(system, table, first, laws, reaction, free)
+    known, change = _pushing_only(system, table, first, normal, (matrix, right, soft))
+    if not known:
+        return False  # what slides does so by itself: no multipliers hold it there
+    farthest = _FARTHEST * np.sum(system.lengths)
+    for i in range(size):
+        if not abs(free[i] - np.sum(reaction[i] * change)) < farthest:
+            return False
+    for a in range(count):
+        i = first[a]
+        normal[a] += contacts.stiffness * table.gap[a] + change[i]
+        if table.rubbing[a] >= 0:
+            for j in range(3):
+                shear[a, j] = (contacts.shear[table.rubbing[a], j] + change[i + 1] * axes[i + 1, j]
+                               + change[i + 2] * axes[i + 2, j])
+    solve(system, hessian, state.gradient, step)
+    _add_answers(table, first, laws, shift, change, answers, step)
+    return True
+
+
+@kernel
+def _stands(system, hessian, neutral):
+    """Factorize an assembled Hessian; return whether it is definite, but for what is `neutral`.
+
+    Newton's method finds what is neutral nearby; a descent goes far along it, in many short steps.
+    """
+    if factorize(system, hessian, 0.0) > 0:
+        if not (neutral and is_definite(system, hessian, HELD_NEUTRAL)):
+            return False
+        factorize(system, hessian, 0.0)
+    return True
+
+
+@kernel
+def _pushing_only(system, table, first, normal, equations):
+    """Return whether there are changes (K,) of the multipliers; in motion no contact pulls then.
+
+    Contacts side by side depend on each other: with no gap at any of them, some would pull as hard
+    as others push. One that pulls is let go, one let go that is pressed in bears again (primal-dual
+    active set method: Hintermueller, Ito and Kunisch 2002): its spring has no force there.
+
+    Args:
+        normal: (A,) forces as they are; equations: `_equations` of contacts that all bear
+    """
+    matrix, right, soft = equations
+    k, times = system.effects.contact.contacts.stiffness, _refinements(system)
+    bears = np.ones(table.gap.size, dtype=np.bool_)
+    known, change = softly_solved(matrix.copy(), right, soft, times)
+    # at rest a row of contacts shares its friction, which would leave with one let go
+    for turn in range(_CHANGES if is_drawn(system.effects.anchor) else 0):
+        if not known:
+            break
+        same = True
+        rows, sides, shared = matrix.copy(), right.copy(), soft.copy()
+        for a in range(table.gap.size):
+            i = first[a]
+            multiplier = normal[a] + k * table.gap[a]
+            pressed = right[i] + soft[i] * change[i]  # -k times the gap there
+            for j in range(change.size):
+                pressed -= matrix[i, j] * change[j]
+            # after some turns nothing bears again: so they come to an end
+            stays = multiplier + change[i] >= 0.0 if bears[a] else (
+                pressed > 0.0 and turn < _CHANGES // 2)
+            same = same and stays == bears[a]
+            bears[a] = stays
+            if not stays:
+                for j in range(change.size):
+                    rows[i, j] = -matrix[i, j]
+                rows[i, i] += 1.0 + soft[i]
+                sides[i] = -multiplier - right[i]
+                shared[i] = 0.0
+        if same:
+            break
+        known, change = softly_solved(rows, sides, shared, times)
+    return known, change
+
+
+@kernel
+def _refinements(system):
+    """Return how often what is soft is taken away: not between two grips, where all depend."""
+    if row_count(system.needs.border) > 0 or hinged(system):
+        return 0
+    return _REFINED
+
+
+@kernel
+def _add_answers(table, first, laws, shift, change, answers, step):
+    """Complete the step (m, 3), negated so far, by what the changes of the multipliers do."""
+    part = shift.copy()
+    for a in range(table.gap.size):
+        i = first[a]
+        part[i] -= change[i]
+        if table.rubbing[a] >= 0:
+            if laws[i + 1, 0] > 0.0:
+                part[i + 1] += laws[i + 1, 2] * change[i]
+            else:
+                part[i + 1] += change[i + 1]
+            part[i + 2] += laws[i + 1, 1] * change[i + 2]
+    for e in range(step.shape[0]):
+        for j in range(3):
+            total = -step[e, j]
+            for i in range(part.size):
+                total -= part[i] * answers[i, 3 * e + j]
+            step[e, j] = total
+
+
+@kernel
+def linearize_contact_law(system, state, table, first, axes, laws):
+    """Fill axes (K, 3): normal, direction of friction, third; and laws (K, 3) of the friction.
+
+    Laws: in the second row whether it slides, the limit's part of the trial force, mu; in the third
+    the multiplier's components along both axes and the trial force.
+    """
+    contacts = system.effects.contact.contacts
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for a in range(table.gap.size):
+        i, c = first[a], table.rubbing[a]
+        n = table.normal[a]
+        axes[i] = n
+        if c < 0:
+            continue
+        point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                     contacts.element[c], contacts.fraction[c], rotation, x)
+        size = trial_traction(contacts, c, x, trial)
+        limit = contacts.multiplier[c]
+        slides = size > limit
+        if slides:
+            axes[i + 1] = trial / size
+        else:
+            least = np.argmin(np.abs(n))
+            axes[i + 1, least] = 1.0
+            axes[i + 1] -= n[least] * n
+            axes[i + 1] /= np.sqrt(np.sum(axes[i + 1] ** 2))
+        for j in range(3):
+            axes[i + 2, j] = (n[(j + 1) % 3] * axes[i + 1, (j + 2) % 3]
+                              - n[(j + 2) % 3] * axes[i + 1, (j + 1) % 3])
+        laws[i + 1, 0] = 1.0 if slides else 0.0
+        laws[i + 1, 1] = limit / size if slides else 1.0
+        laws[i + 1, 2] = system.effects.contact.scene.friction[table.obstacle[a]]
+        laws[i + 2, 0] = np.sum(contacts.shear[c] * axes[i + 1])
+        laws[i + 2, 1] = np.sum(contacts.shear[c] * axes[i + 2])
+        laws[i + 2, 2] = np.sum(trial * axes[i + 1])
+        if not slides:
+            laws[i + 1, 2] = np.sum(trial * axes[i + 2])
+
+
+@kernel
+def _answers(system, state, hessian, table, first, axes):
+    """Return (K, 3 m) unit forces at the contacts along `axes`, as loads, and what they answer."""
+    size, m = axes.shape[0], state.q.shape[0]
+    loads, answers = np.empty((size, 3 * m)), np.empty((size, 3 * m))
+    load, answer, none = np.empty((m, 3)), np.empty((m, 3)), np.zeros(3)
+    for a in range(table.gap.size):
+        for i in range(first[a], first[a] + (1 if table.rubbing[a] < 0 else 3)):
+            # friction acts at the axis
+            unit_load(system, state, hessian, table.element[a], table.fraction[a],
+                      table.arm[a] if i == first[a] else none, axes[i], load)
+            solve(system, hessian, load, answer)
+            loads[i], answers[i] = load.reshape(-1), answer.reshape(-1)
+    return loads, answers
+
+
+@kernel
+def unit_load(system, state, hessian, element, fraction, beside, axis, load):
+    """Fill load (m, 3): change of the displacement along `axis` of a point, by the unknowns.
+
+    Args:
+        beside: (3,) m, of the point from the DLO's axis
+    """
+    n = system.lengths.size
+    rows = np.zeros((n, 3))
+    part, arm = np.empty((6, 3)), np.empty(3)
+    part_of_element(system.lengths[element], fraction, state.strains[element],
+                    system.scale[element], state.rotations[element], part, arm)
+    moment = np.empty(3)
+    for i in range(3):
+        arm[i] += state.positions[element, i] + beside[i]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        moment[i] = arm[j] * axis[k] - arm[k] * axis[j]
+    for e in range(element):
+        for j in range(3):
+            for k in range(3):
+                rows[e, j] += (hessian.twist_jacobian[e, k, j] * moment[k]
+                               + hessian.twist_jacobian[e, 3 + k, j] * axis[k])
+    for j in range(3):
+        for k in range(3):
+            one, other = (k + 1) % 3, (k + 2) % 3
+            moved = part[3 + k, j] + part[one, j] * beside[other] - part[other, j] * beside[one]
+            rows[element, j] += moved * axis[k]
+    project(system.basis, rows, load)
+
+
+@kernel
+def _products(loads, answers):
+    """Return (K, K), symmetric: the displacement of each contact by a unit force at each other."""
+    size = loads.shape[0]
+    products = np.empty((size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            total = 0.0
+            for u in range(loads.shape[1]):
+                total += loads[j, u] * answers[i, u]
+            products[i, j] = products[j, i] = total
+    return products
+
+
+@kernel
+def _reaction(compliance, table, first, laws):
+    """Return (K, K): the displacements at the contacts against changes of the multipliers."""
+    reaction = np.empty_like(compliance)
+    for a in range(table.gap.size):
+        i = first[a]
+        reaction[:, i] = -compliance[:, i]
+        if table.rubbing[a] >= 0:
+            slides = laws[i + 1, 0] > 0.0
+            if slides:
+                reaction[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
+            reaction[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
+            reaction[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
+    return reaction
+
+
+@kernel
+def _equations(system, table, first, laws, reaction, free):
+    """Return matrix (K, K), right side (K,) for the changes of the multipliers, what is soft (K,).
+
+    Args:
+        reaction: (K, K) displacement of the contacts against such changes
+        free: (K,) displacement that the gradient left over makes
+    """
+    size = free.size
+    k, grip = system.effects.contact.contacts.stiffness, system.effects.contact.contacts.grip
+    matrix, right, soft = np.zeros((size, size)), np.empty(size), np.zeros(size)
+    for a in range(table.gap.size):
+        i, c = first[a], table.rubbing[a]
+        matrix[i] = -k * reaction[i]
+        soft[i] = _SOFT
+        right[i] = -k * (table.gap[a] + free[i])
+        if c < 0:
+            continue
+        limit = system.effects.contact.contacts.multiplier[c]
+        along, across, trial = laws[i + 2]
+        part = laws[i + 1, 1]
+        if laws[i + 1, 0] > 0.0:
+            matrix[i + 1, i + 1] = 1.0
+            matrix[i + 1, i] = -laws[i + 1, 2]
+            # the limit is that of the force here; the multiplier's change counts from m
+            right[i + 1] = limit - along + laws[i + 1, 2] * k * table.gap[a]
+            matrix[i + 2] = grip * part * reaction[i + 2]
+            matrix[i + 2, i + 2] += 1.0 - part
+            right[i + 2] = -across + grip * part * free[i + 2]
+        else:
+            for j, slid in ((1, trial - along), (2, laws[i + 1, 2] - across)):
+                matrix[i + j] = grip * reaction[i + j]
+                soft[i + j] = _SOFT
+                right[i + j] = slid + grip * free[i + j]
+    for i in range(size):
+        matrix[i, i] += soft[i]
+    return matrix, right, soft
+
+
+@kernel
+def carried(system, base, slid, strains, twist):
+    """Return whether a DLO that goes on bearing follows its gripper, and its unknowns (m, 3) there.
+
+    To first order, and if nothing is in the way.
+
+    Args:
+        system: Problem in the gripper after, its contacts those before
+        base: (3, 3) the gripper's rotation before
+        slid: (C, 3) m, by how much points have slid: those go on sliding
+        strains: (N, 3) in equilibrium, before
+        twist: (6,) rotation in rad about the gripper and displacement in m, world
+    """
+    before, lengths = _before(system, base, slid, twist), system.lengths
+    state, after = new_configuration(before), new_configuration(system)
+    unknowns_of(system, strains, state.q)
+    evaluate(before, state)
+    hessian = new_hessian(before)
+    assemble(before, state, hessian)
+    if not _stands(before, hessian, strains.size > 0):
+        return False, state.q
+    loads, step, load = np.zeros_like(strains), np.empty_like(state.q), np.empty_like(state.q)
+    for e in range(strains.shape[0]):
+        for i in range(3):
+            for column in range(hessian.cross.shape[2]):
+                loads[e, i] -= hessian.cross[e, i, column] * twist[column]
+    project(system.basis, loads, load)
+    solve(before, hessian, load, step)
+    if not largest_turn(before, hessian, step) < _LARGEST_TURN:
+        return False, state.q
+    put_sum(state.q, 1.0, step, after.q)
+    _place(system, after)
+    for k in range(state.positions.shape[0]):
+        for i in range(3):
+            state.positions[k, i] -= twist[3 + i]
+    met = sweeps_through(system.effects.contact.scene, lengths, state.strains, state.rotations,
+                         state.positions, after.rotations, after.positions)
+    return not met, after.q
+
+
+@kernel
+def _before(system, base, slid, twist):
+    """Return the Problem before its gripper has moved by a twist.
+
+    What slides goes on along its way, and is held back across it as in the step before: friction
+    has the direction of the whole step's way. Without it a DLO may slip aside that does not.
+    """
+    now, shift = system.effects.contact.contacts, twist[3:].copy()
+    contacts = ContactSet(now.stiffness, now.node, now.element, now.obstacle, now.multiplier,
+                          now.fraction, now.anchor + shift - slid, now.normal, now.shear, now.grip)
+    moved = with_contacts(system, contacts, translated(system.effects.contact.scene, -shift))
+    return with_gripper(moved, base, system.origin - shift)
+
+
+@kernel
+def semismooth_newton(system, q, tolerance, exact, previous):
+    """Return whether it is found, and what is known of it then.
+
+    Args:
+        q: (m, 3) start; the Problem's multipliers are the forces there
+        tolerance: of the residual; exact: of gaps, m
+        previous: as of `constrained_newton`
+
+    Returns
+    -------
+        whether, Configuration, residual, violation, Problem with the forces, Hessian,
+        factorized where the DLO has turned since by so many rad, steps made
+    """
+    loaded, turned, before = system, np.inf, np.inf
+    begin, hessian = new_configuration(system), new_hessian(system)
+    begin.q[:] = q
+    neutral = turned > 0.0  # literals would be compiled for by themselves
+    if not _bears(system.effects.contact.contacts):
+        return False, begin, np.inf, np.inf, system, hessian, turned, 0
+    _place(system, begin)
+    state, step = begin, np.empty_like(q)
+    last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
+                    begin)
+    for steps in range(_STEPS):
+        loaded = _loaded(loaded, state, previous, exact)
+        state, residual, table, violation = kkt_residual(loaded, state.q)
+        if table.gap.size == 0:
+            break
+        normal, shear = _forces(table, state)
+        if residual < tolerance and violation < exact:
+            return (not forbids(system.effects, system, begin, state), state, residual, violation,
+                    loaded, hessian, turned, steps)
+        wrong = max(residual / tolerance, violation / exact)
+        same = _same(table, last)
+        if steps >= _GRACE and same and not wrong < _FALLS * before:
+            break
+        before, last = wrong, table
+        # near the end the factorization before is as good; what slides turns its friction
+        fresh = (not same or not _STALE * turned * residual < tolerance
+                 or np.max(table.rubbing) >= 0)
+        if not complementarity_step(loaded, state, table, hessian, fresh, neutral, normal, shear,
+                                    step):
+            break
+        turn = largest_turn(loaded, hessian, step)
+        turned = turn if fresh else turned + turn
+        _put_forces(loaded, table, normal, shear)
+        put_sum(state.q, 1.0, step, state.q)
+        _place(loaded, state)
+    return False, state, np.inf, np.inf, system, hessian, turned, _STEPS
+
+
+@kernel
+def _same(table, other):
+    """Whether the same points bear."""
+    same = table.gap.size == other.gap.size
+    for a in range(table.gap.size if same else 0):
+        same = same and (table.obstacle[a] == other.obstacle[a]
+                         and table.inside[a] == other.inside[a]
+                         and (table.inside[a] >= 0 or table.element[a] == other.element[a]))
+    return same
+
+
+@kernel
+def correction(system, strains, positions):
+    """Return how far, in m, a step of `semismooth_newton` moves nodes where elements are halved.
+
+    Infinite where there is no such step. Friction is that of the Problem's contacts.
+
+    Args:
+        strains: (n, 3), positions: (n + 1, 3) from the gripper, m: of the DLO with n elements
+    """
+    twice, state = np.empty((2 * strains.shape[0], 3)), new_configuration(system)
+    for e in range(twice.shape[0]):
+        twice[e] = strains[e // 2]
+    unknowns_of(system, twice, state.q)
+    _place(system, state)
+    loaded = _loaded(system, state, np.zeros((0, 6)), np.inf)
+    state, _, table, _ = kkt_residual(loaded, state.q)
+    normal, shear = _forces(table, state)
+    step = np.zeros_like(state.q)
+    touches = table.gap.size > 0
+    if not touches or not complementarity_step(loaded, state, table, new_hessian(system), touches,
+                                               not touches, normal, shear, step):
+        return np.inf
+    if not np.min(normal) > 0.0:
+        return np.inf
+    state.q[:] += step
+    _place(loaded, state)
+    farthest = 0.0
+    for k in range(positions.shape[0]):
+        away = 0.0
+        for i in range(3):
+            away += (state.positions[2 * k, i] - positions[k, i]) ** 2
+        farthest = max(farthest, away)
+    return np.sqrt(farthest)
+
+
+@kernel
+def _place(system, state):
+    """Refill strains, rotations and positions of `state` for its q, and nothing else."""
+    values = at_elements(system.basis, state.q)
+    for e in range(system.lengths.size):
+        for i in range(3):
+            state.strains[e, i] = system.natural[e, i] + system.scale[e, i] * values[e, i]
+    forward_kinematics(system.lengths, state.strains, system.base, state.rotations, state.positions,
+                       state.arcs)
+
+
+@kernel
+def _bears(contacts):
+    """Whether any force of contact is known."""
+    for o in range(contacts.node.shape[0]):
+        for k in range(contacts.node.shape[1]):
+            if contacts.node[o, k] > 0.0:
+                return True
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0 and contacts.multiplier[c] > 0.0:
+            return True
+    return False
+
+
+@kernel
+def _loaded(system, state, previous, exact):
+    """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
+
+    What has none does not push. Where nodes bear, and no point rolls, those begin to that are
+    pressed in by more than `exact`, m. Friction is that of the contacts there.
+    """
+    given = system.effects.contact.contacts
+    contacts = with_springs(given, 0.0, given.node.copy(), given.multiplier.copy())
+    if len(previous):
+        contacts = update_friction(system, contacts, state, previous)
+    scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths
+    x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    for o in range(scene.kind.size):
+        node, last, longest = near_nodes(scene, o, state.strains)
+        deep = np.inf if _rolls(contacts, o) else k * exact
+        while node <= last:
+            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
+                           hessian)
+            contacts.node[o, node] = _pushing(contacts.node[o, node], k * gap, deep)
+            node = next_touching(lengths, contacts.node[o], node, gap * longest)
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
+                                      state.positions, normal, hessian)
+            contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap, np.inf)
+    contacts = with_springs(contacts, k, contacts.node, contacts.multiplier)
+    return with_contacts(system, contacts, scene)
+
+
+
+@kernel
+def _rolls(contacts, o):
+    """Whether a point that rolls is watched against body `o`: nodes beside it have no say."""
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] == o and contacts.fraction[c] == 0.0:
+            return True
+    return False
+
+
+@kernel
+def _pushing(force, yielded, deep):
+    """Return the multiplier with which a spring that has lost the force `yielded` has a force.
+
+    What is pressed in by more than `deep` (N) bears from now on: with a force that counts for
+    nothing, the laws tell it (primal-dual active set method).
+    """
+    if force > 0.0:
+        return force + yielded
+    return (1.0 - _HARDLY) * yielded if yielded < -deep else min(0.0, yielded)
