@@ -26,7 +26,7 @@ KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
 .PHONY: demo test oldest newest bench figures validation bench-check cell soak docs check lint types imports lock clean
 demo: $(VENV)/compiled
-	$(RUN) -m dlo_planner.ros.demo
+	$(RUN) -m demo
 
 test: check $(VENV)/compiled
 	$(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time'

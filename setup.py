@@ -79,12 +79,12 @@ setup(
     install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.62,<0.69', 'toppra>=0.6',
                       'click>=8.1', 'pyyaml>=6.0.1'],
     extras_require={
-        'figures': ['matplotlib>=3.8'],
+        'figures': ['matplotlib>=3.6'],
         'arm': ['pin>=3'],
         'view': ['viser>=1.1'],
         'cluster': ['distributed>=2024.1'],
         'peers': ['mujoco', 'pyelastica', 'cosseratbench', 'matplotlib'],
-        'cell': ['mujoco>=3.13', 'matplotlib>=3.8'],
+        'cell': ['mujoco>=3.13', 'matplotlib>=3.6'],
         'docs': ['sphinx>=7', 'furo', 'myst-parser', 'sphinx-copybutton', 'latex2mathml'],
         'test': ['pytest', 'pytest-xdist>=3.7', 'pytest-rerunfailures', 'hypothesis',
                  'import-linter', 'ros-domain-coordinator', 'playwright', 'mypy', 'ruff', 'build',
@@ -99,7 +99,6 @@ setup(
         (f'lib/{NAME}', sorted(glob('scripts/*'))),
     ],
     entry_points={
-        'cosseratbench.solvers': [f'{NAME} = dlo_planner.cosserat.solver:DloPlanner'],
         'console_scripts': [
             'dlo-planner = dlo_planner.cli.main:main',
         ],

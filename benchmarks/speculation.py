@@ -27,8 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from dlo_planner import DirectSimulator, Pose, Rod, parallel  # noqa: E402
 from dlo_planner.direct.simulator import Prescribed, motion_by  # noqa: E402
-from dlo_planner.parallel.rounds import Rounds  # noqa: E402
-from dlo_planner.parallel.speculation import AheadStepper, Tracker  # noqa: E402
+from dlo_planner.parallel.speculation import AheadStepper, Rounds, Tracker  # noqa: E402
 from dlo_planner.parallel.workers import Crew  # noqa: E402
 from dlo_planner.progress import Progress  # noqa: E402
 

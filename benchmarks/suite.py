@@ -101,7 +101,7 @@ def main(folder):
         return
     from cosseratbench import registry  # noqa: PLC0415
 
-    from dlo_planner.cosserat.solver import DloPlanner  # noqa: PLC0415
+    from benchmarks.cosserat.solver import DloPlanner  # noqa: PLC0415
 
     kept = folder / 'suite.json'
     said = json.loads(kept.read_text()) if kept.exists() else {'suite': {}, 'machine': {}}

@@ -7,7 +7,6 @@ for: all of them take a second, in which a node that is only being started could
 """
 
 import ast
-import warnings
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -17,12 +16,6 @@ if TYPE_CHECKING:
     from dlo_planner.public import *  # noqa: F403
 
 __version__ = '0.1.0'  # the one place; package.xml and CITATION.cff repeat it, a test compares
-
-
-_RENAMED = {'tolerance': 'robustness', 'Tolerance': 'Robustness',
-            'minimise_penalty': 'minimize_penalty', 'Found': 'PenaltyResult',
-            'joined': 'concatenate', 'Report': 'ValidationReport',
-            'Spread': 'Uncertainty'}  # gone after the next version
 
 
 @cache
@@ -39,10 +32,6 @@ def _homes() -> dict[str, str]:
 def __getattr__(name: str) -> Any:
     if name.startswith('__') and name != '__all__':
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    if name in _RENAMED:
-        warnings.warn(f'dlo_planner.{name} is now dlo_planner.{_RENAMED[name]}', DeprecationWarning,
-                      stacklevel=2)
-        name = _RENAMED[name]
     home = import_module(_homes().get(name, 'dlo_planner.public'))
     if name != '__all__' and home.__name__ == 'dlo_planner.public' and name not in home.__all__:
         if name in globals():  # a subpackage, which is imported by now

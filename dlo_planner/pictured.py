@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shorthands of answers: to see them, to read them as a table, to hand them on as plain Python.
 
-`Shape`, `Plan`, `Motion` and `ValidationReport` are made far below the room that draws them, and
-need it only when they are looked at. So the drawing is a plug-in, as in pandas: the module named by
-BACKEND, found by its name when a method is called.
+Answers are made far below the room that draws them, and need it only when they are looked at.
+So the drawing is a plug-in, as in pandas: the module named by BACKEND, found by its name when a
+method is called; so is the writing of files, by STORAGE.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Self, cast
 
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.plain import plain
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 
 BACKEND = 'dlo_planner.view.looks'
+STORAGE = 'dlo_planner.inverse.plain_tasks'
 
 
 def _looks() -> Any:
@@ -73,6 +74,31 @@ class Reported(Summarized):
             Matplotlib is not installed.
         """
         return _looks().plot(self, ax=ax)
+
+
+class Answer(Reported):
+    """A value with figures that is kept in a file."""
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write it as JSON, all numbers exactly; each value in it names its class under `type`.
+
+        Raises
+        ------
+        InvalidTask
+            Nothing can be written there, or it holds a function.
+        """
+        import_module(STORAGE).write_value(path, self)
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Self:
+        """Return what was saved at `path`.
+
+        Raises
+        ------
+        InvalidTask
+            Not such a file; the message names it.
+        """
+        return cast(Self, import_module(STORAGE).read_value(path, cls))
 
 
 class Pictured(Summarized):

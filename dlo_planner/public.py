@@ -26,15 +26,6 @@ from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.predicted_miss import PredictedMiss
 from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.identify.steering import Steered
-from dlo_planner.inverse.keep_tangent import KeepTangent
-from dlo_planner.inverse.penalties import (
-    AwayFrom,
-    BentAtMost,
-    DirectionAt,
-    GripperNear,
-    PositionAt,
-    Through,
-)
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.solvers.search import PenaltyResult, minimize_penalty
 from dlo_planner.inverse.tasks import (
@@ -57,6 +48,16 @@ from dlo_planner.model.varying import Piecewise
 from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.plan.assembly import concatenate
+from dlo_planner.plan.goals import (
+    AwayFrom,
+    BentAtMost,
+    DirectionAt,
+    FrameAt,
+    GripperNear,
+    KeepTangent,
+    PositionAt,
+    Through,
+)
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan, PlanStatus
@@ -68,14 +69,14 @@ from dlo_planner.verify.robustness import Robustness, robustness
 from dlo_planner.verify.uncertainty import Uncertainty
 
 __all__ = ['Approach', 'AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact',
-           'Correction', 'CutOut', 'Cylinder', 'DeadlineExceeded', 'DirectSimulator', 'DirectionAt',
-           'DloPlannerError', 'Estimate', 'FarEnd', 'Fit', 'GraspedInside', 'GripperNear',
-           'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
-           'KeepTangent', 'Limits', 'Minimize', 'Modes', 'Motion', 'NotConverged', 'Observation',
-           'ObservedMotion', 'Observer', 'PenaltyResult', 'Phase', 'Piecewise', 'Plan',
-           'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt', 'PredictedMiss',
-           'Requirements', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes', 'Sheet',
-           'SlideContact', 'Sphere', 'Steered', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Through',
-           'Trajectory', 'Uncertainty', 'ValidationReport', 'Workspace', 'concatenate', 'correct',
-           'fit_rod', 'gripper_at', 'minimize_penalty', 'modes_along', 'replay', 'robustness',
-           'solve_many', 'with_plug']
+           'Correction', 'CutOut', 'Cylinder', 'DeadlineExceeded', 'DirectSimulator',
+           'DirectionAt', 'DloPlannerError', 'Estimate', 'FarEnd', 'Fit', 'FrameAt',
+           'GraspedInside', 'GripperNear', 'HoldContact', 'Infeasible', 'Insert', 'InvalidRod',
+           'InvalidTask', 'InverseSimulator', 'KeepTangent', 'Limits', 'Minimize', 'Modes',
+           'Motion', 'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'PenaltyResult',
+           'Phase', 'Piecewise', 'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt',
+           'PredictedMiss', 'Requirements', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes',
+           'Sheet', 'SlideContact', 'Sphere', 'Steered', 'Thread', 'ThreadSequence', 'ThreadTwo',
+           'Through', 'Trajectory', 'Uncertainty', 'ValidationReport', 'Workspace', 'concatenate',
+           'correct', 'fit_rod', 'gripper_at', 'minimize_penalty', 'modes_along', 'replay',
+           'robustness', 'solve_many', 'with_plug']

@@ -23,7 +23,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'docs')]
 import dlo_planner  # noqa: E402  (of these sources, whatever else is installed)
 
 project = 'dlo_planner'
-author = 'dlo_planner maintainers'
+author = 'the dlo_planner contributors'
 copyright = f'2026, {author}'
 version = release = dlo_planner.__version__
 

@@ -4,20 +4,22 @@
 
 Tutorials are scripts (`examples/tutorials/*.py`), which the tests run. Comments after `# %%` become
 text, the rest code. The gallery shows the picture of each other example beside its script. The
-layers come from the import rules in `pyproject.toml`, the parameters of the node from the table
-that declares them. CONTRIBUTING, the changelog and the
-declaration of quality are copied, so that the folder of the site is complete in itself, as rosdoc2
-needs it.
+parameters of the node come from the table that declares them. CONTRIBUTING and the changelog are
+copied, so that the folder of the site is complete in itself, as rosdoc2 needs it.
 """
 
 import ast
 import re
-import tomllib
 from pathlib import Path
 
 from dlo_planner.settings.entries import ENTRIES, Entry
 
-COPIES = ('CONTRIBUTING.md', 'CHANGELOG.rst', 'QUALITY_DECLARATION.md')
+COPIES = ('CONTRIBUTING.md', 'CHANGELOG.rst')
+TUTORIALS = {  # page -> scripts
+    'predict_and_identify': ('predict', 'identify'), 'thread': ('thread', 'two_holes'),
+    'contact': ('contact',), 'calm_motion_and_closed_loop': ('calm_motion', 'closed_loop'),
+    'cell_in_ros': ('cell_in_ros',), 'own_task_and_penalty': ('own_task', 'own_penalty'),
+    'many_tasks': ('many_tasks',)}
 
 
 def cells(script: str) -> list[tuple[str, str]]:
@@ -31,13 +33,14 @@ def cells(script: str) -> list[tuple[str, str]]:
     return found
 
 
-def tutorial_page(path: Path) -> str:
-    """Return a tutorial as Markdown; its first cell begins with the title."""
+def tutorial_page(paths: list[Path]) -> str:
+    """Return tutorials as one page of Markdown; the first cell of each begins with its title."""
     parts = []
-    for text, code in cells(path.read_text()):
-        parts += [text] * bool(text) + [f'```python\n{code}\n```'] * bool(code)
-    return '\n\n'.join([*parts, f'*This page is the script `examples/tutorials/{path.name}`. '
-                                'The tests run it.*']) + '\n'
+    for path in paths:
+        for text, code in cells(path.read_text()):
+            parts += [text] * bool(text) + [f'```python\n{code}\n```'] * bool(code)
+        parts.append(f'*The script `examples/tutorials/{path.name}`; the tests run it.*')
+    return '\n\n'.join(parts) + '\n'
 
 
 def gallery(root: Path) -> str:
@@ -53,36 +56,6 @@ def gallery(root: Path) -> str:
                   f'<details><summary>examples/{path.name}</summary>',
                   f'```python\n{text}```', '</details>']
     return '\n\n'.join(parts) + '\n'
-
-
-def layers_page(root: Path) -> str:
-    """Return a page with the layers, drawn from the rules that hold them."""
-    rules = tomllib.loads((root / 'pyproject.toml').read_text())['tool']['importlinter']
-    rows = [[name.strip().removeprefix('dlo_planner.') for name in row.split('|')]
-            for row in rules['contracts'][0]['layers']]
-    others = '\n'.join(f'* {contract["name"]}' for contract in rules['contracts'][1:])
-    return ('# Layers\n\nA package may import what stands below it, and nothing else. '
-            'The picture is drawn from the\nrules in `pyproject.toml`, which a test holds.\n\n'
-            '```{raw} html\n'
-            f'{layers_drawing(rows)}\n```\n\nAlso:\n\n{others}\n\nWhat each package is for: '
-            f'[CONTRIBUTING](CONTRIBUTING.md).\n')
-
-
-def layers_drawing(rows: list[list[str]]) -> str:
-    """Return rows of names as an SVG of boxes."""
-    width, height, gap = 720, 34, 6
-    boxes = []
-    for k, row in enumerate(rows):
-        each = (width - gap * (len(row) - 1)) / len(row)
-        for j, name in enumerate(row):
-            x, y = j * (each + gap), k * (height + gap)
-            boxes.append(f'<rect x="{x:.0f}" y="{y}" width="{each:.0f}" height="{height}" rx="5" '
-                         'fill="none" stroke="currentColor"/>'
-                         f'<text x="{x + each / 2:.0f}" y="{y + height * 0.64:.0f}" '
-                         f'text-anchor="middle" fill="currentColor" font-size="14">{name}</text>')
-    total = len(rows) * (height + gap)
-    return (f'<svg viewBox="-1 -1 {width + 2} {total + 2}" role="img" '
-            f'aria-label="layers of the package">{"".join(boxes)}</svg>')
 
 
 def parameters_page() -> str:
@@ -119,11 +92,11 @@ def make(app) -> None:
     root = Path(__file__).resolve().parent.parent
     folder = Path(app.srcdir) / 'made'
     folder.mkdir(exist_ok=True)
-    pages = {path.with_suffix('.md').name: tutorial_page(path)
-             for path in sorted((root / 'examples' / 'tutorials').glob('[a-z]*.py'))}
+    scripts = root / 'examples' / 'tutorials'
+    pages = {f'{page}.md': tutorial_page([scripts / f'{name}.py' for name in names])
+             for page, names in TUTORIALS.items()}
     pages |= {name: copied(root / name) for name in COPIES if (root / name).exists()}
-    pages |= {'gallery.md': gallery(root), 'layers.md': layers_page(root),
-              'parameters.md': parameters_page()}
+    pages |= {'gallery.md': gallery(root), 'parameters.md': parameters_page()}
     for old in folder.iterdir():
         if old.name not in pages:
             old.unlink()

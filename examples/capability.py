@@ -60,7 +60,7 @@ def main():
     outcomes, counts = np.unique(found.outcome, return_counts=True)
     print(', '.join(f'{outcome} {count}' for outcome, count in zip(outcomes, counts, strict=True)))
     for quantity in ('share', 'stability'):
-        picture = parallel.slices(found, 'y', quantity)
+        picture = found.plot(axis='y', quantity=quantity)
         picture.savefig(folder / f'capability_{quantity}.png', dpi=100)
 
 

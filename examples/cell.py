@@ -10,7 +10,6 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import matplotlib
-import numpy as np
 
 matplotlib.use('Agg')
 from matplotlib import pyplot as plt  # noqa: E402  the backend has to be chosen first
@@ -28,6 +27,7 @@ from dlo_planner import (  # noqa: E402
     Sheet,
     Uncertainty,
     Workspace,
+    concatenate,
     replay,
     robustness,
 )
@@ -38,24 +38,6 @@ HOLE = CutOut(Pose.looking_along((0.0, 0.0, 1.0), (1, 0, 0)), radius=0.012)
 NOW = Pose.looking_along((-0.9, 0.35, 1.15), (1.0, 0.0, 0.1))
 SPREAD = Uncertainty(bending_stiffness=0.01, mass=0.005, length=5e-4, natural_curvature=5e-3,
                 gripper_position=0.3e-3, gripper_rotation=1e-3)
-
-
-def draw(axis, plan, number, sheet, post):
-    """Draw some shapes from above the plane x-z, and what stands in the cell."""
-    for k in np.linspace(0, len(plan) - 1, number).round().astype(int):
-        points = plan.shapes[k].positions
-        axis.plot(points[:, 0], points[:, 2], color=plt.get_cmap('viridis')(k / len(plan)), lw=1)
-    way = np.array([gripper.position for gripper in plan.grippers])
-    axis.plot(way[:, 0], way[:, 2], 'k.-', ms=3, lw=0.8, label='gripper')
-    for side in (-1, 1):
-        ends = [1 + side * HOLE.radius, 1 + side * sheet.height / 2]
-        axis.plot([0, 0], ends, color='k', lw=3)
-    low, size = post.pose.position - post.size / 2, post.size
-    axis.add_patch(plt.Rectangle((low[0], low[2]), size[0], size[2], color='tab:red', alpha=0.4,
-                                 label='keep out'))
-    axis.set(aspect='equal', xlabel='x [m]', ylabel='z [m]')
-    axis.grid(alpha=0.3)
-    axis.legend(fontsize=8)
 
 
 def main():
@@ -88,23 +70,14 @@ def main():
     print(f'under the spreads, {off.worst} hurts most; {100 * off.success:.0f} % of the '
           'samples pass without touching the rim')
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(13, 4.6), layout='constrained')
-    draw(left, way, 6, sheet, post)
-    draw(left, plan, 9, sheet, post)
-    left.legend(*(both[:2] for both in left.get_legend_handles_labels()), fontsize=8)
-    left.set_title('from where the gripper is, through the sheet', fontsize=10)
-    used = off.by_cause.max(axis=0) > 0
-    for name, column in zip(np.array(off.causes)[used], off.by_cause[:, used].T,
-                            strict=True):
-        right.plot(plan.depths, 1e3 * column, label=name.replace('_', ' '))
-    right.plot(plan.depths, 1e3 * off.first_order, 'k', lw=2, label='all')
-    right.plot(plan.depths, 1e3 * np.sqrt((off.sampled**2).mean(axis=0)), 'k:', lw=2,
-               label='all, 200 samples')
-    right.plot(plan.depths, 1e3 * plan.clearances[:, 0, 0], 'r--', label='room at the rim')
-    right.set(xlabel='depth [m]', ylabel='miss, root mean square [mm]', ylim=(0, None))
-    right.grid(alpha=0.3)
-    right.legend(fontsize=8)
-    right.set_title('what uncertainty makes of it', fontsize=10)
+    figure = plt.figure(figsize=(13, 5))
+    cell_view = figure.add_axes((0.0, 0.0, 0.52, 1.0), projection='3d')
+    concatenate(way, plan).plot(ax=cell_view, obstacles=[post])
+    cell_view.set_title('past a post that the gripper keeps away from, through the sheet',
+                        fontsize=10, y=0.88)
+    off.plot(ax=figure.add_axes((0.59, 0.12, 0.39, 0.76)))
+    figure.axes[-1].set_title(f'what uncertainty makes of it: {off.success:.0%} get through',
+                              fontsize=10)
     figure.savefig(folder / 'cell.png', dpi=100)
 
 

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.model.checks import instance, integer, items
+from dlo_planner.model.checks import instance, items
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.dlo_items import (
@@ -27,7 +27,6 @@ from dlo_planner.view.scene_items import cutout_items, margin_items, obstacle_it
 from msg_helpers.marker_items import deleting_marker, markers_from_items
 
 _MOST = 10_000  # markers
-SOLID = tuple(one for one in OBSTACLES if one not in (Plane, Sheet))
 _COMMAND = 0.1  # m, axes of the command: longer than those of the gripper
 
 
@@ -161,25 +160,17 @@ def estimate_markers(shape: Shape, radius: float | None, points: ArrayLike, fram
     return markers_from_items(estimate_items(shape, radius, points), frame_id, stamp)
 
 
-def obstacle_markers(obstacles: Iterable[Obstacle], before: int, frame_id: str,
-                     stamp: Time) -> MarkerArray:
-    """Return MarkerArray: obstacles that are solid bodies, half transparent.
+def obstacle_markers(obstacles: Iterable[Obstacle], frame_id: str, stamp: Time) -> MarkerArray:
+    """Return MarkerArray: obstacles, half transparent.
 
     Parameters
     ----------
     obstacles : Iterable
-        Obstacles of `model.obstacles`, but no Plane and no Sheet.
-    before : int
-        How many have been shown before, so that those too many disappear.
+        Obstacles of `model.obstacles`.
     frame_id : str
         Frame id of the world.
     stamp : Time
         builtin_interfaces/Time.
     """
-    obstacles = items('obstacles', obstacles, SOLID)
-    before = integer('before', before, minimum=0, maximum=_MOST)
-    instance('stamp', stamp, Time)
-    bodies = [item for item in obstacle_items(obstacles) if item.group == 'obstacle']
-    markers = markers_from_items(bodies, frame_id, stamp).markers
-    return MarkerArray(markers=markers + [deleting_marker('obstacle', index, frame_id, stamp)
-                                          for index in range(len(obstacles), before)])
+    drawn = obstacle_items(items('obstacles', obstacles, OBSTACLES))
+    return markers_from_items(drawn, frame_id, instance('stamp', stamp, Time))

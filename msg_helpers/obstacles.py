@@ -1,26 +1,64 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""visualization_msgs -> obstacles, as RViz shows them."""
+"""visualization_msgs <-> obstacles, as RViz shows them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import instance, shown
-from dlo_planner.model.obstacles import Box, Capsule, Sphere
-from msg_helpers.poses import pose_from_msg
+from dlo_planner.model.checks import choice, instance, items, number, shown
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import (
+    OBSTACLES,
+    Box,
+    Capsule,
+    Cylinder,
+    Obstacle,
+    Plane,
+    Sheet,
+    Sphere,
+)
+from dlo_planner.model.pose import Pose
+from dlo_planner.settings.guarded_yaml import load_yaml, yaml_of
+from msg_helpers.poses import header, pose_from_msg, pose_msg
 
 _ALIKE = 1e-6  # relative: sizes that count as the same
+_LONGEST = 10_000  # characters of a text
+_ROLES = ('all', 'workspace only')
+_ENDS = ('flat', 'round')
+_SAID = ('friction', 'role', 'ends', 'cutouts')  # what the text of a marker may say
 
 
-def obstacles_after(known: Mapping[tuple[str, int], Box | Capsule | Sphere], msg: MarkerArray,
-                    frame_id: str, name: str) -> dict[tuple[str, int], Box | Capsule | Sphere]:
-    """Return the dict of obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
+class Body(NamedTuple):
+    """An obstacle that a marker describes.
 
-    CUBE is a Box, SPHERE a Sphere, CYLINDER the Capsule around it (its ends are round and stand out
-    by the radius). DELETE takes one away, DELETEALL all (of a namespace, if one is named).
+    Attributes
+    ----------
+    obstacle : Obstacle
+    friction : float or None
+        Coulomb's coefficient; None: the marker says nothing of it.
+    role : str
+        'all': for the DLO and the gripper, 'workspace only': for the gripper.
+    """
+
+    obstacle: Obstacle
+    friction: float | None = None
+    role: str = 'all'
+
+
+def obstacles_after(known: Mapping[tuple[str, int], Body], msg: MarkerArray, frame_id: str,
+                    name: str) -> dict[tuple[str, int], Body]:
+    """Return the dict of bodies, by (namespace, id), after a visualization_msgs/MarkerArray.
+
+    CUBE is a Box, SPHERE a Sphere, CYLINDER a Cylinder, ARROW the Plane from whose surface it
+    stands out. The text of a marker is empty, or YAML that says more: `{friction: 0.3}`, `{role:
+    workspace only}`, `{ends: round}` (of a cylinder: a Capsule), `{cutouts: [{y: 0, z: 0, radius:
+    0.01}]}` (of a cube: a Sheet, whose thickness is along x). DELETE takes one away, DELETEALL all
+    (of a namespace, if one is named). Those of role 'workspace only' come last.
 
     Parameters
     ----------
@@ -54,29 +92,127 @@ def obstacles_after(known: Mapping[tuple[str, int], Box | Capsule | Sphere], msg
                 raise InvalidTask(f'{where}.header.frame_id = {shown(marker.header.frame_id)}: '
                                   f'expected {frame_id!r}')
             try:
-                after[marker.ns, marker.id] = _obstacle(marker)
+                after[marker.ns, marker.id] = _body(marker)
             except InvalidTask as error:
                 raise InvalidTask(f'{where}: {error}') from None
         else:
             raise InvalidTask(f'{where}.action = {marker.action}: expected ADD, DELETE or '
                               'DELETEALL')
-    return after
+    return dict(sorted(after.items(), key=lambda item: item[1].role != 'all'))
 
 
-def _obstacle(marker: Marker) -> Box | Capsule | Sphere:
+def obstacles_msg(obstacles: Iterable[Obstacle], frame_id: str, stamp: Time | None = None,
+                  friction: float | None = None) -> MarkerArray:
+    """Return the MarkerArray that `obstacles_after` reads: all before go, these come.
+
+    Parameters
+    ----------
+    obstacles : iterable of obstacle
+    frame_id : str
+        Frame id of the world.
+    stamp : Time, optional
+        builtin_interfaces/Time. If None, zero.
+    friction : float, optional
+        Of all of them. If None, each has its own.
+    """
+    markers = [Marker(header=header(frame_id, stamp), action=Marker.DELETEALL)]
+    for index, one in enumerate(items('obstacles', obstacles, OBSTACLES)):
+        kind, pose, size, said = _drawn(one)
+        said['friction'] = one.friction if friction is None else number('friction', friction,
+                                                                       minimum=0)
+        marker = Marker(header=header(frame_id, stamp), ns='obstacles', id=index, type=kind,
+                        action=Marker.ADD, pose=pose_msg(pose), text=yaml_of(said))
+        marker.scale.x, marker.scale.y, marker.scale.z = map(float, size)
+        marker.color.r = marker.color.g = marker.color.b = marker.color.a = 0.5
+        markers.append(marker)
+    return MarkerArray(markers=markers)
+
+
+def _drawn(obstacle: Obstacle) -> tuple[int, Pose, Iterable[float], dict[str, Any]]:
+    """Return type, pose and scale of the marker of an obstacle, and what its text has to say."""
+    if isinstance(obstacle, Box):
+        return Marker.CUBE, obstacle.pose, obstacle.size, {}
+    if isinstance(obstacle, Sphere):
+        return Marker.SPHERE, Pose(obstacle.center, (0, 0, 0, 1)), (2 * obstacle.radius,) * 3, {}
+    if isinstance(obstacle, Plane):
+        return Marker.ARROW, Pose.looking_along(obstacle.point, obstacle.normal), (0.1,) * 3, {}
+    if isinstance(obstacle, Sheet):
+        local = [(obstacle.pose.inverse().compose(one.pose), one) for one in obstacle.cutouts]
+        cutouts = [{'y': float(pose.position[1]), 'z': float(pose.position[2]), **{
+            name: value for name in ('radius', 'width', 'height')
+            if (value := getattr(one, name)) is not None}} for pose, one in local]
+        return Marker.CUBE, obstacle.pose, (max(obstacle.thickness, 1e-9), obstacle.width,
+                                            obstacle.height), {'cutouts': cutouts}
+    along = obstacle.end - obstacle.start
+    pose = Pose.looking_along(0.5 * (obstacle.start + obstacle.end), along)
+    return Marker.CYLINDER, Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]]), (
+        2 * obstacle.radius, 2 * obstacle.radius, float(np.linalg.norm(along))), {
+            'ends': 'round'} if isinstance(obstacle, Capsule) else {}
+
+
+def _body(marker: Marker) -> Body:
+    said = _said(marker.text)
+    friction = said.get('friction')
+    if friction is not None:
+        friction = number('text: friction', friction, minimum=0)
+    return Body(_obstacle(marker, said, friction or 0.0), friction,
+                choice('text: role', said.get('role', 'all'), _ROLES))
+
+
+def _said(text: str) -> dict[str, Any]:
+    """Return what the text of a marker says, name -> value."""
+    if not text.strip():
+        return {}
+    if len(text) > _LONGEST:
+        raise InvalidTask(f'text has {len(text)} characters: expected {_LONGEST} at most')
+    said = load_yaml(text, 'text')
+    if not isinstance(said, dict) or not said.keys() <= set(_SAID):
+        raise InvalidTask(f'text = {shown(text)}: expected none, or YAML with some of '
+                          f'{", ".join(_SAID)}, as {{friction: 0.3}}')
+    return said
+
+
+def _obstacle(marker: Marker, said: Mapping[str, Any], friction: float) -> Obstacle:
     pose = pose_from_msg(marker.pose)
     x, y, z = size = np.array([marker.scale.x, marker.scale.y, marker.scale.z])
+    for key, kind, called in (('ends', Marker.CYLINDER, 'cylinder'),
+                              ('cutouts', Marker.CUBE, 'cube')):
+        if key in said and marker.type != kind:
+            raise InvalidTask(f'text: {key} = {shown(said[key])}: expected of a {called} alone')
+    if marker.type == Marker.ARROW:
+        if marker.points:
+            raise InvalidTask('points: expected none, an arrow by its pose: a plane at its '
+                              'beginning, solid behind it')
+        return Plane(pose.position, pose.direction, friction)
     if not (np.isfinite(size).all() and (size > 0).all()):
         raise InvalidTask(f'scale = {size.tolist()}: expected three numbers above 0 m')
     if marker.type == Marker.CUBE:
-        return Box(pose, size)
+        if 'cutouts' in said:
+            return Sheet(pose, y, z, x, _cutouts(pose, said['cutouts']), friction)
+        return Box(pose, size, friction)
     if marker.type == Marker.SPHERE:
         if np.ptp(size) > _ALIKE * x:
             raise InvalidTask(f'scale = {size.tolist()}: expected three times the same, a sphere')
-        return Sphere(pose.position, x / 2)
+        return Sphere(pose.position, x / 2, friction)
     if marker.type == Marker.CYLINDER:
         if abs(x - y) > _ALIKE * x:
             raise InvalidTask(f'scale = {size.tolist()}: expected a round cylinder, x = y')
         along = 0.5 * z * pose.rotation[:, 2]
-        return Capsule(pose.position - along, pose.position + along, x / 2)
-    raise InvalidTask(f'type = {marker.type}: expected CUBE, SPHERE or CYLINDER')
+        kind = Capsule if choice('text: ends', said.get('ends', 'flat'),
+                                 _ENDS) == 'round' else Cylinder
+        return kind(pose.position - along, pose.position + along, x / 2, friction)
+    raise InvalidTask(f'type = {marker.type}: expected CUBE, SPHERE, CYLINDER or ARROW (a plane)')
+
+
+def _cutouts(pose: Pose, given: Any) -> list[CutOut]:
+    """Return the CutOuts of a sheet at a Pose, of what its text says of them."""
+    cutouts = []
+    for index, one in enumerate(instance('text: cutouts', given, list)):
+        name = f'text: cutouts[{index}]'
+        if not isinstance(one, dict) or not one.keys() <= {'y', 'z', 'radius', 'width', 'height'}:
+            raise InvalidTask(f'{name} = {shown(one)}: expected y, z and radius, or width and '
+                              'height')
+        sizes = dict(one)
+        at = [number(f'{name}.{axis}', sizes.pop(axis, 0.0)) for axis in 'yz']
+        cutouts.append(CutOut(pose.compose(Pose((0.0, *at), (0.0, 0.0, 0.0, 1.0))), **sizes))
+    return cutouts

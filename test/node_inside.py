@@ -7,12 +7,12 @@ import time
 from contextlib import contextmanager
 
 import rclpy
-from planner_process import PATIENCE, ROOM
+from planner_process import PATIENCE, ROOM, WIRE
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker
 
 from dlo_planner import Pose
-from dlo_planner.ros.executor import PatientExecutor
+from dlo_planner.ros.managed import PatientExecutor
 from dlo_planner.ros.planner_node import PlannerNode
 from msg_helpers.poses import pose_msg
 
@@ -27,7 +27,7 @@ def served_node(overrides=OVERRIDES):
     """Yield a PlannerNode with parameters (name -> value) that is served by a thread."""
     context = rclpy.Context()
     rclpy.init(context=context)
-    planner = PlannerNode(context=context, parameter_overrides=[
+    planner = PlannerNode(context=context, cli_args=['--ros-args', *WIRE], parameter_overrides=[
         Parameter(name, value=value) for name, value in overrides.items()])
     executor = PatientExecutor(8, context=context)
     executor.add_node(planner)

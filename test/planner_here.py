@@ -7,12 +7,12 @@ import time
 from threading import Thread
 
 import rclpy
-from planner_process import PATIENCE
+from planner_process import PATIENCE, WIRE
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dlo_planner.ros import planner_node
-from dlo_planner.ros.executor import PatientExecutor
+from dlo_planner.ros.managed import PatientExecutor
 
 
 @contextlib.contextmanager
@@ -41,7 +41,7 @@ def planner_here(monkeypatch, context, *arguments, warm_up=lambda: None, **value
         monkeypatch.setattr(planner_node, name, int)
     overrides = [Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]
     node = planner_node.PlannerNode(context=context, parameter_overrides=overrides,
-                                    cli_args=['--ros-args', *arguments] if arguments else None)
+                                    cli_args=['--ros-args', *WIRE, *arguments])
     executor = PatientExecutor(num_threads=planner_node.THREADS, context=context)
     executor.add_node(node)
     thread = Thread(target=executor.spin, daemon=True)

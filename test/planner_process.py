@@ -11,9 +11,10 @@ import sys
 import time
 from pathlib import Path
 
-from dlo_planner.ros.client import PlannerClient
+from demo.client import PlannerClient
 
 ROOT = Path(__file__).parent.parent
+WIRE = ('--params-file', str(ROOT / 'config' / 'copper_wire.yaml'))  # where no other DLO is given
 PATIENCE = 60.0  # s to wait for what has to come: a busy machine is late, a fault is for good
 TRIES = 3        # to keep a limit of time: a busy machine spoils it now and then, a fault always
 # Guards of time and tracking, for a robot in a busy process; their own tests need no process.
@@ -29,7 +30,8 @@ class Planner:
         self.log_file = directory / 'planner.log'
         with self.log_file.open('w') as log:
             self.process = subprocess.Popen(
-                [sys.executable, '-m', 'dlo_planner.ros.planner_node', '--ros-args', *arguments],
+                [sys.executable, '-m', 'dlo_planner.ros.planner_node', '--ros-args', *WIRE,
+                 *arguments],
                 stdout=log, stderr=subprocess.STDOUT, cwd=ROOT,
                 env={**os.environ, 'PYTHONUNBUFFERED': '1'})
 

@@ -49,14 +49,11 @@ from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
-from dlo_planner.identify import looking, response
+from dlo_planner.identify import looking
 from dlo_planner.identify.misfit import nearest
+from dlo_planner.inverse.nearest_goals import _nearest_goals
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
-from dlo_planner.inverse.solvers.points.aims import fill_misses, fill_slopes
-from dlo_planner.inverse.solvers.points.aligned import aligned_newton
-from dlo_planner.inverse.solvers.points.coupled import aligned_hanging
-from dlo_planner.inverse.solvers.points.nearest_hanging import _nearest_hanging
-from dlo_planner.inverse.solvers.points.spanning import two_points_hanging
+from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
 from dlo_planner.kernels.linking import kernel_of
 from dlo_planner.minimize.active_set import update_active_set
 from dlo_planner.minimize.contact_solver import predictor_corrector, solve_contact
@@ -67,18 +64,20 @@ from dlo_planner.minimize.newton import led, newton_descent
 from dlo_planner.minimize.semismooth import correction, update_multipliers
 from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_free_rods
 from dlo_planner.plan import curve_distance, workspace
+from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
 from dlo_planner.plan.motion.oscillators import turned, vibrated
+from dlo_planner.verify import response
 
 _KINDS = 3
-KERNELS = [newton_descent, unknowns_of, aligned_newton, integrate_from_tip, frame_along,
+KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
            update_active_set, update_friction, led, gradient_noise, touching, kkt_residual,
            update_multipliers, add_slip, gripper_answers, curve_distance.element_rooms,
            curve_distance._distances, workspace._distances, _strains_by, response._moved,
-           looking._points_at, turned, vibrated, nearest_place, aligned_hanging, two_points_hanging,
-           solve_free_rods, solve_contact, predictor_corrector, correction, solve_between_grips,
-           foresee, resampled_means, equidistribute, node_twists, twists_inside, fill_misses,
-           fill_slopes, _nearest_hanging]
+           looking._points_at, turned, vibrated, nearest_place, follow_goals, solve_free_rods,
+           solve_contact, predictor_corrector, correction, solve_between_grips, foresee,
+           resampled_means, equidistribute, node_twists, twists_inside, fill_residuals, fill_rows,
+           _nearest_goals]
 
 
 def use_everything():

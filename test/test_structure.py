@@ -15,7 +15,6 @@ PACKAGES = ('dlo_planner', 'msg_helpers')
 OF_NAMED_TUPLES = ('_replace', '_asdict', '_fields', '_make', '_field_defaults')  # are public
 # what numba and the standard library keep private, and there is no other way to; it only shrinks
 KNOWN = {
-    'dlo_planner/deprecated.py:_getframe': 1,
     'dlo_planner/kernels/cache.py:_engine': 2,
     'dlo_planner/kernels/cache.py:_defined_symbols': 2,
     'dlo_planner/kernels/cache.py:_get_module_for_linking': 2,

@@ -30,7 +30,7 @@ from dlo_planner import (
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.model.value import Value
+from dlo_planner.model.value import Value, brief
 
 TYPES = [name for name in dlo_planner.__all__
          if inspect.isclass(getattr(dlo_planner, name))
@@ -252,3 +252,10 @@ def test_a_read_only_view_of_what_can_be_written_is_copied():
     again = replace(plan, times=view)
     times[:] = 7.0
     assert again == plan
+
+
+def test_a_repr_that_is_too_long_ends_between_its_parts():
+    text = brief(LEVEL, *(f'part {k} of 0.0092 m' for k in range(20)))
+    assert len(text) < 180 and text.endswith('of 0.0092 m ...)')
+    assert brief(LEVEL, 'x' * 500, 'more').endswith('x ...)')
+    assert brief(LEVEL, 'one', '', 'two') == 'Pose(one, two)'

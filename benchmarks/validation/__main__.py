@@ -14,7 +14,7 @@ from pathlib import Path
 from time import perf_counter
 
 from benchmarks import report
-from benchmarks.validation import asserted, page, pages, readme, scripted
+from benchmarks.validation import asserted, page, pages, scripted
 from benchmarks.validation.asserted import Json
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,8 +48,6 @@ def main(arguments: list[str] | None = None) -> int:
     known = merged(page.load(output), found)
     page.write(output, known)
     if output == _DOCS:
-        text = (ROOT / 'README.md').read_text()
-        (ROOT / 'README.md').write_text(readme.updated(text))
         for name in pages.SAID:
             (pages.DOCS / name).write_text(pages.updated(name))
     bad = page.broken(known)

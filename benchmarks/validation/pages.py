@@ -76,14 +76,6 @@ SAID: dict[str, dict[str, Callable[[], list[str]]]] = {
     'howto/choosing.md': {
         r'they take (\d+) to (\d+) and (\d+) to (\d+) times as long': _slower,
     },
-    'others.md': {
-        r'A fit took (\d+) to (\d+) minutes of wall time, a prediction of 5 s ([\d.]+) to '
-        r'([\d.]+) s': _fits,
-        r'error of the length \(at most ([\d.]+) %': _lengths,
-        r'misses by ([\d.]+) mm in a hole of 1.1 times its diameter, ([\d.]+) mm were promised':
-            _hose,
-        r'make misfits of ([\d.]+) and ([\d.]+) times the noise': _unlike,
-    },
     'protocols.md': {
         r'width and height ([\d.e-]+) L, height / width ([\d.e-]+); with `accuracy=1e-5` '
         r'([\d.e-]+)': lambda: _curves('width, height, default accuracy',

@@ -13,8 +13,9 @@ import click
 from dlo_planner.cli.reading import pose_of_numbers, read_obstacles
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError
-from dlo_planner.settings.building import direct_of
+from dlo_planner.settings.building import direct_of, doubts
 from dlo_planner.settings.yaml_files import read_values
+from dlo_planner.view.summaries import rod_line
 
 _WIDTH = 30  # of a progress bar
 
@@ -98,14 +99,19 @@ class Described(NamedTuple):
     values: dict[str, Any]
     direct: DirectSimulator
 
+    @property
+    def rod_line(self) -> str:
+        """What the DLO is, in a line."""
+        return rod_line(self.direct.rod, self.direct.gravity, self.values['rod.name'])
+
 
 def read_described(config: str, changes: tuple[str, ...], obstacles: Path | None) -> Described:
-    """Return what CONFIG and its options describe; warn of parameters that do not exist."""
+    """Return what CONFIG and its options describe; warn of what has no effect or is doubtful."""
     values, warnings = read_values(config, changes)
-    for warning in warnings:
+    direct = direct_of(values, () if obstacles is None else read_obstacles(obstacles))
+    for warning in warnings + doubts(direct.rod, direct.gravity):
         click.echo(f'warning: {warning}', err=True)
-    around = () if obstacles is None else read_obstacles(obstacles)
-    return Described(values, direct_of(values, around))
+    return Described(values, direct)
 
 
 class Bar:

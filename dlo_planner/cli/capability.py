@@ -16,10 +16,9 @@ from dlo_planner.cli.arguments import POSE, VECTOR, Bar, Described, described, w
 from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import PICTURES, checked, write_table
 from dlo_planner.model.arrays import Floats
-from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map, slices
-from dlo_planner.parallel.picture import QUANTITIES
+from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
+from dlo_planner.parallel.capability import QUANTITIES
 from dlo_planner.settings.building import inverse_of
-from dlo_planner.view.summaries import text_table
 
 _ENDINGS = (*PICTURES, '.csv')
 _DPI = 130
@@ -77,7 +76,8 @@ def command(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str, qua
 
     \b
     Examples:
-      dlo-planner map rubber_hose --x 0.2:1:5 --z 0.6:1.4:5 --radius 0.02 --jobs 4 -o map.png
+      dlo-planner map rubber_hose --x 0.2:1:5 --z 0.6:1.4:5 --radius 0.02 --jobs 4 -o map.png \\
+          -p 'workspace.lower=[-0.2, -0.3, 0.5]' -p 'workspace.upper=[0.6, 0.3, 1.2]'
       dlo-planner map rubber_hose --x 0.5 --z 1 --along 1,0,0 --along 1,0,-1 --radius 0.012 \\
           --radius 0.02 -o map.csv
 
@@ -95,15 +95,13 @@ def command(dlo: Described, outputs: tuple[Path, ...], jobs: int, axis: str, qua
         capability = capability_map(inverse_of(values, direct), grid, workers, depths=depths,
                                     starts=ranges['starts'], folder=ranges['folder'], progress=bar,
                                     chunk=max(1, min(32, len(grid) // (4 * jobs))))
-    outcomes, counts = np.unique(capability.outcome, return_counts=True)
-    click.echo(text_table('CapabilityMap', [
-        (str(outcome), str(count), 'cut-outs')
-        for outcome, count in zip(outcomes, counts, strict=True)]))
+    click.echo(dlo.rod_line)
+    click.echo(capability.summary())
     for path in outputs:
         if path.suffix.lower() == '.csv':
             write_table(path, _HEAD, _rows(capability))
         else:
-            slices(capability, axis, quantity).savefig(path, dpi=_DPI)
+            capability.plot(axis=axis, quantity=quantity).savefig(path, dpi=_DPI)
         click.echo(f'wrote {path}')
     if not capability.threaded.any():
         raise SystemExit(NO_SOLUTION)

@@ -5,17 +5,16 @@
 from pathlib import Path
 
 import click
-import numpy as np
 
 from dlo_planner.cli.arguments import POSE, READ, Bar, Described, described
 from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import checked, write_table
 from dlo_planner.cli.reading import read_observations
-from dlo_planner.identify.fitting import Fit, fit_rod
+from dlo_planner.identify.fitting import fit_rod
 from dlo_planner.model.pose import Pose
 from dlo_planner.settings.identified import NAMES, identified
 from dlo_planner.settings.yaml_files import write_values
-from dlo_planner.view.summaries import figure, text_table
+from dlo_planner.view.answers import fit_rows
 
 _DEFAULT = ('bending_stiffness', 'natural_curvature')
 
@@ -61,23 +60,12 @@ def command(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pose
     with Bar('searches') as bar:
         fit = fit_rod(direct.rod, observed, names, noise=noise, progress=bar,
                       gravity=direct.gravity, obstacles=direct.obstacles)
-    rows = _rows(fit)
-    click.echo(text_table('Fit', rows))
+    click.echo(fit.summary())
     for path in outputs:
         if path.suffix.lower() == '.csv':
-            write_table(path, ('quantity', 'value', 'deviation or unit'), rows)
+            write_table(path, ('quantity', 'value', 'deviation or unit'), fit_rows(fit))
         else:
             write_values(path, values | identified(fit, values))
         click.echo(f'wrote {path}')
     if not fit.converged:
         raise SystemExit(NO_SOLUTION)
-
-
-def _rows(fit: Fit) -> list[tuple[str, str, str]]:
-    rows = [('converged', 'yes' if fit.converged else 'no', ''),
-            ('misfit', figure(fit.misfit), 'm')]
-    numbers = np.concatenate([np.ravel(one).astype(float) for one in fit.values.values()])
-    spread = np.concatenate([np.ravel(one).astype(float) for one in fit.deviations.values()])
-    return rows + [(name, figure(number), f'+- {deviation:.2g}' if np.isfinite(deviation)
-                    else 'not told by the observations')
-                   for name, number, deviation in zip(fit.names, numbers, spread, strict=True)]

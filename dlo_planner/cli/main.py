@@ -24,17 +24,15 @@ from dlo_planner.errors import (
 
 FAULT, BAD_INPUT, NO_SOLUTION, INTERRUPTED = 1, 2, 3, 130  # exit codes
 _LONGEST = 300  # characters of an error that nobody expected
-_COMMANDS = {  # name -> module; each is imported when it is called, so that --help is quick
-    'shape': 'shape', 'thread': 'thread', 'replay': 'replay', 'identify': 'identify',
-    'map': 'capability', 'figures': 'figures', 'doctor': 'doctor'}
-_HELP = {
-    'shape': 'The shape of a DLO in a gripper.',
-    'thread': 'Gripper poses that thread a DLO through cut-outs.',
-    'replay': 'Prove a saved plan, at rest and in motion.',
-    'identify': 'Find out what a DLO is like from points of it.',
-    'map': 'Which cut-outs of a cell can be threaded.',
-    'figures': 'List and make the figures of examples and paper.',
-    'doctor': 'Check the installation, and say what to do.'}
+_COMMANDS = {  # name -> module, which is imported when it is called, so that --help is quick; help
+    'cable': ('cable', 'Describe a cable by its weight and its sag.'),
+    'shape': ('shape', 'The shape of a DLO in a gripper.'),
+    'thread': ('plan', 'Gripper poses that thread a DLO through cut-outs.'),
+    'plan': ('plan', 'Gripper poses for any task, from a YAML file.'),
+    'replay': ('plan', 'Prove a saved plan, at rest and in motion.'),
+    'identify': ('identify', 'Find out what a DLO is like from points of it.'),
+    'map': ('capability', 'Which cut-outs of a cell can be threaded.'),
+    'doctor': ('doctor', 'Check the installation, and say what to do.')}
 
 
 class Commands(click.Group):
@@ -48,13 +46,14 @@ class Commands(click.Group):
         """Return one of them."""
         if name not in _COMMANDS:
             return None
-        result: click.Command | None = import_module(f'dlo_planner.cli.{_COMMANDS[name]}').command
+        module = import_module(f'dlo_planner.cli.{_COMMANDS[name][0]}')
+        result: click.Command = getattr(module, name, None) or module.command
         return result
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of them without importing any."""
         with formatter.section('Commands'):
-            formatter.write_dl(list(_HELP.items()))
+            formatter.write_dl([(name, text) for name, (_, text) in _COMMANDS.items()])
 
     def invoke(self, ctx: click.Context) -> object:
         """Run the command; say what was wrong in a line, without a traceback."""

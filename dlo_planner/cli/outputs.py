@@ -17,6 +17,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.extras import extra
 from dlo_planner.files import writable
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.guarded_yaml import yaml_of
 from dlo_planner.verify.report import ValidationReport
@@ -26,7 +27,7 @@ PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '
 POSES = ('.poses.yaml', '.poses.json')
 _DPI = 150
 
-Drawable = Shape | Plan | Motion | ValidationReport
+Writable = Shape | Plan | Motion | ValidationReport | Trajectory
 
 
 def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
@@ -57,18 +58,22 @@ def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
             extra('matplotlib', 'figures', 'pictures').use('Agg')
 
 
-def write(value: Drawable, outputs: Iterable[Path], **drawn: Any) -> None:
+def write(value: Writable, outputs: Iterable[Path], rate: float = 50.0, **drawn: Any) -> None:
     """Write a value to files, and say which were written.
 
     Parameters
     ----------
-    value : Shape or Plan or Motion or ValidationReport
-        Shape, Plan, Motion, ValidationReport.
+    value : Shape or Plan or Motion or ValidationReport or Trajectory
     outputs : iterable of Path
         Paths that are `checked`.
+    rate : float, optional
+        Poses a second of a Trajectory.
     drawn : object
         Arguments of `plot` and `animate`.
     """
+    if isinstance(value, Trajectory):
+        _write_motion(value, outputs, rate)
+        return
     for path in outputs:
         kind = path.suffix.lower()
         if path.name.lower().endswith(POSES):
@@ -82,6 +87,24 @@ def write(value: Drawable, outputs: Iterable[Path], **drawn: Any) -> None:
         else:
             write_table(path, *_table(value))
         click.echo(f'wrote {path}')
+
+
+def _write_motion(trajectory: Trajectory, outputs: Iterable[Path], rate: float) -> None:
+    """Write the gripper's motion, poses at even times: .csv, .json, or the poses alone."""
+    times = np.linspace(0.0, trajectory.duration, max(2, round(trajectory.duration * rate) + 1))
+    poses, velocities, _ = trajectory.at(times)
+    head = ('time', *'xyz', 'qx', 'qy', 'qz', 'qw', 'vx', 'vy', 'vz', 'wx', 'wy', 'wz')
+    rows = np.column_stack([times, [[*pose.position, *pose.quaternion] for pose in poses],
+                            velocities])
+    for path in outputs:
+        if path.name.lower().endswith(POSES):
+            write_poses(path, poses)
+        elif path.suffix.lower() == '.json':
+            path.write_text(json.dumps(dict(zip(head, rows.T.tolist(), strict=True))),
+                            encoding='utf-8')
+        else:
+            write_table(path, head, rows.tolist())
+        click.echo(f'wrote {path}: {trajectory.duration:.4g} s')
 
 
 def write_table(path: Path, head: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
@@ -102,13 +125,14 @@ def write_poses(path: Path, poses: Iterable[Pose]) -> None:
     path.write_text(text, encoding='utf-8')
 
 
-def _poses(value: Drawable) -> Sequence[Pose]:
+def _poses(value: Shape | Plan | Motion | ValidationReport) -> Sequence[Pose]:
     if isinstance(value, Shape):
         return [value.at(s) for s in value.s]
     return value.grippers if isinstance(value, Plan) else ()
 
 
-def _table(value: Drawable) -> tuple[tuple[str, ...], Sequence[Sequence[object]]]:
+def _table(value: Shape | Plan | Motion | ValidationReport,
+           ) -> tuple[tuple[str, ...], Sequence[Sequence[object]]]:
     """Return the heading and the rows of a value."""
     if isinstance(value, Shape):
         quaternions = [value.at(s).quaternion for s in value.s]

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -111,23 +111,11 @@ class Filled:
             } | dict(zip(_OTHERS, others, strict=True))
 
     @classmethod
-    def new(cls, n: int, elements: int,
-            empty: Callable[[tuple[int, ...], Any], NDArray[Any]] = np.empty) -> Filled:
-        """Return one for n shapes of so many elements, in which nothing is filled yet.
-
-        Parameters
-        ----------
-        n, elements : int
-        empty : callable, optional
-            Function of shape and dtype that makes an array.
-        """
+    def new(cls, n: int, elements: int) -> Filled:
+        """Return one for n shapes of so many elements, in which nothing is filled yet."""
         rows = (elements, 3), (elements + 1, 3, 3), (elements + 1, 3), (6,), (2,), (3,)
-        return cls((*(empty((n, *row), float) for row in rows), empty((n,), np.int64),
-                    empty((n,), bool), empty((n,), bool), empty((n,), float), empty((n,), float)))
-
-    def part(self, begin: int, end: int) -> Filled:
-        """Return that of the shapes from `begin` to `end`, with views of the same arrays."""
-        return Filled(tuple(rows[begin:end] for rows in self.stored))
+        return cls((*(np.empty((n, *row)) for row in rows), np.empty(n, dtype=np.int64),
+                    np.empty(n, dtype=bool), np.empty(n, dtype=bool), np.empty(n), np.empty(n)))
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:

@@ -149,13 +149,6 @@ class Guide(Value):
         return (np.array([pose.rotation for pose in self.poses]),
                 np.array([pose.position for pose in self.poses]))
 
-    def twist(self, place: float) -> Floats:
-        """Return (6,) velocity (m/s) and angular velocity (rad/s) at `place` = time / dt, world."""
-        if self._spline is None:
-            return np.zeros(6)
-        twist: Floats = self.along(np.array([float(place)]))[2][0]
-        return twist
-
 
 def _spline(poses: Sequence[Pose], at_rest: bool) -> Any:
     values = np.empty((len(poses), 7))
@@ -198,24 +191,6 @@ class Grips(Value):
         """Return the gripper's Pose and the FarEnd, or None, at `place` = time / dt."""
         end = None if self.far_end is None else FarEnd(self.far_end.at(place), self.grip)
         return self.gripper.at(place), end
-
-    def power(self, place: float, wrench: Floats, far_wrench: Floats,
-              end: Floats) -> float:
-        """Return the power in W of the wrenches (6,) that the gripper and the far end exert.
-
-        Parameters
-        ----------
-        place : float
-            Time / dt.
-        end : ndarray, shape (3,)
-            Position of the DLO's end, m; in a sleeve it is not where the sleeve's pose is.
-        """
-        power = wrench @ self.gripper.twist(place)
-        if self.far_end is not None:
-            twist = self.far_end.twist(place)
-            lever = end - self.far_end.at(place).position if self.grip == 'sleeve' else np.zeros(3)
-            power += far_wrench @ twist + far_wrench[:3] @ np.cross(twist[3:], lever)
-        return float(power)
 
 
 def poses(grippers: Iterable[Pose], least: int = 0) -> tuple[Pose, ...]:

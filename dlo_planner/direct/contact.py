@@ -155,7 +155,6 @@ class Touch(Part):
     name = 'contact'
     lets_go = True
     rests = True
-    residual = 1e-7  # stiff springs multiply rounding errors
 
     def acts(self, around: Surroundings) -> bool:
         """Whether there are obstacles."""
@@ -275,12 +274,12 @@ def _forces(solved: Solved, ended: bool) -> Left:
     """Return what a step leaves, or, if it has not `ended`, a part of it."""
     if not solved.mesh.obstructed:
         return {'node_force': solved.left['node_force'], **_NO_POINTS}
-    return left_of(_forces_after(solved.system, solved.state, np.array(solved.gripper.position),
+    return left_of(forces_after(solved.system, solved.state, np.array(solved.gripper.position),
                                  ended))
 
 
 def left_of(forces: Sequence[Any]) -> Left:
-    """Return what `_forces_after` tells, as it is left."""
+    """Return what `forces_after` tells, as it is left."""
     node, *points = forces
     if not points[0].size:
         return {'node_force': node, **_NO_POINTS}
@@ -355,7 +354,7 @@ def _points_on(left: Left, old: Floats, s: Floats) -> Left:
 
 
 @kernel
-def _forces_after(system: Problem, state: KernelState, origin: Floats, ended: bool) -> Any:
+def forces_after(system: Problem, state: KernelState, origin: Floats, ended: bool) -> Any:
     """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
 
     What slid sticks from now on to where it has come to; the last array (C, 3) tells by how much.
@@ -399,7 +398,7 @@ def ended(system: Problem, state: KernelState, origin: Floats) -> Any:
     -------
         strains, frames, positions (world), tangents of the nodes; wrench (6,) of the gripper;
         energies stored and whole, J; what rounding errors may leave of the residual; then what
-        `_forces_after` returns, then `contact_rows`
+        `forces_after` returns, then `contact_rows`
     """
     n = system.lengths.size
     positions, tangents, wrench = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty(6)
@@ -413,4 +412,4 @@ def ended(system: Problem, state: KernelState, origin: Floats) -> Any:
     energy = elastic + potential(system.effects, system, positions)
     return ((state.strains, state.rotations, positions, tangents, wrench, elastic, energy,
              gradient_noise(system, state)),
-            _forces_after(system, state, origin, n > 0), contact_rows(system, state))
+            forces_after(system, state, origin, n > 0), contact_rows(system, state))

@@ -301,6 +301,8 @@ class Discretization(Value):
         s = self.s
         if 'lengths' in fields:
             s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
+            # a series is orthonormal on its elements: strains are projected on it by their lengths
+            fields['basis'] = self.bare.basis / np.sqrt(s[-1] / self.s[-1])
         put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
             start=self.start, **{name: getattr(self, name) for name, *_ in _SPRINGS})
         freeze(s)

@@ -19,7 +19,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.integrator import KinematicState, Scheme, given_back
+from dlo_planner.direct.integrator import KinematicState, Scheme, credit_renewal
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Boxed, Motion
 from dlo_planner.direct.shape import Shape
@@ -31,9 +31,6 @@ from dlo_planner.direct.stepper import (
     StepBatch,
     Stepper,
     TimePoint,
-    begin,
-    leg_of,
-    renewed,
 )
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.potential import configuration_at
@@ -276,7 +273,7 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
     velocity = begun.velocity
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
-    now = begin(finer, finer_start(mesh, begun), velocity)
+    now = finer.begin(finer_start(mesh, begun), velocity)
     found = np.full(len(trace.places), np.inf)
     found[0] = worst = _apart(now.nodes.position[::2], trace.positions[0])
     made = at = 0  # steps, and time in the shortest ones
@@ -284,23 +281,23 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
         left, size = 2 * len(list(steps)), 1 << (HALVINGS - level)
         scheme = plan.scheme(stepper.dt, level + 1)
         if made and not now.touched:
-            now = renewed(finer, now, scheme.dt)
+            now = finer.renewed(now, scheme.dt)
         while left:
             places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
-            leg = leg_of(finer, now, (), places, scheme, Limits())
-            if leg.refused is not None and not leg.errors.size:
-                leg = _in_parts(finer, now, float(places[0]), scheme)
-            if not leg.errors.size:
+            batch = finer.steps(now, (), places, scheme, Limits())
+            if batch.refused is not None and not batch.errors.size:
+                batch = _in_parts(finer, now, float(places[0]), scheme)
+            if not batch.errors.size:
                 return _estimate(coarse, plan, found)
-            count = len(leg.errors)
+            count = len(batch.errors)
             ends = np.arange(1 - made % 2, count, 2)  # two of these are one of the others
             if trace.samples is not None and ends.size:
-                worst = max(worst, _apart(leg.samples[ends], trace.samples[(made + ends) // 2]))
-            for instant in leg.kept:
+                worst = max(worst, _apart(batch.samples[ends], trace.samples[(made + ends) // 2]))
+            for instant in batch.kept:
                 k = round(instant.place)
                 worst = found[k] = max(worst, _apart(instant.nodes.position[::2],
                                                      trace.positions[k]))
-            now, made, at, left = leg.last, made + count, at + size * count, left - count
+            now, made, at, left = batch.last, made + count, at + size * count, left - count
     if now.place == trace.places[-1]:  # of one that ended early, between two instants
         found[-1] = max(worst, _apart(now.nodes.position[::2], trace.positions[-1]))
     return _estimate(coarse, plan, found)
@@ -314,17 +311,17 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
     for halvings in range(1, _SHORTER + 1):
         parts = 1 << halvings
         brief = replace(scheme, dt=scheme.dt / parts)
-        begun = now if now.touched else renewed(stepper, now, brief.dt)
+        begun = now if now.touched else stepper.renewed(now, brief.dt)
         last = begun
         for at in now.place + (place - now.place) * np.arange(1, parts + 1) / parts:
-            leg = leg_of(stepper, last, (), np.array([at]), brief, Limits())
-            if leg.refused is not None:
+            batch = stepper.steps(last, (), np.array([at]), brief, Limits())
+            if batch.refused is not None:
                 break
-            last = leg.last
-        if leg.refused is None:
-            last = last if last.touched else renewed(stepper, last, scheme.dt)
-            return leg._replace(kept=[last] if place == round(place) else [], last=last)
-    return leg._replace(errors=np.zeros(0))
+            last = batch.last
+        if batch.refused is None:
+            last = last if last.touched else stepper.renewed(last, scheme.dt)
+            return batch._replace(kept=[last] if place == round(place) else [], last=last)
+    return batch._replace(errors=np.zeros(0))
 
 
 def _estimate(coarse: Discretization, plan: Recipe, found: Floats) -> Floats:
@@ -412,7 +409,7 @@ class Run(NamedTuple):
 
 def simulate(stepper: Stepper, begun: Begun, plan: Recipe, progress: Progress) -> Motion:
     """Return the Motion that begins so; see `DirectSimulator.simulate`."""
-    first = begin(stepper, begun.start, begun.velocity)
+    first = stepper.begin(begun.start, begun.velocity)
     if begun.velocity is not None:
         check_velocity(stepper.masses, begun.velocity, first.nodes.velocity)
     if not begun.start.converged:
@@ -440,15 +437,15 @@ def _run(stepper: Stepper, first: TimePoint, plan: Recipe, progress: Progress) -
     """Return the Run that begins with the TimePoint `first`."""
     pace, reached = _Pace(stepper, first, plan), [first]
     while len(reached) < plan.instants:
-        leg = pace.go_on(progress)
+        batch = pace.go_on(progress)
         progress.check()
-        for instant in leg.kept:
+        for instant in batch.kept:
             reached.append(instant)
             progress.done(len(reached), plan.instants)
-        after = leg.refused
+        after = batch.refused
         if pace.stuck and after is not None:
-            status = 'energy' if after.shape.converged else 'unsolved'
-            end = replace(after, shape=replace(after.shape, converged=False))
+            status = 'energy' if after.converged else 'unsolved'
+            end = after.with_shape(replace(after.shape, converged=False))
             if status == 'energy':  # what has made energy is no instant of this DLO
                 end = pace.now
             return pace.run(reached if end.place == reached[-1].place else [*reached, end], status,
@@ -476,7 +473,7 @@ class _Pace:
         self._steps: list[int] = []
         self._errors: list[float] = []
         self._samples: list[Floats] = []
-        self._books = np.array([first.balance, first.potential, first.potential, first.kinetic,
+        self._budget = np.array([first.balance, first.potential, first.potential, first.kinetic,
                                 first.balance])
         self._began = first.balance
         mesh = stepper.discretization
@@ -492,19 +489,20 @@ class _Pace:
         """Return the StepBatch of the next steps, which are entered here."""
         level = self._level
         last_try = level == HALVINGS or self._fixed
-        leg = self._steps_of(level, last_try)
-        if (leg.refused is not None and last_try and not self._fixed
+        batch = self._steps_of(level, last_try)
+        if (batch.refused is not None and last_try and not self._fixed
                 and self._stepper.discretization.surroundings.obstacles):
-            leg = leg._replace(refused=None) if len(leg.errors) else self._longer(leg, progress)
-        if leg.refused is not None:
+            batch = (batch._replace(refused=None) if len(batch.errors)
+                     else self._longer(batch, progress))
+        if batch.refused is not None:
             self.stuck = last_try
             self._level, self._calm = min(level + 1, HALVINGS), 0
         elif level and self._calm >= _CALM and self._at % (2 << (HALVINGS - level)) == 0:
             self._level, self._calm = level - 1, 0
-        return leg
+        return batch
 
-    def _longer(self, leg: StepBatch, progress: Progress) -> StepBatch:
-        """Return a StepBatch of a step that is good though the shortest, of `leg`, is not, or that.
+    def _longer(self, batch: StepBatch, progress: Progress) -> StepBatch:
+        """Return a StepBatch of a step that is good though the shortest is not, or `batch` of that.
 
         The shorter a step over obstacles is, the larger are the forces of what is pressed in, and
         the more sets of contacts are tried: a step that was too long for a few Newton steps, and
@@ -518,37 +516,37 @@ class _Pace:
             longer = self._steps_of(level, True, 1)
             if len(longer.errors):
                 return longer
-        return leg
+        return batch
 
     def _steps_of(self, level: int, patient: bool, most: int = MOST) -> StepBatch:
         """Return a StepBatch of the next steps, `most` of them at most, which are entered here."""
         plan, stepper = self._plan, self._stepper
         scheme = plan.scheme(stepper.dt, level)
-        now, books = self.now, self._books.copy()
+        now, budget = self.now, self._budget.copy()
         if self._steps and self._steps[-1] != level and not now.touched:
-            fresh = renewed(stepper, now, scheme.dt)
+            fresh = stepper.renewed(now, scheme.dt)
             gained = fresh.balance - now.balance
             if gained <= max(self._began - now.balance, 0.0) + self._noise:  # else it is made up
                 now = fresh
-                given_back(books, now.balance, self._began)
+                credit_renewal(budget, now.balance, self._began)
         limits = Limits(
             MAX_ITERATIONS if patient else _PATIENCE,
             np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance, _GAIN,
-            np.inf if self._fixed else self._noise, books, level >= _OF_CONTACT, self._began)
+            np.inf if self._fixed else self._noise, budget, level >= _OF_CONTACT, self._began)
         size = 1 << (HALVINGS - level)
         count = min(most, self._length(size))
         places = (self._at + size * np.arange(1, count + 1)) / (1 << HALVINGS)
-        leg = leg_of(stepper, now, self._past, places, scheme, limits)
-        made = len(leg.errors)
+        batch = stepper.steps(now, self._past, places, scheme, limits)
+        made = len(batch.errors)
         if made:
-            self.now, self._past, self._books = leg.last, leg.past, books
+            self.now, self._past, self._budget = batch.last, batch.past, budget
             self._at += made * size
             self._steps += [level] * made
-            self._errors += leg.errors.tolist()
-            self._samples.append(leg.samples)
-        rough = np.flatnonzero(8 * leg.errors >= _WELL_WITHIN * _PART * plan.tolerance)
+            self._errors += batch.errors.tolist()
+            self._samples.append(batch.samples)
+        rough = np.flatnonzero(8 * batch.errors >= _WELL_WITHIN * _PART * plan.tolerance)
         self._calm = made - 1 - int(rough[-1]) if rough.size else self._calm + made
-        return leg
+        return batch
 
     def _length(self, size: int) -> int:
         """Return how many steps are to be made before their length may change."""

@@ -1,106 +1,71 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Time integration: the family of schemes, and the compiled steps of a DLO that hangs freely.
+"""Time integration: the family of schemes, and the one compiled loop that makes the steps.
 
 Every scheme says where inertia draws a coordinate, and how strongly. All are members of one family
 (generalized alpha: Chung and Hulbert 1993, for constrained bodies Arnold and Bruels 2007). The
 acceleration at the end of a step is a linear function of the position there,
 y'' = stiffness (y - anchor), so a step is a minimization (Eq. 9 to 11 of the paper), and that
 acceleration is in balance with the forces at the same instant.
+
+The loop is the same for all DLOs: what does not act (contact, a held far end, plasticity) is absent
+from the Problem, and nothing of it is compiled. What a step leaves to the next one (reactions of
+the grip, the plastic strain, forces and anchors of contacts) is kept in the rows of a StepBuffer.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
 
+from dlo_planner.direct.contact import contact_rows, forces_after
+from dlo_planner.energy.ccd import sweeps_through
+from dlo_planner.energy.contact import ContactSet
+from dlo_planner.energy.elastic import Elastic
+from dlo_planner.energy.gap import penetration_of_point
+from dlo_planner.energy.grip import GripConstraint, constraint_violation
 from dlo_planner.energy.inertia import InertiaTerm
+from dlo_planner.energy.plastic import PlasticSection, add_plastic, return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
-from dlo_planner.energy.problem import Configuration, Problem, unknown_count
-from dlo_planner.energy.terms import Structure, potential, stored, with_terms
+from dlo_planner.energy.problem import Configuration, Problem, new_configuration
+from dlo_planner.energy.scene import translated
+from dlo_planner.energy.terms import KKTBorder, Structure, Terms, potential, stored
+from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.convergence import SETTLED, decrement_of
-from dlo_planner.minimize.hessian import LEAST_SHIFT, assembled_definite, safe_shift
+from dlo_planner.minimize.contact_solver import COARSER, solve_contact
+from dlo_planner.minimize.contact_table import with_contacts
+from dlo_planner.minimize.convergence import SETTLED, decrement_of, is_stationary
+from dlo_planner.minimize.hessian import LEAST_SHIFT, assembled_definite, new_hessian, safe_shift
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import (
+    HELD_NEUTRAL,
     NEUTRAL,
+    is_held,
     minimize,
     new_workspace,
     newton_descent,
     next_to,
     thorough,
 )
-from dlo_planner.model.arrays import Floats
-
-_PER_STEP = 0.5  # of the energy that a motion may still gain
-
-
-@kernel
-def entered(books: Floats, energies: Floats, part: float, noise: float) -> bool:
-    """Whether an instant has no more energy than there can be; if so, `books` (5,) has it.
-
-    A step may use up half of what the motion may still gain: were it all, no later one could go on,
-    however short it is.
-
-    Args:
-        books: renewed
-        energies: of the instant, as of a Trail, J
-        part, noise: of the energy that has moved which may be gained, and J in addition
-    """
-    static, kinetic, work, lost = energies[1], energies[2], energies[3], energies[5]
-    balance = kinetic + static - work + lost
-    left = allowed(books, energies, part, noise) - (books[4] - books[0])
-    if not balance - books[4] <= max(_PER_STEP * left, 0.0):
-        return False
-    books[0], books[4] = min(books[0], balance), balance
-    books[1], books[2] = min(books[1], static), max(books[2], static)
-    books[3] = max(books[3], kinetic)
-    return True
-
-
-@kernel
-def allowed(books: Floats, energies: Floats, part: float, noise: float) -> float:
-    """Return the energy, J, that a motion may gain until an instant; arguments as `entered`."""
-    low, high = min(books[1], energies[1]), max(books[2], energies[1])
-    most: float = part * (max(books[3], energies[2]) + high - low + energies[5]) + noise
-    return most
-
-
-def given_back(books: Floats, balance: float, began: float) -> None:
-    """Enter that the rates of an instant are renewed: what that adds is no gain of a step.
-
-    As far as steps before have lost it. So a motion never has more than there was and was done.
-
-    Parameters
-    ----------
-    books : ndarray, shape (5,)
-        Changed.
-    balance, began : float
-        Balance with these rates, and where the motion began, J.
-    """
-    lost = max(began - books[4], 0.0)
-    books[0] = min(books[0] + min(max(balance - books[4], 0.0), lost), balance)
-    books[4] = balance
-
+from dlo_planner.model.arrays import Bools, Floats, Ints
 
 PAST = 2  # rows before that of now: places of the nodes alone, which tell how exact a step is
 
+_PER_STEP = 0.5      # of the energy that a motion may still gain
+_EXACT = 1e-4        # relative error of an eigenvalue
+ELASTIC, STATIC, KINETIC, WORK, POWER, DAMPED, DISSIPATED, RUBBED, PUSHED = range(9)
 
-class Coefficients(Record):
+
+class SchemeCoefficients(Record):
     """Of a `Scheme` of integration and of a DLO's damping, as kernels want them.
 
     Attributes
     ----------
-    alpha_m : float
-        Coefficient of the Scheme.
-    alpha_f : float
-        Coefficient of the Scheme.
-    beta : float
-        Coefficient of the Scheme.
-    gamma : float
-        Coefficient of the Scheme.
+    alpha_m, alpha_f, beta, gamma : float
+        Coefficients of the Scheme.
     dt : float
         Time step, s.
     stiffness : float
@@ -127,10 +92,57 @@ class Coefficients(Record):
     third: float
     slow: float
     viscous: float
-    masses: np.ndarray
+    masses: Floats
 
 
-class Trail(Record):
+class StepOptions(Record):
+    """How steps are solved, and until when they are good.
+
+    Attributes
+    ----------
+    tolerance : float
+        Largest residual at the end of a search.
+    rounding : float
+        What rounding errors may leave of it.
+    ctol, kept : float
+        By how much a constraint may be violated: what is aimed at, and what still counts, m.
+    maxiter : int
+        Newton steps at most.
+    nearby : bool
+        Whether a shape near the start is sought first, without all guards.
+    spring : float
+        Stiffness of contacts, N/m.
+    share : ndarray, shape (3,)
+        How much each axis of the far end counts in its grip.
+    sleeve : bool
+        Whether the far end slides through its grip.
+    error : float
+        Largest local error, m.
+    gain, noise : float
+        Part of the energy that has moved which may be gained, and J in addition.
+    began : float
+        Energy balance when the motion began, J.
+    any_error : bool
+        Whether a step may have any local error once the DLO has touched an obstacle.
+    """
+
+    tolerance: float
+    rounding: float
+    ctol: float
+    kept: float
+    maxiter: int
+    nearby: bool
+    spring: float
+    share: Floats
+    sleeve: bool
+    error: float
+    gain: float
+    noise: float
+    began: float
+    any_error: bool
+
+
+class StepBuffer(Record):
     """Points in time of a motion, in r rows; the first PAST are past, the next one is now.
 
     Attributes
@@ -139,148 +151,474 @@ class Trail(Record):
         s.
     bases, origins, twists : ndarray, shape (r, 3, 3), (r, 3), (r, 6)
         Of the gripper: rotation, position, m, velocity, m/s, and angular velocity, rad/s.
+    targets, axes, end_twists : ndarray, shape (r, 3), (r, 3, 3), (r, 6)
+        The same of the grip of the far end.
+    held : ndarray, shape (r, K, 6)
+        What that grip holds, as of a GripConstraint; K = 0: the far end is free.
+    reach : ndarray, shape (r,)
+        By how much the grip may be missed, m; below zero where it is out of reach.
     nodes : ndarray, shape (4, r, N + 1, 3)
         Position, velocity, acceleration and mean acceleration of the nodes: a `KinematicState`.
     bends : ndarray, shape (4, r, N, 3)
         The same of the strains.
     frames : ndarray, shape (r, N + 1, 3, 3)
         Rotations of the nodes.
-    wrenches : ndarray, shape (r, 6)
-        Of the gripper on the DLO.
-    proofs : ndarray, shape (r, 3)
-        Residual, stability, local error of the step there, m.
-    iterations : ndarray, shape (r,)
-        Of the search.
-    energies : ndarray, shape (r, 6)
-        Elastic, with the loads, kinetic; work and power of the gripper; what is lost to damping:
-        J, W.
+    wrenches, end_wrenches : ndarray, shape (r, 6)
+        Of the gripper and of the far end's grip on the DLO.
+    proofs : ndarray, shape (r, 4)
+        Residual, stability, local error of the step there, m, violation of constraints, m.
+    iterations, evaluations : ndarray of int, shape (r,)
+        Of the search; the latter of methods that count them.
+    energies : ndarray, shape (r, 9)
+        At ELASTIC, STATIC (elastic and loads), KINETIC; WORK and POWER of the grips; lost by
+        damping, plasticity, friction; PUSHED: what contacts did along the chords of steps. J, W.
+    converged, touched : ndarray, shape (r,)
+        Whether the shape is an equilibrium; whether the DLO has touched an obstacle so far.
+    reactions : ndarray, shape (r, K)
+        Forces of the far end's grip, N.
+    plastic : ndarray, shape (r, N, J)
+        Plastic strain, as of a PlasticSection.
+    node_forces : ndarray, shape (r, M, N + 1)
+        Multipliers of M bodies at the nodes, N.
+    starts : ndarray of int, shape (2, r + 1)
+        Where the points of contact and the contacts of each row begin, in what follows.
+    point_of, points : ndarray, shape (c, 2), (c, 14)
+        Element and obstacle; multiplier, fraction, anchor (world), normal, shear, slid: as of a
+        ContactSet after the step.
+    contact_of, contacts : ndarray, shape (c, 2), (c, 12)
+        Obstacle and element; what else `contact_rows` returns.
+    full : ndarray of bool, shape (1,)
+        Whether there was no room for the contacts of the step after the last good one.
     """
 
-    times: np.ndarray
-    bases: np.ndarray
-    origins: np.ndarray
-    twists: np.ndarray
-    nodes: np.ndarray
-    bends: np.ndarray
-    frames: np.ndarray
-    wrenches: np.ndarray
-    proofs: np.ndarray
-    iterations: np.ndarray
-    energies: np.ndarray
+    times: Floats
+    bases: Floats
+    origins: Floats
+    twists: Floats
+    targets: Floats
+    axes: Floats
+    end_twists: Floats
+    held: Floats
+    reach: Floats
+    nodes: Floats
+    bends: Floats
+    frames: Floats
+    wrenches: Floats
+    end_wrenches: Floats
+    proofs: Floats
+    iterations: Ints
+    evaluations: Ints
+    energies: Floats
+    converged: Bools
+    touched: Bools
+    reactions: Floats
+    plastic: Floats
+    node_forces: Floats
+    starts: Ints
+    point_of: Ints
+    points: Floats
+    contact_of: Ints
+    contacts: Floats
+    full: Bools
 
 
-_EXACT = 1e-4  # relative error of the eigenvalue
+# ------------------------------------------------------------------------------------------------
+# The loop.
 
 
 @kernel
-def resisting(system: Problem, how: Coefficients, where: Floats, calm: Floats, base: Floats,
-               origin: Floats) -> Problem:
+def integrate(system: Problem, how: SchemeCoefficients, impact: SchemeCoefficients,
+              buffer: StepBuffer, budget: Floats, options: StepOptions, guess: Floats) -> int:
+    """Fill rows of a StepBuffer as long as each step is good; return the row of the last good one.
+
+    The row after that, if there is one, is of a step that is not, unless the buffer is full.
+
+    Args:
+        system: Problem of the DLO at rest
+        how, impact: of the scheme, and of an implicit Euler's with the same steps: once the DLO has
+            touched an obstacle its forces may be impulses, of which a scheme that carries
+            accelerations along would make energy
+        buffer: StepBuffer
+        budget: (5,) of the motion so far: least balance, least and most potential energy, most
+            kinetic energy, last balance, J; renewed
+        options: StepOptions
+        guess: (N, 3) strains with which the first search begins, 1/m; (0, 3): extrapolated
+    """
+    for row in range(PAST + 1, buffer.times.size):
+        _take_step(system, how, impact, buffer, row, options, guess)
+        if buffer.full[0] or not (buffer.converged[row] and is_good(buffer, row, budget, options)):
+            return row - 1
+    return buffer.times.size - 1
+
+
+@kernel
+def _take_step(system, how, impact, buffer, row, options, guess):
+    """Fill a row, by `impact` once the DLO has touched an obstacle."""
+    touched = buffer.touched[row - 1]
+    buffer.touched[row] = touched
+    if how.gamma == 1.0 or not touched:
+        _solve_step(system, how, buffer, row, options, guess)
+        account(system, how, how, buffer, row, options)
+    if how.gamma != 1.0 and (touched or buffer.starts[1, row + 1] > buffer.starts[1, row]):
+        buffer.touched[row] = True
+        _solve_step(system, impact, buffer, row, options, guess)
+        account(system, impact, how, buffer, row, options)
+
+
+@kernel
+def _solve_step(system, how, buffer, row, options, guess):
+    """Fill the shape in a row, from one start or, if that fails, another."""
+    check = options.tolerance > 0.0  # True; a literal would be compiled for by itself
+    if guess.shape[0] and row == PAST + 1 and implicit_step(system, how, buffer, row, row - 1,
+                                                            guess, options, check):
+        return
+    ahead = _guess(how, buffer.bends, row, 0.0 if buffer.touched[row] else 1.0)
+    if implicit_step(system, how, buffer, row, row - 1, ahead, options, check):
+        return
+    if buffer.node_forces.shape[1] and not buffer.full[0]:
+        # from where the DLO is known to be outside of obstacles
+        implicit_step(system, how, buffer, row, row - 1, buffer.bends[0, row - 1].copy(), options,
+                      check)
+
+
+@kernel
+def is_good(buffer, row, budget, options):
+    """Whether a step is exact enough and gains no energy; if so, `budget` has it."""
+    error = buffer.proofs[row, 2]
+    return ((error <= options.error or buffer.touched[row] and options.any_error)
+            and _pushes_little(buffer, row, budget, options)
+            and within_energy_budget(budget, buffer.energies[row], options.gain, options.noise))
+
+
+@kernel
+def _pushes_little(buffer, row, budget, options):
+    """Whether the work of contacts along the chords of steps is small.
+
+    That of this step, and the energy that the motion has beyond what it began with, are each at
+    most what it may gain.
+    """
+    energies = buffer.energies[row]
+    push = energies[PUSHED] - buffer.energies[row - 1, PUSHED]
+    excess = energies[KINETIC] + energies[STATIC] - energies[WORK] + lost(energies) - options.began
+    return push == 0.0 or max(push, excess) <= allowed_gain(budget, energies, options.gain,
+                                                            options.noise)
+
+
+@kernel
+def lost(energies: Floats) -> float:
+    """Return the energy lost so far, J, of a row of a StepBuffer's."""
+    total: float = energies[DAMPED] + energies[DISSIPATED] + energies[RUBBED]
+    return total
+
+
+@kernel
+def within_energy_budget(budget: Floats, energies: Floats, part: float, noise: float) -> bool:
+    """Whether an instant has no more energy than there can be; if so, `budget` (5,) has it.
+
+    A step may use up half of what the motion may still gain: were it all, no later one could go on,
+    however short it is.
+
+    Args:
+        budget: as of `integrate`; renewed
+        energies: (9,) of the instant, as of a StepBuffer
+        part, noise: of the energy that has moved which may be gained, and J in addition
+    """
+    balance = (energies[KINETIC] + energies[STATIC] - energies[WORK] - energies[PUSHED]
+               + lost(energies))
+    left = allowed_gain(budget, energies, part, noise) - (budget[4] - budget[0])
+    if not balance - budget[4] <= max(_PER_STEP * left, 0.0):
+        return False
+    budget[0], budget[4] = min(budget[0], balance), balance
+    budget[1] = min(budget[1], energies[STATIC])
+    budget[2] = max(budget[2], energies[STATIC])
+    budget[3] = max(budget[3], energies[KINETIC])
+    return True
+
+
+@kernel
+def allowed_gain(budget: Floats, energies: Floats, part: float, noise: float) -> float:
+    """Return the energy, J, that a motion may gain until an instant; see `within_energy_budget`."""
+    low, high = min(budget[1], energies[STATIC]), max(budget[2], energies[STATIC])
+    most: float = part * (max(budget[3], energies[KINETIC]) + high - low + lost(energies)) + noise
+    return most
+
+
+def credit_renewal(budget: Floats, balance: float, began: float) -> None:
+    """Enter that the rates of an instant are renewed: what that adds is no gain of a step.
+
+    As far as steps before have lost it. So a motion never has more than there was and was done.
+
+    Parameters
+    ----------
+    budget : ndarray, shape (5,)
+        Changed.
+    balance, began : float
+        Balance with these rates, and where the motion began, J.
+    """
+    spent = max(began - budget[4], 0.0)
+    budget[0] = min(budget[0] + min(max(balance - budget[4], 0.0), spent), balance)
+    budget[4] = balance
+
+
+# ------------------------------------------------------------------------------------------------
+# One step: the potential that it minimizes, the search, and what it leaves.
+
+
+@kernel
+def implicit_step(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, row: int,
+                  memory: int, guess: Floats, options: StepOptions, check: bool) -> bool:
+    """Fill a row with the DLO at the end of a step; return whether it is an equilibrium.
+
+    Args:
+        memory: row of what steps before have left
+        guess: (N, 3) strains where the search begins, 1/m
+        check: whether its stability is looked at
+    """
+    problem = step_problem(system, how, buffer, row, memory, options)
+    q = np.empty((unknown_rows(system), 3))
+    unknowns_of(problem, guess, q)
+    if _is_blocked(system.effects.contact, problem, buffer, row, q):
+        state = new_configuration(problem)
+        state.q[:] = q
+        evaluate(problem, state)
+        record_step(how, problem, state, buffer, row, memory, np.inf, np.nan, 0, np.inf, options)
+        return False
+    state, residual, stability, iterations, loaded, violation = _minimum(
+        system.effects.contact, problem, how, q, buffer, row, memory, options, check)
+    return record_step(how, loaded, state, buffer, row, memory, residual, stability, iterations,
+                       violation, options)
+
+
+@kernel
+def unknown_rows(system):
+    """Return m, the number of unknowns per strain component."""
+    return system.basis.shape[1] if system.basis.shape[1] else system.lengths.size
+
+
+@kernel
+def step_problem(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, row: int,
+                 memory: int, options: StepOptions) -> Problem:
+    """Return the Problem of a step: that of the DLO at rest, with inertia and damping.
+
+    Its memory is that of row `memory`.
+    """
+    where, speed = _without_force(how, buffer.nodes, row)
+    bent, rate = _without_force(how, buffer.bends, row)
+    strength = how.stiffness + how.slow * how.velocity_gain
+    origin = buffer.origins[row]
+    for k in range(where.shape[0]):
+        for i in range(3):
+            where[k, i] -= how.slow * speed[k, i] / strength + origin[i]
+    for e in range(bent.shape[0]):
+        for i in range(3):
+            bent[e, i] -= rate[e, i] / how.velocity_gain
+    return incremental_potential(_remembering(system, buffer, row, memory, options), how, where,
+                                 bent, buffer.bases[row], origin)
+
+
+@kernel
+def incremental_potential(system: Problem, how: SchemeCoefficients, where: Floats, calm: Floats,
+                          base: Floats, origin: Floats) -> Problem:
     """Return the Problem of a DLO at rest with masses drawn to `where` (N + 1, 3) from the gripper.
 
-    Its damped springs are drawn to the strains `calm` (N, 3).
+    Its damped springs are drawn to the strains `calm` (N, 3): K b u' is a spring of its own, drawn
+    to where u' = 0. What cannot yield is one spring with it; else it stands beside.
     """
     strength = how.stiffness + how.slow * how.velocity_gain
     firm = how.viscous * how.velocity_gain
-    natural = np.empty_like(system.natural)
-    for e in range(natural.shape[0]):
-        for i in range(3):  # K b u' is a spring of its own, drawn to where u' = 0
-            natural[e, i] = (system.natural[e, i] + firm * calm[e, i]) / (1 + firm)
+    natural, couple = system.natural.copy(), system.effects.elastic.couple
+    part, stiffer = system.effects.elastic.part, 1.0 + firm
+    if firm > 0.0 and _yields(system.effects.plastic):
+        couple = np.zeros_like(natural)
+        for e in range(natural.shape[0]):
+            for i in range(3):
+                couple[e, i] = firm * system.stiffness[e, i] * (calm[e, i] - natural[e, i])
+        part, stiffer = part + firm, 1.0
+    else:
+        for e in range(natural.shape[0]):
+            for i in range(3):
+                natural[e, i] = (natural[e, i] + firm * calm[e, i]) / (1 + firm)
     effects = system.effects
-    return Problem(system.lengths, natural, system.stiffness * (1 + firm), system.scale,
+    return Problem(system.lengths, natural, system.stiffness * stiffer, system.scale,
                    system.basis, base, origin,
-                   with_terms(effects, InertiaTerm(where, how.masses * strength), effects.hold,
-                              effects.contact),
+                   Terms(Elastic(part, couple), effects.plastic, effects.load,
+                         InertiaTerm(where, how.masses * strength), effects.hold, effects.contact),
                    Structure(how.masses.size > 0, system.needs.attached, system.needs.border),
                    system.proximal_point, system.proximal_weight)
 
 
 @kernel
-def stability_at(system: Problem, how: Coefficients, base: Floats, origin: Floats, nodes: Floats,
-                 bends: Floats) -> float:
-    """Return the smallest eigenvalue of the Hessian that a step had at its end.
-
-    How the DLO moves there tells what the step drew it to.
-
-    Args:
-        system, how: as of `swing_along`
-        base: (3, 3), origin: (3,) of the gripper, read-only
-        nodes: (4, N + 1, 3), bends: (4, N, 3) of a row of a Trail
-    """
-    where, calm = np.empty_like(nodes[0]), np.empty_like(bends[0])
-    strength = how.stiffness + how.slow * how.velocity_gain
-    for k in range(where.shape[0]):
-        for i in range(3):
-            force = nodes[2, k, i] + how.slow * nodes[1, k, i]  # per mass
-            where[k, i] = nodes[0, k, i] - origin[i] - force / strength
-    for e in range(calm.shape[0]):
-        for i in range(3):
-            calm[e, i] = bends[0, e, i] - bends[1, e, i] / how.velocity_gain
-    # copied, since arrays that can be written are of another type: all else is compiled for them
-    moving = resisting(system, how, where, calm, base.copy(), origin.copy())
-    work = new_workspace(moving)
-    unknowns_of(moving, bends[0], work.state.q)
-    evaluate(moving, work.state)
-    shift = 0.0
-    if not assembled_definite(moving, work.state, work.hessian, shift):
-        shift = safe_shift(moving, work.hessian, LEAST_SHIFT)
-    value, _ = lowest_mode(moving, work.hessian, shift, _EXACT)
-    stability: float = value
-    return stability
+def _yields(plastic):
+    """Whether the DLO may yield."""
+    if plastic is None:
+        return False
+    return plastic.share.shape[0] > 0
 
 
 @kernel
-def swing_along(system: Problem, how: Coefficients, trail: Trail, books: Floats, limits: Floats,
-                tolerance: float, max_iterations: int) -> int:
-    """Fill rows of a Trail as long as each step is good; return the row of the last good one.
-
-    The row after that, if there is one, is of a step that is not.
-
-    Args:
-        system: Problem of the DLO at rest, without obstacles, far end, plasticity
-        how: Coefficients; trail: Trail
-        books: (5,) of the motion so far: least balance, least and most potential energy, most
-            kinetic energy, last balance, J; renewed
-        limits: (4,) residual; local error, m; part of the energy that has moved which may be
-            gained, and J in addition
-        tolerance, max_iterations: as `newton`
-    """
-    for row in range(PAST + 1, trail.times.size):
-        swing(system, how, trail, row, tolerance, max_iterations, tolerance > 0.0)
-        account(system, how, trail, row)
-        proof = trail.proofs[row]
-        if not (proof[0] < limits[0] and proof[1] > -NEUTRAL and proof[2] <= limits[1]
-                and entered(books, trail.energies[row], limits[2], limits[3])):
-            return row - 1
-    return trail.times.size - 1
+def _remembering(system, buffer, row, memory, options):
+    """Return the Problem of the DLO at rest in the grips of a row, with what steps have left."""
+    effects = system.effects
+    held = Problem(
+        system.lengths, system.natural, system.stiffness, system.scale, system.basis, system.base,
+        buffer.origins[row],
+        Terms(effects.elastic, _with_set(effects.plastic, buffer, memory), effects.load,
+              effects.anchor, _with_grip(effects.hold, buffer, row, memory, options),
+              effects.contact),
+        Structure(system.needs.displaced, system.needs.attached,
+                  _border(system.needs.border, buffer.held.shape[1])),
+        system.proximal_point, system.proximal_weight)
+    return _with_contacts(effects.contact, held, buffer, row, memory, options)
 
 
 @kernel
-def swing(system: Problem, how: Coefficients, trail: Trail, row: int, tolerance: float,
-          max_iterations: int, check: bool) -> None:
-    """Fill a row of a Trail with the DLO at the end of a step, and how it moves then.
+def _with_set(plastic, buffer, memory):
+    """Return a PlasticSection with the plastic strain of a row; None for None."""
+    if plastic is None:
+        return plastic
+    return PlasticSection(plastic.direction, plastic.limit, plastic.share, plastic.kind,
+                          plastic.strength, plastic.ellipse, buffer.plastic[memory].copy())
 
-    `check` says whether its stability is looked at.
+
+@kernel
+def _with_grip(hold, buffer, row, memory, options):
+    """Return the GripConstraint of the far end in a row; None for None."""
+    if hold is None:
+        return hold
+    target = buffer.targets[row] - buffer.origins[row]
+    return GripConstraint(target, buffer.axes[row].copy(), options.share, buffer.held[row].copy(),
+                          buffer.reactions[memory].copy(), hold.stiffness, hold.turn_stiffness)
+
+
+@kernel
+def _border(border, rows):
+    """Return an empty KKTBorder of so many rows; None for None."""
+    out = border
+    if border is not None:
+        none = np.empty((rows, 0, 3))
+        out = KKTBorder(none, none, np.empty((0, 0)), np.zeros(1))
+    return out
+
+
+@kernel
+def _with_contacts(contact, system, buffer, row, memory, options):
+    """Return the Problem with the contacts that a row has left; itself without obstacles."""
+    if contact is None:
+        return system
+    begin, end = buffer.starts[0, memory], buffer.starts[0, memory + 1]
+    count, origin = end - begin, buffer.origins[row]
+    vectors = np.empty((3, count, 3))
+    for c in range(count):
+        for i in range(3):
+            vectors[0, c, i] = buffer.points[begin + c, 2 + i] - origin[i]
+            vectors[1, c, i] = buffer.points[begin + c, 5 + i]
+            vectors[2, c, i] = buffer.points[begin + c, 8 + i]
+    contacts = ContactSet(
+        options.spring, buffer.node_forces[memory].copy(), buffer.point_of[begin:end, 0].copy(),
+        buffer.point_of[begin:end, 1].copy(), buffer.points[begin:end, 0].copy(),
+        buffer.points[begin:end, 1].copy(), vectors[0], vectors[1], vectors[2], options.spring)
+    return with_contacts(system, contacts, translated(contact.scene, origin))
+
+
+@kernel
+def _is_blocked(contact, problem, buffer, row, q):
+    """Whether an obstacle is between the shape in the row before and the unknowns q (m, 3)."""
+    if contact is None:
+        return False
+    if contact.scene.kind.size == 0:
+        return False
+    state, origin = new_configuration(problem), buffer.origins[row]
+    state.q[:] = q
+    evaluate(problem, state)
+    old = np.empty_like(state.positions)
+    for k in range(old.shape[0]):
+        for i in range(3):
+            old[k, i] = buffer.nodes[0, row - 1, k, i] - origin[i]
+    return sweeps_through(problem.effects.contact.scene, problem.lengths, buffer.bends[0, row - 1],
+                          buffer.frames[row - 1], old, state.rotations, state.positions)
+
+
+@kernel
+def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
+    """Seek the minimum from q (m, 3).
+
+    Returns
+    -------
+        state, residual, stability, iterations, Problem with its multipliers, violation
     """
-    origin = trail.origins[row]
-    moving = _drawn(system, how, trail, row)
-    q = np.empty((unknown_count(system), 3))
-    unknowns_of(moving, _guess(how, trail.bends, row, 1.0), q)
-    work = new_workspace(moving)
-    state, residual, stability, iterations, _, _, _ = newton_descent(
-        moving, q, next_to(tolerance, 0.0, check, tolerance < 0.0), work)
+    if contact is None:
+        return _unobstructed(problem, how, q, buffer, row, memory, options, check)
+    if contact.scene.kind.size == 0:
+        return _unobstructed(problem, how, q, buffer, row, memory, options, check)
+    previous, origin = np.empty((buffer.nodes.shape[2], 6)), buffer.origins[row]
+    for k in range(previous.shape[0]):
+        for i in range(3):
+            previous[k, i] = buffer.nodes[0, memory, k, i] - origin[i]
+            previous[k, 3 + i] = buffer.frames[memory, k, i, 0]
+    state, residual, stability, iterations, _, loaded, violation = solve_contact(
+        problem, q, COARSER * options.tolerance, options.ctol, options.maxiter, check, previous)
+    return state, residual, stability, iterations, loaded, violation
+
+
+@kernel
+def _unobstructed(problem, how, q, buffer, row, memory, options, check):
+    """Do what `_minimum` does, without obstacles: what is near, else with all guards."""
+    work, held, tolerance = new_workspace(problem), is_held(problem), options.tolerance
+    state, residual, stability, iterations, missed = work.state, np.inf, np.nan, 0, np.inf
+    if options.nearby:
+        state, residual, stability, iterations, _, _, missed = newton_descent(
+            problem, q, next_to(tolerance, options.ctol, check, held), work)
     if residual == np.inf:  # it is not near
-        _less_potential(how, trail.bends, row, moving, state, q)
+        _take_back(problem.effects.hold, buffer, memory)
+        if options.nearby and not buffer.touched[row]:
+            _less_potential(how, buffer.bends, row, problem, state, q)
         for attempt in range(2):  # without forces of inertia that are in the way; with them
-            state, residual, stability, more, _, _ = minimize(
-                moving, q, thorough(tolerance, 0.0, max_iterations, check, attempt == 0), work)
+            state, residual, stability, more, _, missed = minimize(
+                problem, q, thorough(tolerance, options.ctol, options.maxiter, check,
+                                     attempt == 0 and not held), work)
             iterations += more
             if SETTLED <= residual < np.inf:
-                told = decrement_of(moving, state)
-                residual = told if told < SETTLED else residual
+                decrement = decrement_of(problem, state)
+                residual = decrement if decrement < SETTLED else residual
             if residual < SETTLED:
                 break
-    places, strains = trail.nodes[0, row], trail.bends[0, row]
-    trail.frames[row] = state.rotations
+    if stability == np.inf and _yields(problem.effects.plastic):
+        stability = _smallest_eigenvalue(problem, state)
+    return state, residual, stability, iterations, problem, missed
+
+
+@kernel
+def _smallest_eigenvalue(problem, state):
+    """Return the smallest eigenvalue of the Hessian at a Configuration."""
+    hessian, shift = new_hessian(problem), 0.0
+    if not assembled_definite(problem, state, hessian, shift):
+        shift = safe_shift(problem, hessian, LEAST_SHIFT)
+    value, _ = lowest_mode(problem, hessian, shift, _EXACT)
+    return value
+
+
+@kernel
+def _take_back(hold, buffer, memory):
+    """Give a grip the forces again that it had at the beginning of the step."""
+    if hold is None:
+        return
+    hold.multiplier[:] = buffer.reactions[memory]
+
+
+@kernel
+def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
+                buffer: StepBuffer, row: int, memory: int, residual: float, stability: float,
+                iterations: int, violation: float, options: StepOptions) -> bool:
+    """Fill a row with a minimum, how the DLO moves there, and what it leaves to the next step.
+
+    Returns whether it is a stable or neutral equilibrium that keeps all constraints.
+
+    Args:
+        problem: with the multipliers of its constraints at the end; state: Configuration there
+        residual, stability, iterations, violation: of the search
+    """
+    origin, places, strains = buffer.origins[row], buffer.nodes[0, row], buffer.bends[0, row]
+    buffer.frames[row] = state.rotations
     for k in range(places.shape[0]):
         for i in range(3):
             places[k, i] = state.positions[k, i] + origin[i]
@@ -288,37 +626,176 @@ def swing(system: Problem, how: Coefficients, trail: Trail, row: int, tolerance:
         for i in range(3):
             strains[e, i] = state.strains[e, i]
     for i in range(3):
-        trail.wrenches[row, i] = state.base_force[i]
-        trail.wrenches[row, 3 + i] = state.base_moment[i]
-    trail.proofs[row, 0], trail.proofs[row, 1] = residual, stability
-    trail.iterations[row] = iterations
-    _move_on(how, trail.nodes, row)
-    _move_on(how, trail.bends, row)
+        buffer.wrenches[row, i] = state.base_force[i]
+        buffer.wrenches[row, 3 + i] = state.base_moment[i]
+    _move_on(how, buffer.nodes, row)
+    _move_on(how, buffer.bends, row)
+    violation = max(violation, _gripper_inside(problem.effects.contact, origin))
+    bound = buffer.held.shape[1] > 0 or _bodies(problem.effects.contact) > 0
+    converged = (is_stationary(problem, state, residual, options.rounding)
+                 and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
+                 and violation <= options.kept)
+    if converged and buffer.held.shape[1]:
+        converged = _missed(problem.effects.hold, state) <= buffer.reach[row]
+    _keep_grip(problem.effects.hold, state, buffer, row)
+    _keep_contacts(problem.effects.contact, problem, state, buffer, row)
+    buffer.energies[row, DISSIPATED] = buffer.energies[memory, DISSIPATED] + _keep_set(
+        problem.effects.plastic, problem, state, buffer, row)
+    proof = buffer.proofs[row]
+    proof[0], proof[1], proof[3] = residual, stability, violation
+    buffer.iterations[row], buffer.converged[row] = iterations, converged
+    return converged
 
 
 @kernel
-def account(system: Problem, how: Coefficients, trail: Trail, row: int) -> None:
-    """Fill a row of a Trail with its energies and the local error of the step there."""
-    nodes, bends, energies = trail.nodes, trail.bends, trail.energies
-    power = then = 0.0
+def _bodies(contact):
+    """Return how many obstacles there are."""
+    if contact is None:
+        return 0
+    return contact.scene.kind.size
+
+
+@kernel
+def _gripper_inside(contact, origin):
+    """Return how deep the gripper holds the axis in an obstacle, m: no force can push it out."""
+    if contact is None:
+        return 0.0
+    if contact.scene.kind.size == 0:
+        return 0.0
+    return penetration_of_point(translated(contact.scene, np.zeros(3)), origin)
+
+
+@kernel
+def _missed(hold, state):
+    """Return by how much the far end's grip is missed, m."""
+    if hold is None:
+        return 0.0
+    return constraint_violation(hold, state.rotations[-1], state.positions[-1])
+
+
+@kernel
+def _keep_grip(hold, state, buffer, row):
+    """Keep the forces of the far end's grip, and its wrench on the DLO."""
+    if hold is None:
+        return
+    if hold.multiplier.size == 0:
+        return
+    buffer.reactions[row] = hold.multiplier
+    for i in range(3):
+        buffer.end_wrenches[row, i] = -state.attached.tip_force[i]
+        buffer.end_wrenches[row, 3 + i] = -state.attached.tip_moment[i]
+
+
+@kernel
+def _keep_set(plastic, problem, state, buffer, row):
+    """Keep the plastic strain after a step; return the energy lost in it, J."""
+    if plastic is None:
+        return 0.0
+    if plastic.share.shape[0] == 0:
+        return 0.0
+    new, dissipated = return_map(problem.lengths, state.strains, problem.natural, plastic)
+    buffer.plastic[row] = new
+    return dissipated
+
+
+@kernel
+def _keep_contacts(contact, problem, state, buffer, row):
+    """Keep what contacts leave to the next step, and the table of those that bear."""
+    starts = buffer.starts
+    starts[0, row + 1], starts[1, row + 1] = starts[0, row], starts[1, row]
+    if contact is None:
+        return
+    if contact.scene.kind.size == 0:
+        return
+    (node, element, obstacle, multiplier, fraction, anchor, normal, shear,
+     slid) = forces_after(problem, state, buffer.origins[row], True)
+    source, at, along, place, direction, force, friction, gap = contact_rows(problem, state)
+    buffer.node_forces[row] = node
+    first, other = starts[0, row], starts[1, row]
+    if first + element.size > buffer.points.shape[0] or (
+            other + source.size > buffer.contacts.shape[0]):
+        buffer.full[0] = True
+        return
+    for c in range(element.size):
+        buffer.point_of[first + c, 0], buffer.point_of[first + c, 1] = element[c], obstacle[c]
+        point = buffer.points[first + c]
+        point[0], point[1] = multiplier[c], fraction[c]
+        for i in range(3):
+            point[2 + i], point[5 + i] = anchor[c, i], normal[c, i]
+            point[8 + i], point[11 + i] = shear[c, i], slid[c, i]
+    for a in range(source.size):
+        buffer.contact_of[other + a, 0], buffer.contact_of[other + a, 1] = source[a], at[a]
+        contact_row = buffer.contacts[other + a]
+        contact_row[0], contact_row[7], contact_row[11] = along[a], force[a], gap[a]
+        for i in range(3):
+            contact_row[1 + i], contact_row[4 + i] = place[a, i], direction[a, i]
+            contact_row[8 + i] = friction[a, i]
+    starts[0, row + 1], starts[1, row + 1] = first + element.size, other + source.size
+
+
+# ------------------------------------------------------------------------------------------------
+# The energy of a step, its error, and its stability.
+
+
+@kernel
+def account(system, how, outer, buffer, row, options):
+    """Fill a row with its energies and the local error of the step there.
+
+    Args:
+        how: of the scheme of the step; outer: of that by which its error is judged
+    """
+    nodes, bends, energies = buffer.nodes, buffer.bends, buffer.energies
+    power = _power(buffer, row, row, options)
+    # the forces of a step of first order are the same all the step long
+    before = _power(buffer, row, row - 1, options) if how.gamma == 1.0 else energies[row - 1, POWER]
+    elastic = stored(system.effects, system, bends[0, row]) + _stored_plastic(
+        system.effects.plastic, system, buffer, row)
+    energies[row, ELASTIC] = elastic
+    energies[row, STATIC] = elastic + potential(system.effects, system, nodes[0, row])
+    energies[row, KINETIC] = _kinetic(how, nodes, row)
+    energies[row, WORK] = energies[row - 1, WORK] + 0.5 * how.dt * (before + power)
+    energies[row, POWER] = power
+    damped = _damping_work(system, how, nodes, bends, row)
+    energies[row, DAMPED] = energies[row - 1, DAMPED] + damped
+    rubbed, pushed = _contact_work(system, buffer, row)
+    energies[row, RUBBED] = energies[row - 1, RUBBED] + rubbed
+    energies[row, PUSHED] = energies[row - 1, PUSHED] + pushed
+    buffer.proofs[row, 2] = outer.third * third_difference(buffer.times, nodes[0], row)
+
+
+@kernel
+def _power(buffer, row, moves, options):
+    """Return the power of the grips' wrenches in a row as they move in row `moves`, W."""
+    power = 0.0
     for i in range(6):
-        power += trail.wrenches[row, i] * trail.twists[row, i]
-        # the forces of a step of first order are the same all the step long
-        then += trail.wrenches[row, i] * trail.twists[row - 1, i]
-    if how.gamma != 1.0:
-        then = energies[row - 1, 4]
-    elastic = stored(system.effects, system, bends[0, row])
-    energies[row, 0] = elastic
-    energies[row, 1] = elastic + potential(system.effects, system, nodes[0, row])
-    energies[row, 2] = _kinetic(how, nodes, row)
-    energies[row, 3] = energies[row - 1, 3] + 0.5 * how.dt * (then + power)
-    energies[row, 4] = power
-    energies[row, 5] = energies[row - 1, 5] + damped(system, how, nodes, bends, row)
-    trail.proofs[row, 2] = how.third * third_difference(trail.times, nodes[0], row)
+        power += buffer.wrenches[row, i] * buffer.twists[moves, i]
+    if buffer.held.shape[1]:
+        wrench, twist, last = buffer.end_wrenches[row], buffer.end_twists[moves], (
+            buffer.nodes.shape[2] - 1)
+        for i in range(6):
+            power += wrench[i] * twist[i]
+        if options.sleeve:  # the end is not where the sleeve's pose is
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                power += wrench[i] * (
+                    twist[3 + j] * (buffer.nodes[0, row, last, k] - buffer.targets[moves, k])
+                    - twist[3 + k] * (buffer.nodes[0, row, last, j] - buffer.targets[moves, j]))
+    return power
 
 
 @kernel
-def _kinetic(how: Coefficients, nodes: Floats, row: int) -> float:
+def _stored_plastic(plastic, system, buffer, row):
+    """Return the energy in springs that yield, which a step that has ended leaves no loss in, J."""
+    if plastic is None:
+        return 0.0
+    if plastic.share.shape[0] == 0:
+        return 0.0
+    return add_plastic(system.lengths, buffer.bends[0, row], system.natural,
+                       _with_set(plastic, buffer, row), np.zeros(system.natural.shape))
+
+
+@kernel
+def _kinetic(how, nodes, row):
     """Return the kinetic energy in a row, J."""
     kinetic = 0.0
     for k in range(how.masses.size):
@@ -328,7 +805,7 @@ def _kinetic(how: Coefficients, nodes: Floats, row: int) -> float:
 
 
 @kernel
-def damped(system: Problem, how: Coefficients, nodes: Floats, bends: Floats, row: int) -> float:
+def _damping_work(system, how, nodes, bends, row):
     """Return the energy that damping takes at least in the step to a row, J.
 
     That is what it takes of an even motion from one end of the step to the other. Vibrations too
@@ -347,48 +824,23 @@ def damped(system: Problem, how: Coefficients, nodes: Floats, bends: Floats, row
 
 
 @kernel
-def set_off(system: Problem, calm: Coefficients, how: Coefficients, trail: Trail, going: bool,
-            tolerance: float, max_iterations: int) -> None:
-    """Fill row PAST of a Trail with how a DLO moves that grips and forces let go from there.
+def _contact_work(system, buffer, row):
+    """Return the work done against friction in the step to a row, and that which contacts do, J.
 
-    Done there: velocities, accelerations, energies. Rows beyond are of very short steps, ahead and
-    back; the grips are given in rows PAST to PAST + 3, the last one back in time.
-
-    Args:
-        system: Problem of the DLO at rest; trail: Trail of PAST + 4 rows
-        calm, how: Coefficients of the short steps, without damping, with that of the rod
-        going: whether velocities are to be made those that the grips allow
-        tolerance, max_iterations: as `newton`
+    A force across the end of a chord has a part along it, where the DLO slides on a convex
+    obstacle: work of first order, and none in truth. An impact's force takes energy.
     """
-    now, ahead, again, back = PAST, PAST + 1, PAST + 2, PAST + 3
-    check = tolerance < 0.0  # False; a literal would be compiled for by itself
-    courses = trail.nodes, trail.bends
-    for course in courses:
-        for k in range(course.shape[2]):
-            for i in range(3):
-                course[2, now, k, i] = course[3, now, k, i] = 0.0
-                course[0, again, k, i], course[1, again, k, i] = (course[0, now, k, i],
-                                                                  -course[1, now, k, i])
-                course[2, again, k, i] = course[3, again, k, i] = 0.0
-    if going:
-        # what damps acts against either way: it would not cancel
-        swing(system, calm, trail, ahead, tolerance, max_iterations, check)
-        swing(system, calm, trail, back, tolerance, max_iterations, check)
-        for course in courses:
-            for k in range(course.shape[2]):
-                for i in range(3):
-                    course[1, now, k, i] = (course[0, ahead, k, i]
-                                            - course[0, back, k, i]) / (2 * how.dt)
-    swing(system, how, trail, ahead, tolerance, max_iterations, check)
-    for course in courses:
-        for k in range(course.shape[2]):
-            for i in range(3):
-                course[2, now, k, i] = course[3, now, k, i] = course[2, ahead, k, i]
-    power = 0.0
-    for i in range(6):
-        power += trail.wrenches[ahead, i] * trail.twists[now, i]
-    trail.energies[now, 4] = power
-    trail.energies[now, 2] = _kinetic(how, trail.nodes, now)
+    rubbed = pushed = 0.0
+    rotation, before = np.empty((3, 3)), np.empty(3)
+    for a in range(buffer.starts[1, row], buffer.starts[1, row + 1]):
+        contact, e = buffer.contacts[a], buffer.contact_of[a, 1]
+        point_inside(system.lengths, buffer.bends[0, row - 1], buffer.frames[row - 1],
+                     buffer.nodes[0, row - 1], e, contact[0] / system.lengths[e], rotation, before)
+        for i in range(3):
+            moved = buffer.origins[row, i] + contact[1 + i] - before[i]
+            pushed += contact[7] * contact[4 + i] * moved
+            rubbed -= contact[8 + i] * moved
+    return rubbed, max(0.0, pushed)
 
 
 @kernel
@@ -415,24 +867,93 @@ def third_difference(times: Floats, places: Floats, row: int) -> Any:
 
 
 @kernel
-def _drawn(system: Problem, how: Coefficients, trail: Trail, row: int) -> Problem:
-    """Return the Problem of a step: that of the DLO at rest, with inertia and damping."""
-    where, speed = _without_force(how, trail.nodes, row)
-    bent, rate = _without_force(how, trail.bends, row)
+def stability_at(system: Problem, how: SchemeCoefficients, base: Floats, origin: Floats,
+                 nodes: Floats, bends: Floats) -> float:
+    """Return the smallest eigenvalue of the Hessian that a step had at its end.
+
+    How the DLO moves there tells what the step drew it to.
+
+    Args:
+        system, how: as of `integrate`, of a DLO that hangs freely
+        base: (3, 3), origin: (3,) of the gripper, read-only
+        nodes: (4, N + 1, 3), bends: (4, N, 3) of a row of a StepBuffer
+    """
+    where, calm = np.empty_like(nodes[0]), np.empty_like(bends[0])
     strength = how.stiffness + how.slow * how.velocity_gain
-    origin = trail.origins[row]
     for k in range(where.shape[0]):
         for i in range(3):
-            where[k, i] -= how.slow * speed[k, i] / strength + origin[i]
-    for e in range(bent.shape[0]):
+            force = nodes[2, k, i] + how.slow * nodes[1, k, i]  # per mass
+            where[k, i] = nodes[0, k, i] - origin[i] - force / strength
+    for e in range(calm.shape[0]):
         for i in range(3):
-            bent[e, i] -= rate[e, i] / how.velocity_gain
-    return resisting(system, how, where, bent, trail.bases[row], origin)
+            calm[e, i] = bends[0, e, i] - bends[1, e, i] / how.velocity_gain
+    # copied, since arrays that can be written are of another type: all else is compiled for them
+    moving = incremental_potential(system, how, where, calm, base.copy(), origin.copy())
+    state = new_configuration(moving)
+    unknowns_of(moving, bends[0], state.q)
+    evaluate(moving, state)
+    stability: float = _smallest_eigenvalue(moving, state)
+    return stability
+
+
+# ------------------------------------------------------------------------------------------------
+# How a motion begins.
 
 
 @kernel
-def _less_potential(how: Coefficients, bends: Floats, row: int, moving: Problem,
-                    state: Configuration, q: Floats) -> None:
+def consistent_rates(system: Problem, calm: SchemeCoefficients, how: SchemeCoefficients,
+                     buffer: StepBuffer, going: bool, options: StepOptions) -> None:
+    """Fill row PAST of a StepBuffer with how a DLO moves that grips and forces let go from there.
+
+    Done there: velocities, accelerations, energies. Rows beyond are of very short steps, ahead and
+    back; the grips are given in rows PAST to PAST + 3, the last one back in time.
+
+    Args:
+        system: Problem of the DLO at rest; buffer: StepBuffer of PAST + 4 rows
+        calm, how: of the short steps, without damping, with that of the rod
+        going: whether velocities are to be made those that the grips allow
+        options: StepOptions
+    """
+    now, ahead, again, back = PAST, PAST + 1, PAST + 2, PAST + 3
+    check = options.tolerance < 0.0  # False; a literal would be compiled for by itself
+    courses = buffer.nodes, buffer.bends
+    for course in courses:
+        for k in range(course.shape[2]):
+            for i in range(3):
+                course[2, now, k, i] = course[3, now, k, i] = 0.0
+                course[0, again, k, i], course[1, again, k, i] = (course[0, now, k, i],
+                                                                  -course[1, now, k, i])
+                course[2, again, k, i] = course[3, again, k, i] = 0.0
+    buffer.frames[again] = buffer.frames[now]
+    if going:
+        # what damps acts against either way: it would not cancel
+        for row in (ahead, back):
+            buffer.starts[:, row] = buffer.starts[:, ahead]
+            implicit_step(system, calm, buffer, row, now, _guess(calm, buffer.bends, row, 1.0),
+                          options, check)
+        for course in courses:
+            for k in range(course.shape[2]):
+                for i in range(3):
+                    course[1, now, k, i] = (course[0, ahead, k, i]
+                                            - course[0, back, k, i]) / (2 * how.dt)
+    implicit_step(system, how, buffer, ahead, now, _guess(how, buffer.bends, ahead, 1.0), options,
+                  check)
+    for course in courses:
+        for k in range(course.shape[2]):
+            for i in range(3):
+                course[2, now, k, i] = course[3, now, k, i] = course[2, ahead, k, i]
+    for i in range(3):  # the sleeve's end is where it is now
+        buffer.nodes[0, ahead, -1, i] = buffer.nodes[0, now, -1, i]
+    buffer.energies[now, POWER] = _power(buffer, ahead, now, options)
+    buffer.energies[now, KINETIC] = _kinetic(how, buffer.nodes, now)
+
+
+# ------------------------------------------------------------------------------------------------
+# The kinematics of a step.
+
+
+@kernel
+def _less_potential(how, bends, row, moving, state, q):
     """Keep `q` (m, 3), as guessed, or fill it as guessed of rates alone, whichever lies lower.
 
     Rates of strains change by vibrations too quick for the step, which tell nothing of its end.
@@ -446,7 +967,7 @@ def _less_potential(how: Coefficients, bends: Floats, row: int, moving: Problem,
 
 
 @kernel
-def _guess(how: Coefficients, bends: Floats, row: int, share: float) -> Floats:
+def _guess(how, bends, row, share):
     """Return the strains (N, 3) with which the search begins.
 
     `share` says how much of the change of their rates goes on.
@@ -460,13 +981,14 @@ def _guess(how: Coefficients, bends: Floats, row: int, share: float) -> Floats:
 
 
 @kernel
-def _without_force(how: Coefficients, course: Floats, row: int) -> tuple[Floats, Floats]:
-    """Return position and velocity at the end of a step that feels no force, `Scheme.anchor`."""
+def _without_force(how, course, row):
+    """Return position and velocity at the end of a step that feels no force (anchor)."""
     position, velocity = np.empty((course.shape[2], 3)), np.empty((course.shape[2], 3))
     dt = how.dt
+    carries = 0.0 if how.beta == 1.0 else 1.0  # an implicit Euler's step knows no accelerations
     for k in range(position.shape[0]):
         for i in range(3):
-            mean = course[3, row - 1, k, i]
+            mean = carries * course[3, row - 1, k, i]
             free = (how.alpha_f * course[2, row - 1, k, i] - how.alpha_m * mean) / (1 - how.alpha_m)
             position[k, i] = (course[0, row - 1, k, i] + dt * course[1, row - 1, k, i]
                               + dt**2 * ((0.5 - how.beta) * mean + how.beta * free))
@@ -476,8 +998,8 @@ def _without_force(how: Coefficients, course: Floats, row: int) -> tuple[Floats,
 
 
 @kernel
-def _move_on(how: Coefficients, course: Floats, row: int) -> None:
-    """Fill velocity, acceleration, mean at the end of a step, see `Scheme.after`."""
+def _move_on(how, course, row):
+    """Fill velocity, acceleration and mean acceleration at the end of a step."""
     anchor, velocity = _without_force(how, course, row)
     for k in range(anchor.shape[0]):
         for i in range(3):
@@ -511,7 +1033,7 @@ class Scheme:
         fastest vibrations (1: all of them), and slow ones are hardly damped. 'paper' is Eq. 8 to
         10: constant acceleration over a step, taken at its end; as a Newmark method beta = 1/2,
         gamma = 1, of first order, and it damps: a vibration of angular frequency w loses the part
-        w dt / 4 of its amplitude per radian. 'euler' (for a `uniform` course) is the implicit one.
+        w dt / 4 of its amplitude per radian. 'euler' is the implicit one.
         """
         if name == 'euler':
             return cls(0.0, 0.0, 1.0, 1.0, dt)
@@ -523,11 +1045,6 @@ class Scheme:
                    0.5 - alpha_m + alpha_f, dt)
 
     @property
-    def first_order(self) -> bool:
-        """Whether it is of first order only."""
-        return self.gamma == 1.0
-
-    @property
     def stiffness(self) -> float:
         """Acceleration at the end per distance from the anchor, 1/s^2: 2 / dt^2 in Eq. 9."""
         return (1 - self.alpha_m) / ((1 - self.alpha_f) * self.beta * self.dt**2)
@@ -537,47 +1054,21 @@ class Scheme:
         """Velocity at the end per distance from the anchor, 1/s."""
         return self.gamma / (self.beta * self.dt)
 
-    def anchor(self, before: 'KinematicState') -> tuple[Floats, Floats]:
-        """Return position and velocity (arrays) at the end of a step that feels no force."""
-        dt = self.dt
-        free = self._mean_acceleration(before, 0.0)
-        position = (before.position + dt * before.velocity
-                    + dt**2 * ((0.5 - self.beta) * before.mean + self.beta * free))
-        velocity = before.velocity + dt * ((1 - self.gamma) * before.mean + self.gamma * free)
-        return position, velocity
-
-    def after(self, before: 'KinematicState', position: Floats) -> 'KinematicState':
-        """Return the KinematicState at the end of a step that ends at `position`."""
-        anchor, velocity = self.anchor(before)
-        away = position - anchor
-        acceleration = self.stiffness * away
-        return KinematicState(position, velocity + self.velocity_gain * away, acceleration,
-                              self._mean_acceleration(before, acceleration))
-
-    def error(self, times: Sequence[float], positions: Sequence[Floats]) -> float:
-        """Return the local error (m) of a step, to leading order: the largest of a node.
+    @property
+    def third(self) -> float:
+        """Local error per divided difference of four places, s^3, to leading order.
 
         What the scheme's position differs by from Taylor's series of the true one:
         (1/6 - beta - (alpha_f - alpha_m) / 2) dt^3 x'''. Accelerations are no measure of it: they
         are those that keep the DLO's length, and tell of changes of the step as well.
-
-        Parameters
-        ----------
-        times : sequence
-            Four times, s, the last one at the end of the step.
-        positions : sequence
-            4 arrays (N + 1, 3) at these times, m.
         """
-        return self.third * float(third_difference(np.array(times), np.array(positions), 3))
-
-    @property
-    def third(self) -> float:
-        """Local error per divided difference of four places, s^3, see `error`."""
         return 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
 
-    def _mean_acceleration(self, before: 'KinematicState', acceleration: Floats | float) -> Floats:
-        return ((1 - self.alpha_f) * acceleration + self.alpha_f * before.acceleration
-                - self.alpha_m * before.mean) / (1 - self.alpha_m)
+    def coefficients(self, damping: tuple[float, float], masses: Floats) -> SchemeCoefficients:
+        """Return them for kernels, of a DLO with Rayleigh's damping and these node masses."""
+        return SchemeCoefficients(*(float(one) for one in (
+            self.alpha_m, self.alpha_f, self.beta, self.gamma, self.dt, self.stiffness,
+            self.velocity_gain, self.third, *damping)), masses)
 
 
 @dataclass(frozen=True)
@@ -586,11 +1077,7 @@ class KinematicState:
 
     Attributes
     ----------
-    position : ndarray
-        At one instant.
-    velocity : ndarray
-        At one instant.
-    acceleration : ndarray
+    position, velocity, acceleration : ndarray
         At one instant.
     mean : ndarray
         The acceleration averaged over the last step, as the scheme carries it along.
@@ -621,11 +1108,6 @@ class KinematicState:
     def begun(cls, position: Floats, velocity: Floats, acceleration: Floats) -> Self:
         """Return the course of something that begins to move freely."""
         return cls(position, velocity, acceleration, acceleration)
-
-    def uniform(self) -> Self:
-        """Return the same course as if nothing accelerated it."""
-        none = np.zeros_like(self.position)
-        return replace(self, acceleration=none, mean=none)
 
 
 _PARTS = tuple(item.name for item in fields(KinematicState))

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
+from dlo_planner.blas import one_thread
 from dlo_planner.direct.ball_joint import hinge_unknowns, pinned_newton, with_hinge
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import gripper_answers
@@ -182,6 +183,7 @@ def _state(system: Problem, q: Floats) -> Configuration:
     return result
 
 
+@one_thread()
 def _vibration(mesh: Discretization, system: Problem, q: Floats) -> Vibration:
     """Return the Vibration about the equilibrium of a Problem at q (m, 3)."""
     masses = np.maximum(node_masses(mesh.rod, mesh.s), 0.0)  # rounding may take more than all
@@ -415,6 +417,7 @@ def modes_from(linear: Linearized, vibration: Vibration, squares: Floats, found:
                  partial(_error, linear, rates, places))
 
 
+@one_thread()
 def solved(vibration: Vibration, n: int, name: str) -> tuple[Floats, Floats]:
     """Return (n,) squares of the angular frequencies, 1/s^2, ascending, and modes (c, n).
 

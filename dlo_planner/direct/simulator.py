@@ -13,7 +13,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed
 from dlo_planner.direct.accuracy import (
     Wanted,
     accurate_equilibrium,
@@ -422,8 +421,6 @@ class DirectSimulator(Value):
         return self._motion(Stepper, Prescribed(grippers, dt, initial, far_ends, velocity,
                                                 tolerance, integrator),
                             Progress(progress, deadline))
-
-    discretisation = renamed('discretisation', 'discretization')
 
     def discretization(self, gripper: Pose, shape: Shape | None) -> Discretization:
         """Return the Discretization that this simulator uses at a gripper's pose.

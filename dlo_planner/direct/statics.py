@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One equilibrium: from a gripper's pose and a discretization to a Shape with its proof."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
@@ -12,7 +12,7 @@ from dlo_planner.direct.ball_joint import pinned_newton
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import ACTING, Memory
 from dlo_planner.direct.shape import NO_WRENCH, Shape, State
-from dlo_planner.direct.terms import Left, Limits, Part, Solved, limits_of
+from dlo_planner.direct.terms import Left, Limits, Solved, limits_of
 from dlo_planner.energy.elastic import with_couples
 from dlo_planner.energy.plastic import yields
 from dlo_planner.energy.potential import configuration_at, evaluate, unknowns_of
@@ -23,7 +23,7 @@ from dlo_planner.geometry.so3 import jacobians, matrix, plus, put_vector, transp
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.contact_solver import constrained_newton
-from dlo_planner.minimize.convergence import Minimum, gradient_noise
+from dlo_planner.minimize.convergence import CONVERGED, Minimum, is_stationary
 from dlo_planner.minimize.newton import HELD_NEUTRAL, NEUTRAL, newton
 from dlo_planner.minimize.solve import solve_between_grips, solve_free
 from dlo_planner.model.arrays import Floats, Ints
@@ -31,28 +31,15 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
 
-CONVERGED = 1e-8   # residual that is promised
 KEPT = 1e-6        # of the length: violation that still counts as converged
-_BLURRED = 1e-5    # a residual that rounding may make larger than this tells nothing
 
 
-def proved(solved: Solved, found: Minimum, rounding: float = 0.0) -> bool:
-    """Return whether a Minimum is a stable or neutral equilibrium that keeps all constraints.
-
-    Parameters
-    ----------
-    solved : Solved
-        The same as a step.
-    found : Minimum
-    rounding : float, optional
-        Rounding error of the residual, where it is larger than usual.
-    """
+def proved(solved: Solved, found: Minimum) -> bool:
+    """Return whether a Minimum is a stable or neutral equilibrium that keeps all constraints."""
     mesh, system = solved.mesh, solved.system
-    bound = [part for part in ACTING if part.constrains(system)]
-    neutral = HELD_NEUTRAL if bound or mesh.surroundings.pinned else NEUTRAL
-    return bool((_moved_by_less(system, found.residual, bound)
-                 or _promised(solved, found.residual, rounding, bound))
-                and found.stability > -neutral
+    bound = mesh.surroundings.pinned or any(part.constrains(system) for part in ACTING)
+    return bool(is_stationary(system, solved.state, float(found.residual), 0.0)
+                and found.stability > -(HELD_NEUTRAL if bound else NEUTRAL)
                 and all(part.kept(solved) for part in ACTING)
                 and violation(solved, found) <= KEPT * mesh.s[-1])
 
@@ -60,32 +47,6 @@ def proved(solved: Solved, found: Minimum, rounding: float = 0.0) -> bool:
 def violation(solved: Solved, found: Minimum) -> float:
     """Return by how much a constraint is violated at most, m."""
     return max(float(found.violation), *(part.violation(solved) for part in ACTING))
-
-
-def _moved_by_less(system: Problem, residual: float, bound: Sequence[Part]) -> bool:
-    """Whether a residual is as small as promised, of a DLO whose inertia tells where it is.
-
-    However large the rounding errors of its forces are, see `minimize.convergence`.
-    """
-    promised = max((part.residual for part in bound), default=CONVERGED)
-    moves = system.anchor is not None and system.anchor.weight.size > 0
-    return moves and residual < promised
-
-
-def _promised(solved: Solved, residual: float, rounding: float, bound: Sequence[Part]) -> bool:
-    """Whether the residual is below what is promised, or where constrained, what rounding leaves.
-
-    Forces that rounding errors hide, of a DLO that is nearly taut, are no answer.
-    """
-    if not bound:
-        return residual < CONVERGED + 100 * rounding
-    noise = gradient_noise(solved.system, solved.state)
-    return as_rounded(residual - 100 * rounding, noise, max(part.residual for part in bound))
-
-
-def as_rounded(residual: float, noise: float, promised: float) -> bool:
-    """Whether a residual is as small as promised, or as the `noise` that rounding may leave."""
-    return residual < max(promised, noise) and noise < _BLURRED
 
 
 def stored_after(solved: Solved, left: Left) -> float:
@@ -316,28 +277,23 @@ def unknown() -> float:
     return np.inf
 
 
-def hanging_shape(mesh: Discretization, gripper: Pose, found: Found, rounding: float = 0.0,
-                  estimate: Callable[[], float] | None = None) -> Shape:
+def hanging_shape(mesh: Discretization, gripper: Pose, found: Found) -> Shape:
     """Return the Shape of a DLO that hangs freely, or on which nothing acts that may.
 
     Parameters
     ----------
     found : tuple
         What `minimize.solve.solve_free` returns.
-    rounding : float, optional
-        Rounding error of the residual, where it is larger than usual.
-    estimate : callable or None, optional
-        As of `shape_from`.
     """
     (strains, frames, positions, wrench, elastic, energy, residual, stability, steps,
      _) = found
     after = mesh.start
     if not mesh.hangs:  # where something acts, the next step counts from here
         after = after.followed(positions, frames[:, :, 0].copy())
-    good = bool(hangs_still(residual - 100 * rounding, stability))
+    good = bool(hangs_still(residual, stability))
     solution = Solution(strains, frames, positions, wrench, elastic, energy, residual, stability,
                         steps, good)
-    return shape_from(mesh, gripper, solution, Way(mesh.start, after), estimate)
+    return shape_from(mesh, gripper, solution, Way(mesh.start, after))
 
 
 def hangs_still(residual: Any, stability: Any) -> Any:
@@ -361,14 +317,14 @@ class Search(NamedTuple):
         Whether its stability is looked at, and what is unstable left.
     exact : float
         Part of the length by which constraints may be violated.
-    rounding : float
-        Rounding error of the residual, where it is larger than usual.
+    tolerance : float
+        Residual that is sought.
     """
 
     steps: int = MAX_ITERATIONS
     check: bool = True
     exact: float = EXACT
-    rounding: float = 0.0
+    tolerance: float = TOLERANCE
 
 
 THOROUGH = Search()
@@ -406,14 +362,14 @@ def held_nearby(mesh: Discretization, gripper: Pose, far_end: FarEnd, strains: F
 def solve(discretization: Discretization, system: Problem, gripper: Pose, q: Floats,
           history: Memory | None, how: Search = THOROUGH) -> Minimum:
     """Return the Minimum that is reached from q (m, 3) and the past `history` or None."""
-    most, check, exact, rounding = how
+    most, check, exact, tolerance = how
     before = _NO_PAST
     if history is not None and len(history.positions):
         before = np.hstack([history.positions - gripper.position, history.tangents])
     newtons = pinned_newton if discretization.surroundings.pinned else constrained_newton
 
     def solved(system: Problem, q: Floats) -> Minimum:
-        return newtons(system, q, TOLERANCE + rounding, most, check,
+        return newtons(system, q, tolerance, most, check,
                        exact * discretization.s[-1], before)
 
     if discretization.surroundings.has_moments:
@@ -422,15 +378,8 @@ def solve(discretization: Discretization, system: Problem, gripper: Pose, q: Flo
 
 
 def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: Memory | None = None,
-             far_end: FarEnd | None = None, rounding: float = 0.0) -> Shape:
-    """Return the Shape of a kernel's result.
-
-    Parameters
-    ----------
-    found : Minimum
-    rounding : float, optional
-        Rounding error of the residual, where it is larger than usual.
-    """
+             far_end: FarEnd | None = None) -> Shape:
+    """Return the Shape of a kernel's result."""
     state, system = found.state, found.system
     if mesh.surroundings.pinned:
         gripper = Pose.from_rotation(gripper.position, system.base)
@@ -446,7 +395,7 @@ def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, history: Memor
     solution = Solution(
         state.strains, state.rotations, positions, _wrench(mesh, state), elastic, energy,
         float(found.residual), float(found.stability), int(found.iterations),
-        proved(solved, found, rounding), evaluations=found.evaluations,
+        proved(solved, found), evaluations=found.evaluations,
         violation=violation(solved, found), **reports)
     return shape_from(mesh, gripper, solution, Way(history, past, far_end))
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from dlo_planner.direct.ball_joint import hinge_unknowns, own_unknowns, turn_of, with_hinge
 from dlo_planner.direct.contact import (
-    Touch,
     contacts_in,
     ended,
     forces_left,
@@ -38,7 +37,6 @@ from dlo_planner.direct.statics import (
     Search,
     Solution,
     Way,
-    as_rounded,
     equilibrium,
     hanging,
     held_nearby,
@@ -60,6 +58,7 @@ from dlo_planner.minimize.contact_solver import (
     carried_newton,
     predictor_corrector,
 )
+from dlo_planner.minimize.convergence import TOUCHING, as_rounded
 from dlo_planner.minimize.newton import HELD_NEUTRAL, led
 from dlo_planner.minimize.semismooth import correction
 from dlo_planner.model.arrays import Floats
@@ -483,7 +482,7 @@ def _shape(mesh: Discretization, gripper: Pose, proof: Sequence[Any], past: Memo
     residual, stability, steps, violation = proof
     (strains, frames, positions, tangents, wrench, elastic, energy, noise), forces, rows = known
     after = past.followed(positions, tangents, **left_of(forces))
-    good = (as_rounded(residual, noise, Touch.residual) and stability > -HELD_NEUTRAL
+    good = (as_rounded(residual, noise, TOUCHING) and stability > -HELD_NEUTRAL
             and violation <= KEPT * mesh.s[-1])
     solution = Solution(strains, frames, positions, wrench, elastic, energy, residual, stability,
                         steps, bool(good), violation=violation,

@@ -68,7 +68,6 @@ T = TypeVar('T')
 
 _FORMAT = 2  # 1: files of 0.1.0, which do not say what they hold
 _MOST = 2**32  # bytes in a file, unpacked
-_RENAMED = {'Report': 'ValidationReport'}  # in older files
 
 
 def save(path: str | PathLike[str], arrays: Mapping[str, Any], kind: str) -> None:
@@ -113,7 +112,6 @@ def load(path: str | PathLike[str], read: Callable[[dict[str, NDArray[Any]]], T]
     try:
         arrays = read_json(path) if _is_json(path) else _read_npz(path)
         known, held = int(arrays.pop('format', -1)), str(arrays.pop('kind', kind))
-        held = _RENAMED.get(held, held)
     except Exception as error:  # whatever another file makes of the reader
         raise InvalidTask(f'path = {shown(str(path))}: expected {written} file, {error}') from None
     if not 1 <= known <= _FORMAT:

@@ -32,7 +32,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import FarEnd, distance, spans, within_reach
+from dlo_planner.model.supports import FarEnd, distance, spans
 from dlo_planner.model.value import freeze
 
 if TYPE_CHECKING:
@@ -88,8 +88,6 @@ class Part:
         Whether it stores energy in the DLO where it acts, and moves the stress-free strains.
     rests : bool
         Whether it leaves and reports nothing new where it does not act, or its grip is free.
-    residual : float
-        Residual that is promised where it constrains the DLO.
     """
 
     name: str = ''
@@ -97,7 +95,6 @@ class Part:
     lets_go: bool = False
     stores: bool = False
     rests: bool = False
-    residual: float = 1e-8
 
     def acts(self, around: Surroundings) -> bool:
         """Whether a DLO in these Surroundings does not hang freely because of it."""
@@ -395,14 +392,21 @@ class FarHold(Part):
         """Whether the end is where it is held: the slack of a taut DLO decides on its tension."""
         if solved.far_end is None:
             return True
-        length, loaded = float(solved.mesh.s[-1]), solved.mesh.loaded
-        if not within_reach(solved.far_end, solved.gripper, length, loaded):
-            return False
-        slack = length - distance(solved.far_end, solved.gripper)
         state = solved.state
         missed = constraint_violation(solved.system.hold, state.rotations[-1].copy(),
                                       state.positions[-1].copy())
-        return bool(missed <= (min(_KEPT * length, _SLACK * slack) if loaded else _KEPT * length))
+        return bool(missed <= reach_of(solved.mesh, np.array(distance(solved.far_end,
+                                                                      solved.gripper))))
+
+
+def reach_of(mesh: Discretization, spanned: Floats) -> Floats:
+    """Return by how much a grip may be missed at distances (n,) that are spanned, m.
+
+    Below zero where that is out of reach.
+    """
+    length, loaded = float(mesh.s[-1]), mesh.loaded
+    slack = _SLACK * (length - spanned) if loaded else np.inf
+    return np.where(spans(spanned, length, loaded), np.minimum(_KEPT * length, slack), -1.0)
 
 
 class Limits(NamedTuple):

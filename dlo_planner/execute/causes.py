@@ -38,6 +38,7 @@ class Cause(IntEnum):
     PLANNING_DEADLINE = 206
     PLANNING_CANCELED = 207
     SCENE_CHANGED = 208
+    FAR_END_HELD = 209
     PROOF_PENDING = 300
     NOT_FOLLOWED = 301
     NOT_CALM = 302
@@ -74,10 +75,11 @@ MEANINGS = {
     Cause.INVALID_POSE: 'a coordinate is not finite, or a quaternion is not of length 1',
     Cause.OUT_OF_REACH: 'a pose is farther from the origin than `workspace.reach`',
     Cause.IN_OBSTACLE: 'the gripper is inside an obstacle',
-    Cause.INVALID_GOALS: '`task_goals` has no or more than two poses',
+    Cause.INVALID_GOALS: '`task_goals` has no pose, or more than 100',
     Cause.INVALID_OBSTACLES: 'a marker is not understood; nothing of its message counts',
     Cause.INVALID_PARAMETER: 'a parameter, or several together, make no sense',
-    Cause.NO_GOAL: '`replan` before there was a goal',
+    Cause.NO_GOAL: '`replan` before there was a task, or a service for a task of which nothing is '
+                   'known',
     Cause.INVALID_POINTS: '`observed_points` has no x, y, z, or too few points, or a stamp of '
                           'another time',
     Cause.NOTHING_SEEN: '`identify` before anything of the DLO was seen',
@@ -90,6 +92,7 @@ MEANINGS = {
     Cause.PLANNING_DEADLINE: 'the plan was not found within `threading.planning_deadline`',
     Cause.PLANNING_CANCELED: '`cancel` was called, or the node ends, while the plan was made',
     Cause.SCENE_CHANGED: 'obstacles or parameters changed while the plan was made',
+    Cause.FAR_END_HELD: 'the far end is held: plans and motions are of a DLO whose end is free',
     Cause.PROOF_PENDING: 'the plan is still being checked: ask again',
     Cause.NOT_FOLLOWED: 'replayed slowly, the DLO does not follow the plan',
     Cause.NOT_CALM: 'no calm motion along the plan keeps all demands',

@@ -1,35 +1,58 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The rest of a threading, aimed anew for the estimated DLO.
+"""The rest of a plan, aimed anew for the estimated DLO: its own goals, with another DLO.
 
-At each remaining waypoint, a coupled Newton system finds the equilibrium of the estimated DLO and
-the gripper's rotation together, as planning does (`inverse.solvers.points.aligned`), starting from
-the shape known there. The estimated offset of the gripper is then taken off the poses.
+At each remaining waypoint that passes a place, the estimated DLO passes where the planned one does.
+The equilibrium and the gripper's pose are found together, as planning does (`waypoint_newton`),
+starting from the shape known there. The estimated offset of the gripper is then taken off.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.predicted_miss import PredictedMiss, judged_plan, miss_of
-from dlo_planner.identify.uncertain import mesh_of
-from dlo_planner.inverse.solvers.points.one_point import aligned_on
+from dlo_planner.identify.predicted_miss import PredictedMiss, miss_of
+from dlo_planner.inverse.nearest_goals import nearest_on
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.waypoint_newton import follow, free_axis
 from dlo_planner.minimize.newton import NEUTRAL
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
+from dlo_planner.model.rod import before as part_before
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.clearance import hole_clearances
+from dlo_planner.plan.goal_rows import (
+    DIRECTION,
+    POSITION,
+    ROLL,
+    ROTATION,
+    THROUGH,
+    GoalTable,
+)
+from dlo_planner.plan.goals import DirectionAt, GripperNear, PositionAt, Residuals
 from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.verify.robustness import stretched
+from dlo_planner.verify.uncertain import element_means, mesh_of
 
-_LOOKED_AT = 3  # waypoints at which the miss that remains is predicted
+_LOOKED_AT = 3   # waypoints at which the miss that remains is predicted
+_STILL = 1e-3    # weight of the planned gripper, which decides only what is left free
+_IN_CONTACT = 12  # steps of Gauss and Newton
+_THERE = 1e-9    # rad, and of the length: the last of them
+_TURN = 0.5      # rad, and of the length: how far the gripper may go to more than two places
+_SAME = 1e-12    # of the length: a rod that is as long is the whole one
+_OTHER = 0.1     # of the length: a DLO whose length differs by more is another one
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,13 +69,16 @@ class Correction(Value):
         Offsets from the plan's poses to these: rotation vector about the gripper's origin, rad,
         then displacement, m; world axes.
     miss : PredictedMiss
-        PredictedMiss that remains, at three of the waypoints that pass the center, the first and
-        the last among them.
+        PredictedMiss that remains, at three of the waypoints that pass a place, the first and the
+        last among them; nan where it is not known, of a DLO in a bore or in contact.
     converged : bool
         Whether every waypoint could be aimed; if not, the poses are the plan's, and a new plan is
         needed.
     shapes : tuple of Shape
-        The m shapes: of the estimated DLO where the center is passed, else the plan's.
+        The m shapes: of the estimated DLO where a place is passed, else the plan's.
+    violation : str or None
+        The demand on plans that the corrected ones break, in words, '' if none. None: nobody has
+        looked, no `inverse` was given.
     """
 
     first: int
@@ -61,6 +87,7 @@ class Correction(Value):
     miss: PredictedMiss
     converged: bool
     shapes: tuple[Shape, ...]
+    violation: str | None = None
 
     def __post_init__(self) -> None:
         grippers = items('Correction.grippers', self.grippers, Pose)
@@ -73,55 +100,61 @@ class Correction(Value):
             offsets=results('Correction.offsets', self.offsets, (len(grippers), 6)),
             miss=instance('Correction.miss', self.miss, PredictedMiss),
             converged=flag('Correction.converged', self.converged))
+        instance('Correction.violation', self.violation, str, optional=True)
         super().__post_init__()
 
     def __repr__(self) -> str:
         moved = np.linalg.norm(self.offsets[:, 3:], axis=1).max(initial=0.0)
         return brief(self, f'{len(self.grippers)} waypoints from {self.first} on',
-                     '' if self.converged else 'not converged', f'moved up to {moved:.2g} m',
+                     '' if self.converged else 'not converged', self.violation or '',
+                     f'moved up to {moved:.2g} m',
                      f'miss with 95 % up to {self.miss.bound.max(initial=0.0):.2g} m')
 
 
-def correct(estimate: Estimate, plan: Plan, first: int = 0,
-            before: Correction | None = None) -> Correction:
-    """Return the Correction of the remaining waypoints of a plan.
+def correct(estimate: Estimate, plan: Plan, first: int = 0, before: Correction | None = None, *,
+            inverse: InverseSimulator | None = None) -> Correction:
+    """Return the Correction of the remaining waypoints of a plan, of any task.
 
-    At each waypoint that passes the center, the DLO passes it at the planned arc length, along the
-    normal. A waypoint before these is displaced like the first of them. Neither clearance nor
-    workspace is checked again. The poses are quasi-static; `Steered` blends them into a motion.
+    At each waypoint that passes a place, the DLO passes where the planned one does: a cut-out along
+    the same direction, two and more at once, the mouth of a bore with the same frame, the place of
+    a contact along its direction. What that leaves free stays as planned. A waypoint before these
+    is displaced like the first of them. The poses are quasi-static; `Steered` blends them into a
+    motion.
 
     Parameters
     ----------
     estimate : Estimate
         Estimate of the DLO that the plan is for.
     plan : Plan
-        Plan through one cut-out, in commanded poses, unchanged since it was made.
+        Plan in commanded poses, unchanged since it was made.
     first : int, optional
         Index of the waypoint to which the gripper goes next.
     before : Correction, optional
         An earlier Correction of the same plan, whose shapes begin the search. If None, those of the
         plan.
+    inverse : InverseSimulator, optional
+        Its demands are looked at as those on a plan: workspace, obstacles and holes, bends and
+        stability at the corrected waypoints. If None, they are not.
 
     Raises
     ------
     InvalidTask
         An argument makes no sense.
     """
-    judged_plan(instance('estimate', estimate, Estimate), plan)
-    if not len(plan):
+    instance('estimate', estimate, Estimate)
+    if not len(instance('plan', plan, Plan)):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+    instance('inverse', inverse, InverseSimulator, optional=True)
     first = integer('first', first, minimum=0, maximum=len(plan) - 1)
-    if any(len(passes) > 1 or passes and passes[0][2] is None for passes in plan.via_points):
-        raise InvalidTask('plan: expected one through one cut-out, along its normal')
+    aim = _Aim(estimate, plan)
     known = _known(plan, instance('before', before, Correction, optional=True))
     rest = range(first, len(plan))
-    aim = _Aim(estimate)
     shapes: dict[int, Shape] = {}
     for k in rest:
         if plan.via_points[k]:
-            shape = aim.shape(plan, k, known[k])
+            shape = aim.shape(k, known[k])
             if shape is None:
-                return _as_planned(estimate, plan, rest)
+                return _as_planned(aim, plan, rest)
             shapes[k] = shape
     grippers = {k: aim.commanded(shape.gripper) for k, shape in shapes.items()}
     moved = dict(zip(grippers, _offsets([plan.grippers[k] for k in grippers],
@@ -132,10 +165,32 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0,
         offsets[k - first] = 0.0 if source is None else moved[source]
         if k not in grippers:
             grippers[k] = displaced(plan.grippers[k], offsets[k - first])
-    looked = _some([k for k in rest if k in shapes])
-    return Correction(first, tuple(grippers[k] for k in rest),
-                      offsets, miss_of(estimate, plan, looked, [shapes[k] for k in looked]), True,
-                      tuple(shapes.get(k, plan.shapes[k]) for k in rest))
+    violation = None if inverse is None else _violation(aim, plan, shapes, grippers, inverse)
+    return Correction(first, tuple(grippers[k] for k in rest), offsets,
+                      aim.miss(_some([k for k in rest if k in shapes]), shapes), True,
+                      tuple(shapes.get(k, plan.shapes[k]) for k in rest), violation)
+
+
+def _violation(aim: _Aim, plan: Plan, shapes: dict[int, Shape], grippers: dict[int, Pose],
+               inverse: InverseSimulator) -> str:
+    """Return the first demand that a corrected waypoint breaks, in words, '' if none."""
+    demands = inverse.demands(plan)
+    sheets = [(replace(sheet, pose=Pose(sheet.pose.position + aim.shift, sheet.pose.quaternion),
+                       cutouts=tuple(aim.estimate.moved_cutout(one) for one in sheet.cutouts)),
+               normal) for sheet, normal in plan.sheets]
+    for k in sorted(grippers):
+        if demands.workspace is not None:  # it is where the robot is told to be
+            name, room = demands.workspace.min_margin(grippers[k])
+            if room < 0:
+                return f'waypoint {k}: the gripper is {-room:.3g} m beyond {name}'
+        if k in shapes:
+            broken = replace(demands, workspace=None).violation(Waypoint(
+                shapes[k], clearances=tuple(hole_clearances(sheet, normal, demands.surface,
+                                                            shapes[k])
+                                            for sheet, normal in sheets)))
+            if broken is not None:
+                return f'waypoint {k}: {broken[2]}'
+    return ''
 
 
 def _known(plan: Plan, before: Correction | None) -> list[Shape]:
@@ -149,43 +204,153 @@ def _known(plan: Plan, before: Correction | None) -> list[Shape]:
 
 
 class _Aim:
-    """Aims the DLO of an Estimate at a center."""
+    """Aims the DLO of an Estimate at the places that a Plan passes."""
 
-    def __init__(self, estimate: Estimate) -> None:
-        self._estimate, self._offset = estimate, estimate.gripper_offset
+    def __init__(self, estimate: Estimate, plan: Plan) -> None:
+        self.estimate, self._plan, self._offset = estimate, plan, estimate.gripper_offset
+        self.shift = estimate.center(np.zeros(3))
         self._meshes: dict[int, Discretization] = {}
+        length = estimate.uncertain.simulator.rod.length
+        for shape in plan.shapes:
+            s = shape.s[-1] / length - 1
+            if shape.state.mesh is None or s > _OTHER or s < -_OTHER and shape.far_end is None:
+                raise InvalidTask('plan: expected shapes of the DLO that is estimated')
 
-    def shape(self, plan: Plan, index: int, guess: Shape) -> Shape | None:
-        """Return the Shape that passes the center at a waypoint, or None."""
-        center, s, normal = plan.via_points[index][0]
-        assert normal is not None  # `correct` has judged the plan
-        mesh = self._mesh(mesh_of(plan.shapes[index]))
-        inside = min(s, float(mesh.s[-1]))
-        shape = aligned_on(mesh, guess, inside, normal, plan.grippers[index].rotation)
-        if shape is None or shape.stability < -NEUTRAL:
-            return None
+    def shape(self, index: int, guess: Shape) -> Shape | None:
+        """Return the Shape that passes the places of a waypoint, or None."""
+        planned = self._plan.shapes[index]
+        if planned.contacts:
+            shape = self._in_contact(index)
+        else:
+            mesh, (goals, free) = self._mesh(planned), self._goals(index)
+            many = np.sum(goals.kind == THROUGH) > 1  # first two, then all
+            two = goals._replace(weight=goals.weight * ~self._further(goals)) if many else goals
+            found = follow(mesh, guess, two, goals.s[None], free,
+                           origin=np.array(guess.gripper.position))
+            shape = self._placed(found[0].shape, goals) if found else None
+            if many and shape is not None:
+                soft = goals._replace(weight=np.where(goals.kind == ROLL, _STILL, goals.weight))
+                shape = nearest_on(mesh, soft, shape, _TURN, _TURN / goals.weight[0])
+        return None if shape is None or shape.stability < -NEUTRAL else shape
+
+    @staticmethod
+    def _further(goals: GoalTable) -> Bools:
+        """Return (g,) whether a goal is a place after the second one."""
+        further: Bools = (goals.kind == THROUGH) & (np.cumsum(goals.kind == THROUGH) > 1)
+        return further
+
+    @staticmethod
+    def _placed(shape: Shape, goals: GoalTable) -> Shape:
+        """Return a Shape whose gripper is moved to where its first goal is a place."""
+        inside = min(goals.s[0], float(shape.s[-1]))
         axes, position = shape.frame_at(inside)
-        position = position + (s - inside) * axes[:, 0]
-        result: Shape | None = shape.moved(self._estimate.center(center) - position)
-        return result
+        moved: Shape = shape.moved(goals.target[0] - position - (goals.s[0] - inside) * axes[:, 0])
+        return moved
+
+    def _goals(self, index: int) -> tuple[GoalTable, Floats]:
+        """Return the goals of a waypoint, and the direction about which it may roll."""
+        planned, passes = self._plan.shapes[index], self._plan.via_points[index]
+        rotation, length = np.array(self._plan.grippers[index].rotation), float(planned.s[-1])
+        frames = [planned.frame_at(min(s, length)) for _, s, _ in passes]
+        places = [position + (s - min(s, length)) * axes[:, 0] + self.shift
+                  for (axes, position), (_, s, _) in zip(frames, passes, strict=True)]
+        weight, first = 1 / self.estimate.uncertain.simulator.rod.length, passes[0][1]
+        direction = frames[0][0][:, 0] if passes[0][2] is None else passes[0][2]
+        kinds, free = [POSITION] + [THROUGH] * (len(passes) - 1), np.array(direction)
+        targets, weights = [*places], [weight] * len(passes)
+        if planned.far_end is not None:  # the mouth of a bore: the whole frame
+            first = self._mesh(planned).s[-1]
+            kinds, targets, weights = [*kinds, ROTATION], [*targets, free], [*weights, 1.0]
+            return GoalTable(
+                np.array(kinds), np.full(2, first), np.array(targets),
+                np.array([rotation, np.array(frames[0][0])]), np.array(weights)), free
+        if len(passes) == 1:
+            kinds, targets, weights = [*kinds, DIRECTION], [*targets, free], [*weights, 1.0]
+        elif len(passes) > 1:
+            free = places[1] - places[0]
+            free /= np.linalg.norm(free)
+        kinds, targets, weights = [*kinds, ROLL], [*targets, free_axis(rotation, free)], [*weights,
+                                                                                       1.0]
+        return GoalTable(np.array(kinds), np.full(len(kinds), first), np.array(targets),
+                         np.tile(rotation, (len(kinds), 1, 1)), np.array(weights)), free
+
+    def _in_contact(self, index: int) -> Shape | None:
+        """Return the Shape that touches where the planned one does, by Gauss and Newton."""
+        planned, (_, s, _) = self._plan.shapes[index], self._plan.via_points[index][0]
+        axes, place = planned.frame_at(s)
+        length = float(planned.s[-1])
+        goals: list[Residuals] = [PositionAt(s, place, 1 / length), DirectionAt(s, axes[:, 0]),
+                 GripperNear(planned.gripper, _STILL / length)]
+        simulator = self._touching(planned)
+        shape = simulator.solve(planned.gripper, stretched(planned, simulator.rod.length))
+        for _ in range(_IN_CONTACT):
+            if not shape.converged:
+                return None
+            sensitivity = Sensitivity(shape)
+            rows = np.vstack([goal.slopes(shape, sensitivity) for goal in goals])
+            missed = np.concatenate([goal.residuals(shape) for goal in goals])
+            scale = np.array([1.0] * 3 + [length] * 3)
+            step = np.linalg.lstsq(rows * scale, -missed, rcond=None)[0]
+            shape = simulator.solve(displaced(shape.gripper, step * scale), shape)
+            if np.abs(step).max() < _THERE:
+                return shape if shape.converged and shape.contacts else None
+        return None
+
+    def _touching(self, planned: Shape) -> DirectSimulator:
+        """Return a simulator of the estimated DLO among what surrounds a planned Shape."""
+        mesh, around = mesh_of(planned), mesh_of(planned).surroundings
+        return DirectSimulator(self.estimate.rod, obstacles=around.obstacles,
+                               gravity=around.gravity, load=around.load,
+                               point_loads=around.point_loads, basis=mesh.basis,
+                               n_elements=mesh.s.size - 1,
+                               n_terms=None if mesh.basis == 'local' else mesh.n_terms)
 
     def commanded(self, gripper: Pose) -> Pose:
         """Return `Estimate.commanded`, quickly."""
         rotation = gripper.rotation @ self._offset.rotation.T
         return Pose.from_rotation(gripper.position - rotation @ self._offset.position, rotation)
 
-    def _mesh(self, planned: Discretization) -> Discretization:
-        """Return the Discretization of the estimated DLO on the mesh of a planned one."""
-        if id(planned) not in self._meshes:  # waypoints share them
-            varied = self._estimate.uncertain.varied(planned)
-            self._meshes[id(planned)] = varied.at(self._estimate.mean)
-        return self._meshes[id(planned)]
+    def miss(self, waypoints: list[int], shapes: dict[int, Shape] | None = None) -> PredictedMiss:
+        """Return the PredictedMiss at some waypoints; nan of a DLO in a bore or in contact."""
+        if all(self._plan.shapes[k].far_end is None and not self._plan.shapes[k].contacts
+               for k in waypoints):
+            return miss_of(self.estimate, self._plan, waypoints,
+                           None if shapes is None else [shapes[k] for k in waypoints])
+        count = len(waypoints)
+        return PredictedMiss(np.array(waypoints, dtype=float), np.full((count, 3), np.nan),
+                             np.full((3 * count, 3 * count), np.nan), np.full(count, np.nan))
+
+    def _mesh(self, planned: Shape) -> Discretization:
+        """Return the Discretization of the estimated DLO like that of a planned Shape."""
+        mesh = mesh_of(planned)
+        if id(mesh) not in self._meshes:  # waypoints share them
+            whole = self.estimate.uncertain.simulator.rod.length
+            if planned.far_end is None or abs(mesh.s[-1] - whole) <= _SAME * whole:
+                known = self.estimate.uncertain.varied(mesh).at(self.estimate.mean)
+            else:
+                known = self._outside(mesh, whole)
+            self._meshes[id(mesh)] = known
+        return self._meshes[id(mesh)]
+
+    def _outside(self, planned: Discretization, whole: float) -> Discretization:
+        """Return the estimated DLO before a bore, whose mouth bears what it should of masses."""
+        uncertain, z = self.estimate.uncertain, self.estimate.mean
+        straight = z.copy()
+        straight[uncertain.columns('natural_curvature')[0]] = 0.0
+        rod = uncertain.rod(straight)  # one whose natural curvature is a series is slow to mesh
+        outside = replace(part_before(rod, rod.length - (whole - planned.rod.length)),
+                          tip_mass=uncertain.factors(z)[1] * planned.rod.tip_mass)
+        mesh = planned.of(outside).free
+        natural = np.array(mesh.static.natural)
+        natural[:, 1:] += element_means(2 * mesh.s / rod.length - 1,
+                                        uncertain.n_terms) @ uncertain.terms(z)
+        result: Discretization = mesh.varied(natural=natural)
+        return result
 
 
-def _as_planned(estimate: Estimate, plan: Plan, rest: Sequence[int]) -> Correction:
-    looked = _some([k for k in rest if plan.via_points[k]])
+def _as_planned(aim: _Aim, plan: Plan, rest: Sequence[int]) -> Correction:
     return Correction(rest[0], tuple(plan.grippers[k] for k in rest), np.zeros((len(rest), 6)),
-                      miss_of(estimate, plan, looked), False,
+                      aim.miss(_some([k for k in rest if plan.via_points[k]])), False,
                       tuple(plan.shapes[k] for k in rest))
 
 

@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
@@ -23,24 +23,26 @@ from dlo_planner.identify.predicted_miss import (
     miss_of,
 )
 from dlo_planner.identify.settling import settled
-from dlo_planner.identify.uncertain import Uncertain
+from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, flag, instance, integer, items, results, vector
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import FrozenDict, Value, brief, put
+from dlo_planner.model.value import FrozenDict, brief, put
+from dlo_planner.pictured import Reported
 from dlo_planner.plan.plan import Plan
+from dlo_planner.verify.uncertain import Uncertain
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Estimate(Value):
+class Estimate(Reported):
     """A normal distribution of the n numbers that are uncertain; an `Observer` makes it.
 
     Attributes
     ----------
     uncertain : Uncertain
-        The meaning of the numbers, see `identify.uncertain`.
+        The meaning of the numbers, see `verify.uncertain`.
     mean : ndarray, shape (n,)
         Logarithms of factors, 1/m, rad, m, as in `names`.
     covariance : ndarray, shape (n, n)
@@ -95,6 +97,12 @@ class Estimate(Value):
                      f'misfit {self.misfit:.2g} m' if self.looks else '',
                      f'surprise {self.surprise:.2g}' if self.surprise > 1 else '',
                      f'{self.uncertain.size} numbers')
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write what it says as JSON, not what it remembers of the looks: for records."""
+        write_value(path, {name: getattr(self, name) for name in (
+            'values', 'deviations', 'covariance', 'looks', 'converged', 'misfit', 'outliers',
+            'surprise')})
 
     @property
     def agrees(self) -> bool:
@@ -201,8 +209,6 @@ class Estimate(Value):
         """Return the Pose to command so that the true pose of the gripper is `gripper`."""
         result: Pose = instance('gripper', gripper, Pose).compose(self.gripper_offset.inverse())
         return result
-
-    centre = renamed('centre', 'center')
 
     def center(self, center: ArrayLike) -> Floats:
         """Return the estimated true center (3,) of a cut-out that is stated at `center` (3,), m."""

@@ -32,7 +32,8 @@ from dlo_planner.model.checks import choice, figure, flag, instance, items, numb
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import FarEnd
-from dlo_planner.model.value import FrozenDict, Value, brief, figures, put
+from dlo_planner.model.value import FrozenDict, brief, figures, put
+from dlo_planner.pictured import Answer
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.verify.uncertainty import Uncertainty
 
@@ -44,7 +45,7 @@ _EXACT = 5e-4  # of the length: error estimate that the mesh of a fit has to kee
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(Value):
+class Fit(Answer):
     """A rod that explains observations.
 
     Attributes

@@ -18,10 +18,10 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.identify.misfit import nearest
-from dlo_planner.identify.predicted_miss import at_arc_lengths
-from dlo_planner.identify.uncertain import Uncertain
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
+from dlo_planner.verify.response import at_arc_lengths
+from dlo_planner.verify.uncertain import Uncertain
 
 _ABOUT = 0.1  # of the length: half side of the cube about the DLO in which outliers lie
 _MEDIAN_2, _MEDIAN_3 = 1.3862943611198906, 2.3659738843753377  # of a chi-square of 2, 3 degrees

@@ -26,13 +26,13 @@ from dlo_planner.identify.misfit import (
     with_others,
 )
 from dlo_planner.identify.observation import Observation, ObservedMotion
-from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.progress import Progress
+from dlo_planner.verify.uncertain import mesh_of
 
 _AT_REST, _IN_MOTION = 1e-6, 1e-4  # relative errors of the derivatives
 ROUGHLY, EXACTLY = 2e-4, 1e-4  # of the length: error of the steps of motions

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
-from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number, results, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.plan import Plan
+from dlo_planner.verify.response import at_arc_lengths, node_slopes
+from dlo_planner.verify.uncertain import mesh_of
 
 if TYPE_CHECKING:  # it imports this module
     from dlo_planner.identify.estimate import Estimate
@@ -269,13 +269,6 @@ def crossing(shape: Shape, center: Floats, normal: Floats | None,
         if abs(step) < _STILL * shape.s[-1]:
             break
     return Crossing(position - center, np.array(across), tangent, inside)
-
-
-def at_arc_lengths(nodes: Floats, s: Floats, wanted: Floats) -> Floats:
-    """Return (m, 3, n) at arc lengths `wanted` (m,): linear between `nodes` (N + 1, 3, n)."""
-    element = np.clip(np.searchsorted(s, wanted, side='right') - 1, 0, s.size - 2)
-    share = ((wanted - s[element]) / (s[element + 1] - s[element]))[:, None, None]
-    return (1 - share) * nodes[element] + share * nodes[element + 1]
 
 
 def _bound(off: Floats, covariance: Floats) -> float:

@@ -9,10 +9,10 @@ from typing import Any
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.identify.uncertain import Varied
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd
+from dlo_planner.verify.uncertain import Varied
 
 
 def settled(varied: Varied, z: Floats, gripper: Pose, before: Shape | None = None,

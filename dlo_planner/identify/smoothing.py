@@ -40,10 +40,10 @@ from dlo_planner.identify.looking import (
 )
 from dlo_planner.identify.memory import Group, Memory, solved, way_between
 from dlo_planner.identify.observation import Observation
-from dlo_planner.identify.response import node_slopes
 from dlo_planner.identify.settling import settled
-from dlo_planner.identify.uncertain import mesh_of
 from dlo_planner.model.arrays import Floats
+from dlo_planner.verify.response import node_slopes
+from dlo_planner.verify.uncertain import mesh_of
 
 if TYPE_CHECKING:
     from dlo_planner.identify.observer import Observer

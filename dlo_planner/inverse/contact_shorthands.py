@@ -4,7 +4,6 @@
 
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.inverse.shorthands import Shorthands
 from dlo_planner.inverse.tasks import HoldContact, SlideContact
 from dlo_planner.model.pose import Pose
@@ -70,7 +69,6 @@ class ContactShorthands(Shorthands):
         return self._plan(HoldContact(contact, s, condition, forces, min_force), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
 
-    @renamed_arguments(way='mode')
     def slide_contact(self, contact: Pose, lengths: ArrayLike, *, condition: str = 'least_motion',
                       forces: ArrayLike | None = None, min_force: float | None = None,
                       start: Pose | None = None, mode: str = 'aligned', linear_speed: float = 0.1,

@@ -1,23 +1,28 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tasks as plain Python and back: each value names its class, so that nothing is guessed."""
+"""Values as plain Python and back: each names its class, so that nothing is guessed."""
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape, pack, unpack
 from dlo_planner.errors import InvalidTask
+from dlo_planner.files import readable, writable
 from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value
+from dlo_planner.model.value import FrozenDict, Value
 from dlo_planner.plan.plan import Plan, PlanStatus
 from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
 
 _TYPE = 'type'
+_DICT = 'dict'  # type of a dict that is no value
 _DEEPEST = 20  # values inside values
+_NOT_FINITE = {'nan': np.nan, 'inf': np.inf, '-inf': -np.inf}  # JSON has no words of its own
 _POSE = {'position', 'quaternion'}
 
 
@@ -41,6 +46,8 @@ def to_plain(content: object) -> Any:
                 **{item.name: to_plain(getattr(content, item.name)) for item in fields(content)}}
     if isinstance(content, np.ndarray | np.generic):
         return content.tolist()
+    if isinstance(content, FrozenDict):
+        return {_TYPE: _DICT, **{str(key): to_plain(part) for key, part in content.items()}}
     if isinstance(content, Mapping):
         return {str(key): to_plain(part) for key, part in content.items()}
     if isinstance(content, tuple | list):
@@ -67,11 +74,54 @@ def from_plain(name: str, content: object, depth: int = 0) -> object:
     """
     if depth > _DEEPEST:
         raise InvalidTask(f'{name[:40]}...: expected values in at most {_DEEPEST} others')
+    if isinstance(content, Value):
+        return content
     if isinstance(content, Mapping):
         return _value(name, content, depth)
     if isinstance(content, list | tuple):
         return [from_plain(f'{name}[{k}]', part, depth + 1) for k, part in enumerate(content)]
     return content
+
+
+def write_value(path: str | PathLike[str], value: Value | Mapping[str, Any]) -> None:
+    """Write a value, or a dict of some, as JSON."""
+    target, text = writable(path), json.dumps(_finite(to_plain(value)), allow_nan=False)
+    try:
+        target.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise InvalidTask(f'path = {shown(str(path))}: expected a file to write, {error}') from None
+
+
+def read_value(path: str | PathLike[str], kind: type[Value]) -> Value:
+    """Return the value of a class that `write_value` wrote; raise InvalidTask."""
+    try:
+        content = json.loads(readable(path).read_text(encoding='utf-8'))
+        value = from_plain(kind.__name__, _not_finite(content))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InvalidTask(f'path = {shown(str(path))}: expected a JSON file that holds a '
+                          f'{kind.__name__}, {error}') from None
+    if not isinstance(value, kind):
+        raise InvalidTask(f'path = {shown(str(path))}: expected a file that holds a '
+                          f'{kind.__name__}, it holds a {type(value).__name__}')
+    return value
+
+
+def _finite(content: Any) -> Any:
+    """Return plain content with words in place of what is not finite."""
+    if isinstance(content, dict):
+        return {key: _finite(part) for key, part in content.items()}
+    if isinstance(content, list):
+        return [_finite(part) for part in content]
+    return str(content) if isinstance(content, float) and not np.isfinite(content) else content
+
+
+def _not_finite(content: Any) -> Any:
+    """Return what `_finite` was given."""
+    if isinstance(content, dict):
+        return {key: _not_finite(part) for key, part in content.items()}
+    if isinstance(content, list):
+        return [_not_finite(part) for part in content]
+    return _NOT_FINITE.get(content, content) if isinstance(content, str) else content
 
 
 def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
@@ -80,13 +130,14 @@ def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
     kind = content.get(_TYPE)
     if isinstance(kind, str) and kind in ('Shape', 'Plan'):
         return _packed(name, kind, content)
-    known: dict[str, Any] = {cls.__name__: cls for cls in _below(Value) if is_dataclass(cls)}
+    if kind == _DICT:
+        return {key: from_plain(f'{name}.{key}', part, depth + 1)
+                for key, part in content.items() if key != _TYPE}
+    known: dict[str, Any] = {cls.__name__: cls for cls in classes_below(Value) if is_dataclass(cls)}
     if not isinstance(kind, str) or kind not in known:
         raise InvalidTask(f'{name}.type = {shown(kind)}: expected the name of a class of tasks, '
                           'penalties, cut-outs or obstacles that has been imported')
     cls = known[kind]
-    old_names = getattr(cls, 'renamed_fields', {})
-    content = {old_names.get(key, key): part for key, part in content.items()}
     allowed = {item.name for item in fields(cls) if item.init}
     for key in content:
         if key != _TYPE and key not in allowed:
@@ -115,8 +166,8 @@ def _packed(name: str, kind: str, content: Mapping[str, Any]) -> Shape | Plan:
 _DTYPES = {'f': float, 'i': int, 'u': int, 'b': bool, 'U': str}
 
 
-def _below(cls: type[Value]) -> Iterator[type[Value]]:
+def classes_below(cls: type[Value]) -> Iterator[type[Value]]:
     """Yield all classes derived from a class."""
     for one in cls.__subclasses__():
         yield one
-        yield from _below(one)
+        yield from classes_below(one)

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
@@ -147,8 +146,6 @@ class Shorthands(Value):
         """
         return self._plan(Insert(bore, depths, friction), start, None,
                           self._with(linear_speed, angular_speed, deadline), progress)
-
-    start_phase = renamed('start_phase', 'approach')
 
     def approach(self, cutout: CutOut, plan: Plan, start: Pose, *,
                  standoff: float | None = None, initial: Shape | None = None,

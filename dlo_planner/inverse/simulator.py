@@ -5,7 +5,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dlo_planner.deprecated import renamed, renamed_arguments
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
@@ -18,7 +17,7 @@ from dlo_planner.inverse.tasks import Minimize
 from dlo_planner.model.checks import flag, instance
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
-from dlo_planner.plan.builder import kept_between
+from dlo_planner.plan.builder import PlanRequirements, kept_between
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.waypoint import Waypoint
@@ -54,7 +53,6 @@ class InverseSimulator(ContactShorthands):
 
     _given: DirectSimulator
 
-    @renamed_arguments(may_yield='allow_plastic')
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
                  allow_plastic: bool = True) -> None:
         clamping('simulator', simulator)
@@ -111,8 +109,6 @@ class InverseSimulator(ContactShorthands):
         instance('requirements', requirements, Requirements, optional=True)
         return self._plan(task, start, initial, requirements or self.requirements, progress)
 
-    minimise_penalty = renamed('minimise_penalty', 'minimize_penalty')
-
     def minimize_penalty(self, penalties: Penalty | Sequence[Penalty], start: Pose, *,
                          initial: Shape | None = None, max_iterations: int = 200,
                          progress: OnProgress = None,
@@ -159,10 +155,13 @@ class InverseSimulator(ContactShorthands):
         Infeasible
             The DLO does not follow; the waypoint is the one to which the gripper is going.
         """
+        return kept_between(plan, self.demands(plan, Progress(progress, deadline)))
+
+    def demands(self, plan: Plan, progress: Progress | None = None) -> PlanRequirements:
+        """Return the demands by which a Plan is judged, which touches what it touches."""
         touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
-        context = PlanContext(self._given, self.simulator, requirements=self.requirements,
-                              touching=touching, progress=Progress(progress, deadline))
-        return kept_between(plan, context.demands)
+        return PlanContext(self._given, self.simulator, requirements=self.requirements,
+                           touching=touching, progress=progress or Progress()).demands
 
     def _context(self, task: Task, start: Pose | None, initial: Shape | None,
                  requirements: Requirements, progress: OnProgress) -> PlanContext:

@@ -21,8 +21,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dlo_planner.energy.inertia import is_drawn
 from dlo_planner.energy.problem import Configuration, Problem, bending_energy
 from dlo_planner.energy.terms import roundoff as noise_of_effects
+from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import attached_forces
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hessian import assembled_definite, new_hessian, solve
@@ -100,6 +102,46 @@ def gradient_noise(system: Problem, state: Configuration) -> float:
         lever *= n / length
     return (_EPS * np.sqrt(n) * forces * length
             * np.sqrt(lever / (dot(state.q, state.q) + bending_energy(system))))
+
+
+CONVERGED = 1e-8   # residual that is promised
+TOUCHING = 1e-7    # the same in contact: stiff springs multiply rounding errors
+_BLURRED = 1e-5    # a residual that rounding may make larger than this tells nothing
+
+
+@kernel
+def is_stationary(system: Problem, state: Configuration, residual: float,
+                  rounding: float) -> bool:
+    """Whether a residual is as small as is promised, or, with constraints, as rounding leaves it.
+
+    Forces that rounding errors hide, of a DLO that is nearly taut, are no answer; of one in motion
+    inertia tells where it is, however large these errors are.
+
+    Args:
+        rounding: error of the residual where it is larger than usual: a hundredth of it
+    """
+    touching = _count(system.effects.contact) > 0
+    promised = TOUCHING if touching else CONVERGED
+    if is_drawn(system.effects.anchor) and residual < promised:
+        return True
+    left = residual - 100.0 * rounding
+    if not touching and row_count(system.needs.border) == 0:
+        return left < promised
+    return as_rounded(left, gradient_noise(system, state), promised)
+
+
+@kernel
+def as_rounded(residual: float, noise: float, promised: float) -> bool:
+    """Whether a residual is as small as promised, or as the `noise` that rounding may leave."""
+    return residual < max(promised, noise) and noise < _BLURRED
+
+
+@kernel
+def _count(contact):
+    """Return how many obstacles there are."""
+    if contact is None:
+        return 0
+    return contact.scene.kind.size
 
 
 SETTLED = 1e-8  # decrement that is promised

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed_fields
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import direction, instance, items, number, shown, vector
@@ -90,7 +89,6 @@ class Plane(Value):
         super().__post_init__()
 
 
-@renamed_fields(centre='center')
 @dataclass(frozen=True, eq=False, repr=False)
 class Sphere(Value):
     """A ball.

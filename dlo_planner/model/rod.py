@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.deprecated import renamed_arguments, warn_renamed
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row, shown
@@ -163,9 +162,6 @@ class Rod(AlongRod):
         model = self.section_model
         if model is None:
             return 'ideal' if self.section is None else 'fibers'
-        if isinstance(model, str) and model == 'fibres':
-            warn_renamed("section_model 'fibres'", "'fibers'")
-            model = 'fibers'
         choice('Rod.section_model', model, MODELS, InvalidRod)
         if model == 'fibers' and self.section is None:
             raise InvalidRod("Rod.section_model = 'fibers': expected 'round', 'rectangular' or "
@@ -399,7 +395,6 @@ class Surface(Value):
 _RIGID = 1e6  # times the rod's stiffness
 
 
-@renamed_arguments(centre='center')
 def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = None,
               center: float | None = None, inertia: float | None = None) -> Rod:
     """Return the Rod whose last part is a rigid body fixed to its tip.

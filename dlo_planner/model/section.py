@@ -10,7 +10,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed_arguments
 from dlo_planner.errors import InvalidRod
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, choice, number
@@ -123,7 +122,6 @@ class Section(Value):
         """Largest shear strain at the surface per torsion, m."""
         return self._rectangle()[1] if self.kind == 'rectangular' else self.half_n
 
-    @renamed_arguments(bend='strains')
     def surface_strain(self, strains: ArrayLike) -> Floats:
         """Return the largest axial and the largest shear strain (n, 2) of (n, 3) strains.
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -110,8 +110,8 @@ def within_reach(far_end: FarEnd | None, gripper: Pose, length: float,
     return far_end is None or spans(distance(far_end, gripper), length, loaded)
 
 
-def spans(distance: float, length: float, loaded: bool) -> bool:
-    """Return whether a DLO of `length` (m) spans a distance (m), see `within_reach`."""
+def spans(distance: Any, length: float, loaded: bool) -> Any:
+    """Return whether a DLO of `length` (m) spans distances (m), see `within_reach`."""
     return distance < (1.0 - (_SLACK if loaded else -_SLACK)) * length
 
 

@@ -128,10 +128,16 @@ def brief(value: Value, *parts: str) -> str:
     Parameters
     ----------
     parts : str
-        Texts; empty ones are left out.
+        Texts; empty ones are left out. Where the line would be too long it ends before one, for a
+        number that is cut in two is another one; a first one that is too long by itself is cut.
     """
-    text = ', '.join(part for part in parts if part)
-    return f'{type(value).__name__}({text if len(text) <= _LONGEST else text[:_LONGEST] + " ..."})'
+    parts = tuple(part for part in parts if part)
+    text = ', '.join(parts)
+    if len(text) > _LONGEST:
+        known = [', '.join(parts[:k]) for k in range(1, len(parts))]
+        text = max((one for one in known if len(one) <= _LONGEST), key=len,
+                   default=text[:_LONGEST]) + ' ...'
+    return f'{type(value).__name__}({text})'
 
 
 def figures(content: Any) -> str:

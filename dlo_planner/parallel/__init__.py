@@ -2,12 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many at once: shapes and plans by all cores of a machine, or of a cluster (extra `[cluster]`)."""
 
-from dlo_planner.parallel.capability import CapabilityMap, capability_map
-from dlo_planner.parallel.cell_grid import CellGrid
+from dlo_planner.parallel.capability import CapabilityMap, CellGrid, capability_map
 from dlo_planner.parallel.mapping import map, solve_many
-from dlo_planner.parallel.picture import slices
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.parallel.speculation import speculative
 
-__all__ = ['CapabilityMap', 'CellGrid', 'Shapes', 'capability_map', 'map', 'slices', 'solve_many',
+__all__ = ['CapabilityMap', 'CellGrid', 'Shapes', 'capability_map', 'map', 'solve_many',
            'speculative']

@@ -2,44 +2,134 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which cut-outs of a cell a DLO can be threaded through: a map over many tasks."""
 
+from __future__ import annotations
+
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from time import thread_time
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dlo_planner.errors import InvalidTask
+from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
+from dlo_planner.extras import extra
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import depths_on, depths_or_none
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, integer, items, number, results, shown
+from dlo_planner.model.checks import (
+    array,
+    choice,
+    instance,
+    integer,
+    items,
+    number,
+    results,
+    row,
+    shown,
+)
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
-from dlo_planner.parallel.cell_grid import CellGrid
 from dlo_planner.parallel.pieces import Shared
 from dlo_planner.parallel.store import Store, fingerprint, part_in, task_in
-from dlo_planner.parallel.threadable import (
-    COLUMNS,
-    THREADED,
-    UNDECIDED,
-    Batch,
-    Question,
-    answers,
-)
 from dlo_planner.parallel.workers import Crew, Workers, checked
+from dlo_planner.pictured import Answer
+from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MOST_CUTOUTS = 1_000_000_000
 _AT_ONCE = 32      # cut-outs in one piece of work
 _MOST = 10_000     # depths
 _PATIENCE = 30.0   # s
 _NUMBERS = ('amount', 'fraction', 'clearance', 'stability', 'roll', 'seconds')
 
+THREADED, UNDECIDED = 'threaded', 'undecided'
+LONGEST = 32      # characters of an outcome
+_STANDOFF = 0.1   # of the length: whether there is a way, however quick, does not hang on it
+_BETTER = 1e-6    # of stability: a start that is better by less is not preferred to one before it
+COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
+    'outcome': (f'<U{LONGEST}', ()), 'amount': (float, ()), 'fraction': (float, ()),
+    'clearance': (float, ()), 'stability': (float, ()), 'roll': (float, ()), 'start': (int, ()),
+    'gripper': (float, (7,)), 'seconds': (float, ())}
+_SLICES = 12      # that are drawn
+_ALIKE = 1e-6   # m: positions in one slice
+QUANTITIES = {'share': 'part of directions and radii that can be threaded',
+              'clearance': 'largest clearance [m]', 'stability': 'largest stability',
+              'radius': 'narrowest radius that can be threaded [m]'}
+
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CapabilityMap(Value):
+class CellGrid(Value):
+    """Round cut-outs of a cell: all combinations of P positions, D directions and R radii.
+
+    Attributes
+    ----------
+    positions : ndarray, shape (P, 3)
+        Positions in m, of the centers, in any order.
+    directions : ndarray, shape (D, 3)
+        In which the free end travels through, of any length but zero.
+    radii : ndarray, shape (R,)
+        Radii in m.
+
+    Raises
+    ------
+    InvalidTask
+        An array makes no sense; the message names it.
+    """
+
+    positions: Floats
+    directions: Floats
+    radii: Floats
+
+    def __post_init__(self) -> None:
+        directions = array('CellGrid.directions', self.directions, (None, 3))
+        size = np.abs(directions).max(axis=1, keepdims=True)
+        if (size == 0).any():
+            raise InvalidTask(f'CellGrid.directions[{int(np.argmin(size))}] = 0: expected a vector '
+                              'that is not zero')
+        directions = directions / size
+        put(self, positions=array('CellGrid.positions', self.positions, (None, 3)),
+            directions=directions / np.linalg.norm(directions, axis=1, keepdims=True),
+            radii=row('CellGrid.radii', self.radii, above=0))
+        if len(self) > _MOST_CUTOUTS:
+            raise InvalidTask(f'CellGrid.positions: expected at most {_MOST_CUTOUTS} cut-outs in '
+                              f'all, got {len(self)}')
+        super().__post_init__()
+
+    def __len__(self) -> int:
+        return int(np.prod([int(size) for size in self.shape]))
+
+    def __repr__(self) -> str:
+        return brief(self, '{} positions, {} directions, {} radii'.format(*self.shape))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(P, D, R)."""
+        return len(self.positions), len(self.directions), self.radii.size
+
+    def cutout(self, index: int) -> CutOut:
+        """Return one CutOut: radii change first with the index, then directions, then positions.
+
+        Raises
+        ------
+        InvalidTask
+            There is no such index.
+        """
+        index = integer('index', index, minimum=0, maximum=len(self) - 1)
+        p, d, r = np.unravel_index(index, self.shape)
+        return CutOut(Pose.looking_along(self.positions[p], self.directions[d]),
+                      radius=float(self.radii[r]))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CapabilityMap(Answer):
     """Which cut-outs can be threaded; arrays (P, D, R) by position, direction and radius.
 
     Attributes
@@ -106,15 +196,73 @@ class CapabilityMap(Value):
         result: Floats = np.where(self.threaded, self.grid.radii, np.inf).min(axis=2)
         return result
 
+    def plot(self, *, axis: str = 'y', quantity: str = 'share') -> Figure:  # type: ignore[override]
+        """Draw the positions in slices across an axis, colored by a quantity; needs matplotlib.
+
+        Crosses stand where no cut-out can be threaded, dots where none has been looked at. Of more
+        than 12 slices 12 are shown.
+
+        Parameters
+        ----------
+        axis : str, optional
+            'x', 'y' or 'z' of the world, across which the slices lie.
+        quantity : str, optional
+            'share' of all directions and radii; or the best of them in 'clearance', 'stability' or
+            'radius'.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense.
+        MissingExtra
+            Matplotlib is not installed.
+        """
+        across = 'xyz'.index(choice('axis', axis, ('x', 'y', 'z')))
+        choice('quantity', quantity, tuple(QUANTITIES))
+        first, second = (k for k in range(3) if k != across)
+        places = self.grid.positions
+        levels = np.unique(np.round(places[:, across] / _ALIKE)) * _ALIKE
+        levels = levels[np.unique(np.linspace(
+            0, levels.size - 1, min(levels.size, _SLICES)).astype(int))]
+        values, known = _best(self, quantity), (self.outcome != '').any(axis=(1, 2))
+        low, high = 0.0, 1.0
+        if quantity != 'share' and np.isfinite(values).any():
+            low, high = np.nanmin(values), np.nanmax(values)
+        columns = min(levels.size, 4)
+        figure: Figure = extra('matplotlib.figure', 'figures', 'pictures').Figure(
+            figsize=(1.5 + 3.2 * columns, 1.5 + 3.0 * -(-levels.size // columns)),
+            layout='constrained')
+        axes = figure.subplots(-(-levels.size // columns), columns, squeeze=False, sharex=True,
+                               sharey=True).ravel()
+        for axis_, level in zip(axes, levels, strict=False):
+            in_slice = np.abs(places[:, across] - level) <= _ALIKE
+            some = in_slice & np.isfinite(values)
+            drawn = axis_.scatter(*places[some][:, [first, second]].T, c=values[some], s=60,
+                                  vmin=low, vmax=max(high, low + 1e-12), cmap='viridis', marker='s')
+            empty, unknown = in_slice & known & ~some, in_slice & ~known
+            axis_.plot(*places[empty][:, [first, second]].T, 'x', color='tab:red', ms=5)
+            axis_.plot(*places[unknown][:, [first, second]].T, '.', color='0.7', ms=3)
+            axis_.set(title=f'{axis} = {level:.3g} m', aspect='equal', xlabel=f'{"xyz"[first]} [m]',
+                      ylabel=f'{"xyz"[second]} [m]')
+            axis_.grid(alpha=0.3)
+        for axis_ in axes[levels.size:]:
+            axis_.set_visible(False)
+        figure.colorbar(drawn, ax=list(axes[:levels.size]), label=QUANTITIES[quantity])
+        figure.suptitle(repr(self), fontsize=10)
+        return figure
+
     @classmethod
-    def load(cls, folder: str | PathLike[str]) -> 'CapabilityMap':
-        """Return what has been done so far of the map that is kept in a folder.
+    def load(cls, path: str | PathLike[str]) -> CapabilityMap:
+        """Return the map that was saved, or what is done so far of the one kept in a folder.
 
         Raises
         ------
         InvalidTask
             No map is kept there; the message names it.
         """
+        if not os.path.isdir(instance('path', path, (str, os.PathLike))):
+            return super().load(path)
+        folder = path
         task = task_in(folder)
         try:
             grid = CellGrid(task['positions'], task['directions'], task['radii'])
@@ -223,12 +371,16 @@ def _joined(grid: CellGrid, chunk: int,
 _EMPTY: dict[str, Any] = {'start': -1, 'outcome': ''}  # else nan
 
 
-def _growing(depths: Floats) -> Floats:
-    falling = np.diff(depths) < 0
-    if falling.any():
-        bad = int(np.argmax(falling)) + 1
-        raise InvalidTask(f'depths[{bad}] = {depths[bad]}: expected not less than the one before')
-    return depths
+def _best(capability: CapabilityMap, quantity: str) -> Floats:
+    """Return (P,) the quantity of a picture at each position; nan where nothing can be threaded."""
+    threaded = capability.threaded
+    some = threaded.any(axis=(1, 2))
+    if quantity == 'share':
+        return np.where(some, threaded.mean(axis=(1, 2)), np.nan)
+    if quantity == 'radius':
+        return np.where(some, capability.least_radius.min(axis=1), np.nan)
+    values = np.where(threaded, getattr(capability, quantity), -np.inf).max(axis=(1, 2))
+    return np.where(some, values, np.nan)
 
 
 def _plain(name: str, value: object, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
@@ -242,3 +394,100 @@ def _plain(name: str, value: object, shape: tuple[int, ...], kind: str) -> NDArr
         raise InvalidTask(f'{name} = {shown(value)}: expected {kinds} of the shape {shape} of '
                           'CapabilityMap.grid')
     return given
+
+
+# Whether one cut-out can be threaded, from where, and with what margin: what workers do.
+
+
+class Question(NamedTuple):
+    """The question about every cut-out.
+
+    Attributes
+    ----------
+    inverse : InverseSimulator
+    grid : CellGrid
+    starts : tuple of Pose
+        Poses of the gripper to begin with; none: only the threading is planned.
+    depths : ndarray, shape (n,) or None
+        Depths in m, or None.
+    patience : float
+        Seconds of computing for a plan, after which it is undecided.
+    """
+
+    inverse: InverseSimulator
+    grid: CellGrid
+    starts: tuple[Pose, ...]
+    depths: Floats | None
+    patience: float
+
+
+class Batch(NamedTuple):
+    """A piece of work: the cut-outs from `begin` up to `end` of a Shared Question."""
+
+    question: Shared
+    begin: int
+    end: int
+
+
+def answers(batch: Batch) -> dict[str, NDArray[Any]]:
+    """Return the columns of a Batch; this is what workers do."""
+    question = batch.question.content
+    lines = [answer(question, question.grid.cutout(index))
+             for index in range(batch.begin, batch.end)]
+    return {name: np.array([line[name] for line in lines], dtype=kind)
+            for name, (kind, _) in COLUMNS.items()}
+
+
+def answer(question: Question, cutout: CutOut) -> dict[str, Any]:
+    """Return a line of the map: the best of all starts, or the refusal that came farthest."""
+    begun, starts = thread_time(), question.starts or (None,)
+    lines = [_from(question, cutout, k, start) for k, start in enumerate(starts)]
+    best = lines[0]
+    for line in lines[1:]:
+        if _rank(line) > _rank(best) + _BETTER:
+            best = line
+    return best | {'seconds': thread_time() - begun}
+
+
+def _rank(line: Mapping[str, Any]) -> float:
+    """Return a number that is larger the better a line is: threaded, undecided, refused."""
+    if line['outcome'] == THREADED:
+        return float(2.0 + line['stability'])
+    return 1.5 if line['outcome'] == UNDECIDED else line['fraction']
+
+
+def _from(question: Question, cutout: CutOut, index: int, start: Pose | None) -> dict[str, Any]:
+    """Return the line of one start (a Pose or None)."""
+    line: dict[str, Any] = {
+        'outcome': THREADED, 'amount': 0.0, 'fraction': 0.0, 'clearance': np.nan,
+        'stability': np.nan, 'roll': np.nan, 'start': -1 if start is None else index,
+        'gripper': np.full(7, np.nan)}
+    inverse, patience, prefix = question.inverse, question.patience, ''
+    try:
+        plan = inverse.thread(cutout, start=start, depths=question.depths, deadline=patience)
+        line |= _margins(plan)
+        if start is not None:
+            prefix = 'start_phase.'
+            approach = inverse.approach(cutout, plan, start, deadline=patience, standoff=(
+                _STANDOFF * inverse.simulator.rod.length))
+            line['stability'] = min(line['stability'], float(approach.stability.min()))
+    except Infeasible as refused:
+        line |= {'outcome': (prefix + refused.constraint)[:LONGEST], 'amount': refused.amount}
+        if not prefix:
+            line['fraction'] = 0.0 if refused.plan is None else refused.plan.fraction
+    except DeadlineExceeded as error:
+        if error.seconds != patience:
+            raise  # it is the map's own
+        line |= {'outcome': UNDECIDED, 'amount': np.nan}
+    return line
+
+
+def _margins(plan: Plan) -> dict[str, Any]:
+    """Return the margins of a Plan and the roll of its first pose."""
+    first = plan.grippers[0]
+    upright = Pose.looking_along(first.position, first.direction).rotation
+    axes = upright.T @ first.rotation
+    return {'fraction': plan.fraction, 'clearance': float(plan.clearance.min()),
+            'stability': float(plan.stability.min()),
+            'roll': float(np.arctan2(axes[2, 1], axes[1, 1])),
+            'gripper': np.concatenate([first.position, first.quaternion])}

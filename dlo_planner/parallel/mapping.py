@@ -3,7 +3,6 @@
 """Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -17,9 +16,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze
 from dlo_planner.parallel.chains import Following
-from dlo_planner.parallel.memory import Room
 from dlo_planner.parallel.pieces import (
-    NO_CONTACTS,
     Piece,
     PieceResult,
     Shared,
@@ -57,8 +54,8 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     executor : Workers, optional
         `concurrent.futures.Executor`: threads, processes, or a cluster's (extra `[cluster]`:
         `dask.distributed.Client(...).get_executor()`); a function that makes one, which is closed
-        at the end. If None, one after the other. A pool that has lost a process is replaced, and
-        only what it was working on is done again.
+        at the end. If None, one after the other. Where a function makes it, a pool that has lost a
+        process is replaced, and only what it had not finished is done again.
     rods : iterable of Rod, optional
         One rod for each Pose of `work`, which the gripper holds instead of the simulator's: the
         same bit for bit as `simulator.with_rod(rod).solve(pose)`. If None, the simulator's.
@@ -85,7 +82,7 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
         The deadline is over. Pieces that were begun go on to their end, others are canceled; so is
         it where `progress` raises, or `progress.interrupted_by` says so.
     concurrent.futures.BrokenExecutor
-        The executor broke, again and again or for good.
+        The executor broke: one that was given, or two in a row without a result.
     """
     instance('simulator', simulator, DirectSimulator)
     grippers, chains = _poses(work)
@@ -186,16 +183,12 @@ def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[
     n, shared = len(grippers), Shared(simulator)
     parts = list(_parts(n, chunk, crew.shares))
     positions, rotations = arrays_of(grippers)
-    in_a_loop = rods is None and hangs_in_a_loop(simulator)
-    with (Room(n, simulator.mesh.s.size - 1, crew.elsewhere) if in_a_loop
-          else nullcontext()) as room:
-        gathered = _Gathered(_Count(steps, n), n, parts, room)
-        pieces = (Piece(shared, positions[begin:end], rotations[begin:end], seconds=steps.left(),
-                        anew=tuple(range(end - begin)),
-                        rods=None if rods is None else tuple(rods[begin:end]),
-                        into=None if room is None else room.part(begin, end))
-                  for begin, end in parts)
-        crew.run(result_of, pieces, gathered.finished)
+    gathered = _Gathered(_Count(steps, n), n, parts)
+    pieces = (Piece(shared, positions[begin:end], rotations[begin:end], seconds=steps.left(),
+                    anew=tuple(range(end - begin)),
+                    rods=None if rods is None else tuple(rods[begin:end]))
+              for begin, end in parts)
+    crew.run(result_of, pieces, gathered.finished)
     s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
     if any(length != s[-1] for length in lengths):
@@ -240,18 +233,16 @@ class _Count:
 class _Gathered:
     """The columns of all shapes, each written to its place while others are computed."""
 
-    def __init__(self, count: _Count, n: int, parts: Sequence[tuple[int, int]],
-                 room: Room | None) -> None:
+    def __init__(self, count: _Count, n: int, parts: Sequence[tuple[int, int]]) -> None:
         self._count, self._n, self._parts = count, n, parts
-        self._columns: Columns = {} if room is None else room.filled.columns | {
-            'contact_table': NO_CONTACTS}
+        self._columns: Columns = {}
         self._tables: dict[int, Floats] = {}
 
     def finished(self, index: int, result: PieceResult) -> None:
         """Take the rows of a piece."""
         rows, (first, end) = result.rows, self._parts[index]
-        if result.placed or len(self._parts) == 1:
-            self._columns = self._columns if result.placed else rows
+        if len(self._parts) == 1:
+            self._columns = rows
             self._count.finished(index, result)
             return
         for name, values in rows.items():

@@ -23,7 +23,6 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze, put
-from dlo_planner.parallel.memory import Place
 from dlo_planner.parallel.shapes import Columns, columns, stacked
 from dlo_planner.progress import Progress
 
@@ -72,8 +71,6 @@ class Piece(NamedTuple):
     rods : sequence of Rod or None
         The m rods that the gripper holds instead of the simulator's, each begun anew. If None,
         that.
-    into : Place or None
-        Where the worker fills in m shapes, if all begin anew and `hangs_in_a_loop`.
     """
 
     simulator: Shared
@@ -85,11 +82,10 @@ class Piece(NamedTuple):
     ends: bool = False
     seconds: float | None = None
     rods: tuple[Rod, ...] | None = None
-    into: Place | None = None
 
 
 class PieceResult(NamedTuple):
-    """The result of a Piece: `columns`, unless they are where it says, and Shapes on request.
+    """The result of a Piece: `columns`, and Shapes on request.
 
     Attributes
     ----------
@@ -99,19 +95,16 @@ class PieceResult(NamedTuple):
         The first Shape, where it is not given back otherwise.
     last : Shape or None
         Shape from which the next piece goes on: the last that converged, or nearly did.
-    placed : int
-        Number of shapes that were filled in where the piece wanted them, instead of `rows`.
     """
 
     rows: Columns
     first: Shape | None = None
     last: Shape | None = None
-    placed: int = 0
 
     @property
     def size(self) -> int:
         """Number of shapes."""
-        return self.placed or len(self.rows['converged'])
+        return len(self.rows['converged'])
 
 
 def piece_of(simulator: Shared, grippers: Sequence[Pose], **more: Any) -> Piece:
@@ -158,7 +151,7 @@ def result_of(piece: Piece) -> PieceResult:
 def _each_alone(simulator: DirectSimulator, piece: Piece) -> PieceResult:
     """Return the PieceResult in each gripper, by the compiled loop where the DLO hangs freely."""
     n = len(piece.positions)
-    filled = (piece.into and piece.into.filled) or Filled.new(n, simulator.mesh.s.size - 1)
+    filled = Filled.new(n, simulator.mesh.s.size - 1)
     steps = Progress(deadline=piece.seconds)
     good = hanging_shapes(simulator, piece.positions, piece.rotations, filled)
     touching = [NO_CONTACTS]
@@ -170,8 +163,6 @@ def _each_alone(simulator: DirectSimulator, piece: Piece) -> PieceResult:
             elif len(values):
                 touching.append(values + k * (np.arange(values.shape[1]) == 0))
         steps.check()
-    if len(touching) == 1 and piece.into is not None and piece.into.takes(filled):
-        return PieceResult({}, placed=n)
     return PieceResult(filled.columns | {'contact_table': np.concatenate(touching)})
 
 

@@ -16,7 +16,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.checks import array, instance, items, results, row, shown
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import brief, put
+from dlo_planner.pictured import Answer
 
 _FIGURES = ('energy', 'elastic_energy', 'dissipated', 'residual', 'stability', 'violation')
 _FLAGS = ('converged', 'jumped')
@@ -25,7 +26,7 @@ _CONTACT = 14  # columns: which shape, and the 13 numbers of a Contact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Shapes(Value):
+class Shapes(Answer):
     """Static shapes of one DLO on one mesh; n shapes of N elements, N + 1 nodes, world frame, SI.
 
     An array has one row per shape, of what `Shape` says under the same name. A shape that was

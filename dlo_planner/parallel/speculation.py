@@ -16,39 +16,42 @@ found from it is kept only if it has converged and Newton's method goes to it fr
 (`leads_to`); otherwise the serial search is made.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.boundary_motion import poses
 from dlo_planner.direct.continuation import LONGEST_TURN, surely_follows
-from dlo_planner.direct.integrator import Scheme
+from dlo_planner.direct.integrator import KinematicState, Scheme
+from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, Prescribed, made_by, motion_by
-from dlo_planner.direct.statics import equilibrium
+from dlo_planner.direct.statics import TOLERANCE, equilibrium
 from dlo_planner.direct.step import past_of
-from dlo_planner.direct.stepper import Stepper, TimePoint
+from dlo_planner.direct.stepper import Limits, StepBatch, StepMemory, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.classic import approximate
 from dlo_planner.minimize.newton import newton
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.parallel.ahead import Moving, Resting
 from dlo_planner.parallel.pieces import Shared
-from dlo_planner.parallel.rounds import Rounds, Stepped, Task
 from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _MOST_TASKS = 1024
 _TOLERANCE, _STEPS = 1e-11, 30  # residual and Newton steps of a way that is gone to its end
 _CLOSE = 1e-9  # of the unknowns: what two searches for one minimum may leave between them
+_UNLIMITED = 1_000_000  # more work than anything takes
 _NO_MATTER = ('obstacles', 'pinned', 'has_moments')  # of Surroundings: without them only
 
 
@@ -139,56 +142,61 @@ class AheadStepper(Stepper):
         As for Stepper.
     """
 
+    nearby = False  # guesses are not near
+
     def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
         super().__init__(*more)
-        self.swings = False
         self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
 
-    def _step(self, before: TimePoint, place: float, scheme: Scheme, patience: int) -> TimePoint:
-        usual = self.guess(before, scheme.dt)
+    def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme,
+              limits: Limits) -> StepBatch:
+        """Return the StepBatch of the first step, which may begin where it was seen ahead."""
+        place, usual = float(places[0]), self.guess(now, scheme.dt)
 
         def ahead(most: int) -> dict[float, Task]:
-            return self._ahead(before, place, scheme, usual, most)
+            return self._ahead(now, place, scheme, usual, most)
+
+        def begun(guess: Floats) -> tuple[StepBatch, Shape]:
+            batch = self.steps_from(now, past, places[:1], scheme, limits, guess)
+            return batch, (batch.last if batch.refused is None else batch.refused).shape
 
         def step(guess: Floats | None) -> Stepped:
             vain = judging = 0
             if guess is not None:
-                system = self._system(before, place, scheme)
+                system, budget = self._system(now, place, scheme), limits.budget.copy()
                 start = _unknowns(system, usual)
                 if lower(system, _unknowns(system, guess), start):
-                    after = self.step_from(before, place, scheme, guess, patience)
-                    end, vain = _unknowns(system, after.shape.element_strains), _work(after.shape)
-                    same, judging, _ = leads_to(system, start, end)
-                    if after.shape.converged and same:
-                        return Stepped(after, vain, judging, 'used')
-            after = self.step_from(before, place, scheme, usual, patience)
-            return Stepped(after, vain + _work(after.shape), judging,
+                    batch, shape = begun(guess)
+                    vain = _work(shape)
+                    same, judging, _ = leads_to(system, start,
+                                                _unknowns(system, shape.element_strains))
+                    if shape.converged and same:
+                        return Stepped(batch, vain, judging, 'used')
+                    limits.budget[:] = budget
+            batch, shape = begun(usual)
+            return Stepped(batch, vain + _work(shape), judging,
                            'none' if guess is None else 'refused')
 
-        result: TimePoint = self._rounds.make(place, ahead, step)
+        result: StepBatch = self._rounds.make(place, ahead, step)
         return result
 
-    def _ahead(self, before: TimePoint, place: float, scheme: Scheme, usual: Floats,
+    def _ahead(self, now: TimePoint, place: float, scheme: Scheme, usual: Floats,
                most: int) -> dict[float, Task]:
         """Return Moving tasks by place."""
         size, strains = scheme.dt / self.dt, usual
         tasks: dict[float, Task] = {}
-        history: Any = before.shape.history
-        history = replace(history, of=None)  # which is long, and not needed
         for k in range(1, self._rounds.tasks):
             later = place + k * size
             if later > self._last:
                 break
             guess = self._rounds.guess(later)
             strains = strains if guess is None else guess  # else those of the place before
-            tasks[later] = Moving(self._shared, before.nodes, before.bends, history, later,
+            tasks[later] = Moving(self._shared, now.nodes, now.bends, now.memory, later,
                                   replace(scheme, dt=(k + 1) * scheme.dt), strains, most)
         return tasks
 
-    def _system(self, before: TimePoint, place: float, scheme: Scheme) -> Problem:
-        system: Problem = self.moving(before.nodes, before.bends, before.shape.history, place,
-                                      scheme)[0]
-        return system
+    def _system(self, now: TimePoint, place: float, scheme: Scheme) -> Problem:
+        return self.problem(now.nodes, now.bends, now.memory, place, scheme)
 
 
 def _unknowns(system: Any, strains: Floats) -> Floats:
@@ -288,3 +296,183 @@ def leads_to(system: Problem, start: Floats, end: Floats) -> tuple[bool, int, bo
     away = np.linalg.norm(minimum.state.q - end)
     arrived = minimum.residual < _TOLERANCE and away <= _CLOSE * np.linalg.norm(end)
     return bool(arrived), minimum.iterations, bool(minimum.kicks)
+
+
+# What workers do: shapes of steps to come, roughly, from a shape that is known.
+
+
+class Moving(NamedTuple):
+    """A DLO in motion, several steps in one.
+
+    Attributes
+    ----------
+    stepper : Shared
+        Shared Stepper.
+    nodes, bends : KinematicState
+        Those of now.
+    memory : StepMemory
+        What is left to the next step.
+    place : float
+        Where to look, in instants.
+    scheme : Scheme
+        Scheme of one step from now to there.
+    strains : ndarray, shape (N, 3)
+        Strains in 1/m, where the search begins.
+    most : int
+        Work, in the unit of `minimize.classic.approximate`.
+    """
+
+    stepper: Shared
+    nodes: KinematicState
+    bends: KinematicState
+    memory: StepMemory
+    place: float
+    scheme: Scheme
+    strains: Floats
+    most: int
+
+
+class Resting(NamedTuple):
+    """A DLO that is moved slowly, several steps in one.
+
+    Attributes
+    ----------
+    simulator : Shared
+        Shared DirectSimulator.
+    rotation : ndarray, shape (3, 3)
+        Rotation of the gripper there.
+    history : Memory
+        Memory of now.
+    strains : ndarray
+        As for Moving.
+    most : int
+        As for Moving.
+    """
+
+    simulator: Shared
+    rotation: Floats
+    history: Memory
+    strains: Floats
+    most: int
+
+
+class Guess(NamedTuple):
+    """What was seen: strains (N, 3) in 1/m, and the work that it took."""
+
+    strains: Floats
+    work: int
+
+
+def look(task: Moving | Resting) -> Guess:
+    """Return the Guess that a task asks for."""
+    if isinstance(task, Moving):
+        stepper = task.stepper.content
+        method = stepper.method
+        system = stepper.problem(task.nodes, task.bends, task.memory, task.place, task.scheme)
+        rounding = stepper.rounding(task.scheme)
+    else:
+        simulator = task.simulator.content
+        method, rounding = simulator.method, 0.0
+        system = simulator.mesh.system(task.rotation, history=task.history)
+    q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
+    unknowns_of(system, np.array(task.strains), q)
+    return Guess(*approximate(system, q, method, TOLERANCE + rounding, task.most))
+
+
+Task = Moving | Resting  # of a look ahead
+
+
+class Round(NamedTuple):
+    """A true step, and the looks ahead meanwhile.
+
+    Attributes
+    ----------
+    place : float
+        Place of the step.
+    work : int
+        Work of it, in the unit of `minimize.classic.approximate`.
+    judging : int
+        Newton steps beside it.
+    guess : str
+        'used', 'refused', or 'none'.
+    ahead : tuple of int
+        Works of the looks ahead.
+    """
+
+    place: float
+    work: int
+    judging: int
+    guess: str
+    ahead: tuple[int, ...]
+
+
+class Stepped(NamedTuple):
+    """What a true step gave.
+
+    Attributes
+    ----------
+    result : object
+        Result of the step.
+    work, judging : int
+        As in Round.
+    guess : str
+        As in Round.
+    """
+
+    result: Any
+    work: int
+    judging: int
+    guess: str
+
+
+class Rounds:
+    """Steps made while later ones are computed ahead, and the guesses of these.
+
+    Parameters
+    ----------
+    crew : Crew
+    tasks : int
+        Steps at once, the true one among them.
+
+    Attributes
+    ----------
+    made : list of Round
+        One Round for each round.
+    """
+
+    def __init__(self, crew: Crew, tasks: int) -> None:
+        self._crew, self.tasks = crew, tasks
+        self._guesses: dict[float, Floats] = {}  # place: strains
+        self._most = _UNLIMITED   # work of a look ahead
+        self.made: list[Round] = []
+
+    def guess(self, place: float) -> Floats | None:
+        """Return the strains (N, 3) that were computed ahead for a place, or None."""
+        return self._guesses.get(place)
+
+    def make(self, place: float, ahead: Callable[[int], dict[float, Task]],
+             step: Callable[[Floats | None], Stepped]) -> Any:
+        """Return the result of a step at `place`, while later ones are computed ahead.
+
+        Parameters
+        ----------
+        ahead : callable
+            Tasks by place, made as ahead(most).
+        step : callable
+            Called as step(strains or None); returns a Stepped.
+        """
+        tasks = ahead(self._most)
+        futures = self._crew.begin(look, tasks.values())
+        try:
+            stepped = step(self.guess(place))
+            guesses = self._crew.gathered(futures)
+        finally:
+            for future in futures:
+                future.cancel()
+        self._guesses = {later: guess.strains for later, guess in zip(tasks, guesses, strict=False)
+                         if guess is not None}
+        done = Round(place, stepped.work, stepped.judging, stepped.guess,
+                     tuple(0 if one is None else one.work for one in guesses))
+        self._most = max(done.work, 1)
+        self.made.append(done)
+        return stepped.result

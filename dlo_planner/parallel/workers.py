@@ -1,32 +1,22 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Work for any executor: results in order, dead workers replaced, progress, cancellation.
+"""Work for any executor of `concurrent.futures`: results in order, progress, cancellation.
 
-An executor is one of `concurrent.futures`: threads, processes, or a cluster's (`dask.distributed`:
-`Client(...).get_executor()`).
+Threads, processes, or a cluster's (`dask.distributed`: `Client(...).get_executor()`). A pool that
+has lost a process is broken. Where a function makes the executor, it makes another one, once in a
+row, and only what the broken one had not finished is done again.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import (
-    BrokenExecutor,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
-from threading import Event
-from time import monotonic
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, wait
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import shown
-from dlo_planner.parallel.pools import has_lost_a_worker, leave, like
 
-_LOOK = 0.02  # s between two looks at what has ended, and at the deadline
-_GRACE = 1.0  # s in which a broken executor says so of all that it had
-_VAIN = 3     # executors that break one after the other without a result: the work breaks them
+_LOOK = 0.02  # s between two looks at the deadline
 
 Workers = Executor | Callable[[], Executor] | None
 
@@ -39,45 +29,8 @@ def checked(executor: object) -> Workers:
                       'a function that makes one, or None')
 
 
-class _Waiting(dict[Future[Any], tuple[int, Any, Executor | None]]):
-    """What has been given and not taken: of each Future index, task, and who has it.
-
-    To wake up for each that ends, and to ask all of them then, would take more than some of them
-    do: it is looked at now and then, and when all have ended.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._ended: deque[Future[Any]] = deque()
-        self._all = Event()
-
-    def __setitem__(self, future: Future[Any], task: tuple[int, Any, Executor | None]) -> None:
-        super().__setitem__(future, task)
-        future.add_done_callback(self._note)
-
-    def _note(self, future: Future[Any]) -> None:
-        """Note that a Future has ended; whoever ended it calls this."""
-        self._ended.append(future)
-        if len(self._ended) >= len(self):
-            self._all.set()
-
-    def ended(self, seconds: float) -> list[Future[Any]]:
-        """Return those that have ended after so many seconds, or as soon as all have."""
-        if seconds:
-            self._all.clear()
-            if len(self._ended) < len(self):
-                self._all.wait(seconds)
-        ended = [self._ended.popleft() for _ in range(len(self._ended))]
-        return [future for future in ended if future in self]
-
-
 class Crew:
-    """Gives work to an executor, and to the next one where that breaks; a context manager.
-
-    A pool of processes that has lost one is broken: what it had not finished is done again by a
-    new one, made by the function, or like the ProcessPoolExecutor that was given. Some that break
-    forget what they had (a pool whose worker is killed while it takes or gives): that is done again
-    as well.
+    """Gives work to an executor; a context manager.
 
     Parameters
     ----------
@@ -92,27 +45,21 @@ class Crew:
         self._make = None if executor is None or isinstance(executor, Executor) else executor
         self._executor: Any = executor if self._make is None else None  # an Executor, or None
         self._check = check
-        self._own = False
-        self._since: dict[int, float] = {}  # s, when executors (`id`) were seen to have broken
+        self._vain = False  # whether the last executor broke, and no result has come since
 
     def __enter__(self) -> 'Crew':
         if self._make is not None:
-            self._renew()
+            self._executor = _executor_of(self._make)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if self._own:
-            self._executor.shutdown(wait=kind is None)  # what is left was canceled
+        if self._make is not None:
+            self._executor.shutdown(wait=kind is None)
 
     @property
     def shares(self) -> bool:
         """Whether there is an executor."""
         return self._executor is not None
-
-    @property
-    def elsewhere(self) -> bool:
-        """Whether workers may be in other processes."""
-        return not isinstance(self._executor, ThreadPoolExecutor | None)
 
     def run(self, function: Callable[[Any], Any], tasks: Iterable[Any],
             finished: Callable[[int, Any], object]) -> list[Any]:
@@ -127,7 +74,7 @@ class Crew:
         finished : callable
             Called as finished(index, result), in the order in which they end.
         """
-        results = {}
+        results: dict[int, Any] = {}
 
         def done(index: int, result: Any) -> None:
             results[index] = result
@@ -152,108 +99,80 @@ class Crew:
     def gathered(self, futures: Sequence[Future[Any]]) -> list[Any]:
         """Return the results of Futures; those that were lost with a worker are None."""
         waiting: set[Future[Any]] = set(futures)
-        broken: BaseException | None = None
         while waiting:
             self._check()
-            ended, waiting = wait(waiting, _LOOK)
-            if not ended and self._forgets(self._executor):
-                broken = BrokenExecutor('a worker is lost, and what it had')
-                break
+            _, waiting = wait(waiting, _LOOK)
         results: list[Any] = []
+        broken: BaseException | None = None
         for future in futures:
-            if future in waiting:
-                results.append(None)
-                continue
             error = future.exception()
             if error is not None and not isinstance(error, BrokenExecutor):
                 raise error
-            results.append(None if error is not None else future.result())
             broken = broken or error
+            results.append(None if error is not None else future.result())
         if broken is not None:
+            self._vain = False  # none of them is needed: it may go on so
             self._renew(broken)
         return results
 
     def _share_out(self, function: Callable[[Any], Any], tasks: Iterable[Any],
                    done: Callable[[int, Any], object]) -> None:
-        waiting = _Waiting()
-        vain = 0
+        pending: Iterator[tuple[int, Any]] = enumerate(tasks)
+        given: dict[Future[Any], tuple[int, Any]] = {}
+        ended: SimpleQueue[Future[Any]] = SimpleQueue()
+        lost: list[tuple[int, Any]] = []
+        broken: list[BaseException] = []
+
+        def collect(wait_: bool) -> None:
+            """Take what has ended, after a while at most."""
+            with suppress(Empty):
+                while True:
+                    future = ended.get(wait_, _LOOK)
+                    index, task = given.pop(future)
+                    error, wait_ = future.exception(), False
+                    if error is None:
+                        self._vain = False
+                        done(index, future.result())
+                    elif isinstance(error, BrokenExecutor):
+                        lost.append((index, task))
+                        broken.append(error)
+                    else:
+                        raise error
+
         try:
-            for index, task in enumerate(tasks):
-                self._check()
-                vain = self._collect(function, waiting, done, 0, vain)
-                self._submit(function, waiting, index, task)
-            while waiting:
-                self._check()
-                vain = self._collect(function, waiting, done, _LOOK, vain)
+            while True:
+                for index, task in pending:
+                    self._check()
+                    try:
+                        future = None if broken else self._executor.submit(function, task)
+                    except BrokenExecutor as error:
+                        future = None
+                        broken.append(error)
+                    if future is None:
+                        lost.append((index, task))
+                    else:
+                        given[future] = index, task
+                        future.add_done_callback(ended.put)
+                    collect(False)
+                while given:
+                    self._check()
+                    collect(True)
+                if not lost:
+                    return
+                self._renew(broken[0])
+                pending = iter(sorted(lost, key=lambda one: one[0]))
+                lost, broken = [], []
         finally:
-            for future in waiting:  # there are none unless something was raised
+            for future in given:  # there are none unless something was raised
                 future.cancel()
 
-    def _submit(self, function: Callable[[Any], Any], waiting: _Waiting, index: int,
-                task: Any) -> None:
-        try:
-            future = self._executor.submit(function, task)
-        except BrokenExecutor as error:  # what it had is not forgotten: those futures say so
-            self._renew(error)
-            future = self._executor.submit(function, task)
-        waiting[future] = index, task, self._executor
-
-    def _collect(self, function: Callable[[Any], Any], waiting: _Waiting,
-                 done: Callable[[int, Any], object], seconds: float, vain: int) -> int:
-        """Take what has ended, give again what was lost; return how often that was in vain."""
-        ended = waiting.ended(seconds)
-        lost: list[tuple[int, Any]] = []
-        broken: BaseException | None = None
-        for future in ended:
-            error = future.exception()
-            if error is not None and not isinstance(error, BrokenExecutor):
-                raise error
-            index, task, executor = waiting.pop(future)
-            if error is None:
-                done(index, future.result())
-                vain = 0
-                continue
-            lost.append((index, task))
-            if executor is self._executor:
-                broken = error
-        if not ended:
-            for future in [one for one, (*_, executor) in waiting.items()
-                           if self._forgets(executor)]:
-                index, task, executor = waiting.pop(future)
-                lost.append((index, task))
-                if executor is self._executor:
-                    broken = BrokenExecutor('a worker is lost, and what it had')
-        if broken is not None:
-            vain += 1
-            if vain > _VAIN:
-                broken.add_note(f'{vain} executors in a row broke without a result')
-                raise broken
-            self._renew(broken)
-        for index, task in sorted(lost, key=lambda one: one[0]):
-            self._submit(function, waiting, index, task)
-        return vain
-
-    def _forgets(self, executor: Executor | None) -> bool:
-        """Return whether an executor broke so long ago that what it has not answered is lost."""
-        if executor is self._executor and not has_lost_a_worker(executor):
-            self._since.pop(id(executor), None)
-            return False
-        return monotonic() - self._since.setdefault(id(executor), monotonic()) > _GRACE
-
-    def _renew(self, error: BaseException | None = None) -> None:
-        """Take a new executor; raise `error` where there is no telling how to make one."""
-        broken = self._executor
-        if self._make is not None:
-            self._executor = _executor_of(self._make)
-        elif isinstance(broken, ProcessPoolExecutor):
-            self._executor = like(broken)
-        else:
-            raise error or BrokenExecutor('the executor broke')
-        if isinstance(broken, ProcessPoolExecutor):
-            leave(broken)
-        if self._own:
-            broken.shutdown(wait=False)
-        self._own = True
+    def _renew(self, error: BaseException) -> None:
+        """Take a new executor; raise `error` where there is none, or the last one broke, too."""
+        if self._make is None or self._vain:
+            raise error
+        self._vain = True
+        self._executor.shutdown(wait=False)
+        self._executor = _executor_of(self._make)
 
 
 def _executor_of(make: Callable[[], Executor]) -> Executor:

@@ -13,7 +13,6 @@ from typing import NamedTuple, overload
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.deprecated import renamed, renamed_fields
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
@@ -23,6 +22,7 @@ from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Filmed
+from dlo_planner.plan.goals import DirectionAt, FrameAt, PositionAt, Residuals
 from dlo_planner.plan.passing import Passes, arc_lengths_at, first_center
 from dlo_planner.plan.path import pose_at_arc_length
 from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
@@ -54,10 +54,7 @@ class PlanPoint(NamedTuple):
     misalignment: float
     clearance: float
 
-    miss = renamed('miss', 'position_error')  # type: ignore[misc]
 
-
-@renamed_fields(miss='position_error', passes='via_points')
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Filmed):
     """A sequence of gripper poses; n waypoints.
@@ -183,13 +180,24 @@ class Plan(Filmed):
         result: Floats = self.clearances.min(axis=(1, 2), initial=np.inf)
         return result
 
-    misses = renamed('misses', 'position_errors')
+    @property
+    def goals(self) -> tuple[tuple[Residuals, ...], ...]:
+        """N tuples of what the DLO is to be like at each waypoint; their residuals are its misses.
+
+        `PositionAt` of each of its `via_points`, `DirectionAt` of those with a normal; where there
+        is none, `FrameAt` of the gripper.
+        """
+        return tuple(tuple(goal for center, s, normal in points for goal in (
+            PositionAt(s, center), *(() if normal is None else (DirectionAt(s, normal),))))
+            or (FrameAt(0.0, gripper),)
+            for points, gripper in zip(self.via_points, self.grippers, strict=True))
 
     @property
     def position_errors(self) -> list[list[float]]:
         """N lists of the DLO's distances from each center that it should pass there, m."""
-        return [[float(np.linalg.norm(shape.frame_at(s)[1] - center)) for center, s, _ in points]
-                for shape, points in zip(self.shapes, self.via_points, strict=True)]
+        return [[float(np.linalg.norm(goal.residuals(shape))) for goal in goals
+                 if isinstance(goal, PositionAt)]
+                for shape, goals in zip(self.shapes, self.goals, strict=True)]
 
     @property
     def arc_lengths(self) -> Floats:

@@ -1,300 +1,203 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The node seen from the other side: ask it over DDS and wait for the answers."""
+"""A running planner node for Python programs, as Nav2's simple commander: plan, proof, execute."""
 
-import queue
-import threading
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from time import monotonic
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from time import monotonic, sleep
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import rclpy
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Goals, Path
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
-from rcl_interfaces.msg import SetParametersResult
-from rcl_interfaces.srv import SetParameters
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
-from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import MultiDOFJointTrajectory
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
+from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.inverse.task import Task
+from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.health import stamp_text
-from dlo_planner.ros.proof import DONE
-from dlo_planner.ros.qos import ALL_LATCHED, CHANGES, LATCHED, REQUEST
-from msg_helpers.poses import header, pose_stamped_msg
+from dlo_planner.ros.managed import ALL_LATCHED, REQUEST
+from dlo_planner.ros.status import stamp_text
+from dlo_planner.settings.tasks import task_to_yaml
+from msg_helpers.obstacles import obstacles_msg
+from msg_helpers.paths import poses_from_path
+from msg_helpers.poses import pose_stamped_msg
 
-Told = tuple[int, str, dict[str, str]]  # code, message, values
+_REMEMBERED = 1000  # messages of a topic
+_ACTIVE = State.PRIMARY_STATE_ACTIVE
 
 
-class PlannerClient:
-    """Talks to a running planner node; a thread of its own receives what comes.
+class Progress(NamedTuple):
+    """How far an execution has come: its phase, what is done in percent, and in seconds."""
+
+    phase: str
+    percent: float
+    done: float
+
+
+class DloCommander(Node):
+    """Asks a planner node, and waits for its answers; rclpy has to be initialized.
+
+    Each call raises Refused, whose `cause` is the number of the reason and whose text is the
+    reason, if the node refuses, and TimeoutError if it does not answer.
 
     Parameters
     ----------
     planner : str, optional
-        Full name of the node, e.g. '/dlo_planner'.
+        Full name of the planner node.
     frame_id : str, optional
-        Frame id of the poses that are sent.
+        Frame of all poses.
     timeout : float, optional
-        s to wait for any one answer.
+        Seconds to wait for one answer; a plan may take threading.planning_deadline.
     """
 
     def __init__(self, planner: str = '/dlo_planner', frame_id: str = 'world',
-                 timeout: float = 10.0) -> None:
-        self.planner, self.frame_id, self.timeout = planner, frame_id, timeout
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context)
-        self.node = Node('dlo_planner_client', context=self.context)
-        self.shapes: queue.Queue[Path] = queue.Queue()
-        self.trajectories: queue.Queue[Path] = queue.Queue()
-        self.timed: queue.Queue[MultiDOFJointTrajectory] = queue.Queue()
-        self.diagnostics: queue.Queue[DiagnosticArray] = queue.Queue()
-        self.commands: queue.Queue[PoseStamped] = queue.Queue()
-        self.statuses: queue.Queue[DiagnosticStatus] = queue.Queue()
-        self.executions: queue.Queue[DiagnosticStatus] = queue.Queue()
-        for name, came in (('status', self.statuses), ('execution', self.executions)):
-            self.node.create_subscription(DiagnosticStatus, f'{planner}/{name}', came.put,
-                                          ALL_LATCHED)
-        self.node.create_subscription(Path, f'{planner}/predicted_shape', self.shapes.put, LATCHED)
-        self.node.create_subscription(Path, f'{planner}/gripper_trajectory',
-                                      self.trajectories.put, ALL_LATCHED)
-        self.node.create_subscription(MultiDOFJointTrajectory,
-                                      f'{planner}/gripper_trajectory_timed', self.timed.put,
-                                      ALL_LATCHED)
-        self.node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.put,
-                                      REQUEST)
-        self.node.create_subscription(PoseStamped, f'{planner}/gripper_command', self.commands.put,
-                                      CHANGES)  # none may be lost, however late they are taken
-        self._pose_out = self.node.create_publisher(PoseStamped, f'{planner}/gripper_pose',
-                                                    qos_profile_sensor_data)
-        self._goal_out = self.node.create_publisher(PoseStamped, f'{planner}/task_goal', REQUEST)
-        self._goals_out = self.node.create_publisher(Goals, f'{planner}/task_goals', REQUEST)
-        self._obstacles_out = self.node.create_publisher(MarkerArray, f'{planner}/obstacles',
-                                                         REQUEST)
-        self._clients: dict[str, Any] = {}
-        self._executor = SingleThreadedExecutor(context=self.context)
-        self._executor.add_node(self.node)
-        self._thread = threading.Thread(target=self._spin, daemon=True)
-        self._thread.start()
+                 timeout: float = 70.0, **options: Any) -> None:
+        super().__init__('dlo_commander', **options)
+        self._planner, self._frame_id, self._timeout = planner, frame_id, timeout
+        self._asked: dict[str, Any] = {}
+        self._said, self._progress = (deque[Any](maxlen=_REMEMBERED) for _ in range(2))
+        for name, came in (('status', self._said), ('execution', self._progress)):
+            self.create_subscription(DiagnosticStatus, f'{planner}/{name}',
+                                     lambda msg, came=came: came.append(msg), ALL_LATCHED)
+        self._obstacles = self.create_publisher(MarkerArray, f'{planner}/obstacles', REQUEST)
 
-    def _spin(self) -> None:
-        with suppress(ExternalShutdownException):
-            self._executor.spin()
-
-    def close(self) -> None:
-        """Stop receiving and leave the ROS graph."""
-        self._executor.shutdown()
-        self._thread.join(timeout=5.0)
-        self.node.destroy_node()
-        rclpy.try_shutdown(context=self.context)
-
-    def wait_until_ready(self, timeout: float, alive: Callable[[], bool] = lambda: True) -> bool:
-        """Return whether the node answers within `timeout` s; stop early when not `alive()`."""
+    def wait_until_active(self, timeout: float = 600.0) -> None:
+        """Wait until the node answers; the first start of all may compile for minutes."""
         end = monotonic() + timeout
-        while monotonic() < end and alive():
-            # The node is ready when it can be seen. The publishers have to be matched too: a pose
-            # that is sent before that is lost.
-            if (self._client(GetPlan, 'plan_threading').wait_for_service(0.1)
-                    and self._pose_out.get_subscription_count()
-                    and self._goal_out.get_subscription_count()
-                    and self._goals_out.get_subscription_count()
-                    and self._obstacles_out.get_subscription_count()):
-                return True
-        return False
+        self._spin(self._client(GetState, 'get_state').service_is_ready, 'get_state', timeout)
+        while self._call(GetState, 'get_state', GetState.Request()).current_state.id != _ACTIVE:
+            if monotonic() > end:
+                raise TimeoutError(f'{self._planner} does not become active')
+            sleep(0.1)
 
-    def send_pose(self, pose: Pose, frame_id: str | None = None) -> Time:
-        """Publish a Pose as the gripper's; return its stamp."""
-        return self._send(self._pose_out, pose, frame_id)
+    def set_planner(self, **values: Any) -> None:
+        """Set parameters of the node, all or none; '__' stands for '.'."""
+        request = SetParametersAtomically.Request(parameters=[
+            Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+            for name, value in values.items()])
+        result = self._call(SetParametersAtomically, 'set_parameters_atomically', request).result
+        if not result.successful:
+            raise Refused(Cause.INVALID_PARAMETER, result.reason)
 
-    def send_goal(self, pose: Pose, frame_id: str | None = None) -> Time:
-        """Publish a Pose as the cut-out; return its stamp."""
-        return self._send(self._goal_out, pose, frame_id)
+    def set_obstacles(self, obstacles: Iterable[Obstacle], friction: float | None = None) -> None:
+        """Publish obstacles in place of those before; with a friction, if each has not its own."""
+        self._spin(self._obstacles.get_subscription_count, 'obstacles')
+        self._obstacles.publish(obstacles_msg(obstacles, self._frame_id, friction=friction))
 
-    def _send(self, publisher: Publisher, pose: Pose, frame_id: str | None) -> Time:
-        stamp = self.node.get_clock().now().to_msg()
-        publisher.publish(pose_stamped_msg(pose, frame_id or self.frame_id, stamp))
-        return stamp
+    def predict(self, gripper: Pose, far_end: Pose | None = None) -> list[Pose]:
+        """Return the frames of the DLO, node by node, for a gripper pose."""
+        return poses_from_path(self._ask('predict_shape', self._stamped(gripper),
+                                         self._stamped(far_end))[0])
 
-    def shape_for(self, pose: Pose) -> tuple[Path, float]:
-        """Publish a gripper Pose and return the shape (Path) that answers it, and the s it took.
-
-        Raises
-        ------
-        TimeoutError
-            Nothing came, though poses are sent again as a robot would do.
-        """
-        started = monotonic()
-        stamps = []
-        while monotonic() - started < self.timeout:
-            stamps.append(self.send_pose(pose))
-            sent = monotonic()
-            while monotonic() - sent < 1.0:
-                try:
-                    path = self.shapes.get(timeout=0.05)
-                except queue.Empty:
-                    continue
-                if path.header.stamp in stamps:
-                    return path, monotonic() - sent
-        raise TimeoutError(f'no shape came within {self.timeout} s')
-
-    def predict_shape(self, pose: Pose) -> tuple[Path, float]:
-        """Return the Path that the service predict_shape answers for a gripper Pose, and the s."""
-        request = GetPlan.Request(start=pose_stamped_msg(pose, self.frame_id))
-        response, seconds = self._call(GetPlan, 'predict_shape', request)
-        return response.plan, seconds
-
-    def plan_threading(self, start: Pose, goal: Pose) -> tuple[Path, float]:
-        """Return the Path that the service plan_threading answers, and the s it took.
+    def plan(self, task: Task | str, start: Pose | None = None, goal: Pose | None = None,
+             tolerance: float = 0.0) -> Path:
+        """Return the plan of a task, or of its YAML text, as the gripper's poses.
 
         Parameters
         ----------
-        start : Pose
-            Pose of the gripper now.
-        goal : Pose
-            Pose of the cut-out.
+        task : Task or str
+        start : Pose, optional
+            Pose of the tool frame now. If None, the one that the node has heard last.
+        goal : Pose, optional
+            Pose of the task. If None, its own.
+        tolerance : float, optional
+            By how much a waypoint may miss its place, m; 0: by any amount.
         """
-        request = GetPlan.Request(start=pose_stamped_msg(start, self.frame_id),
-                                  goal=pose_stamped_msg(goal, self.frame_id))
-        response, seconds = self._call(GetPlan, 'plan_threading', request)
-        return response.plan, seconds
+        self.set_planner(task=task if isinstance(task, str) else task_to_yaml(task))
+        return self._ask('plan', self._stamped(start), self._stamped(goal), tolerance)[0]
 
-    def plan_two_cutouts(self, first: Pose, second: Pose) -> tuple[Path, float]:
-        """Return the Path that the service plan_two_cutouts answers, and the s it took."""
-        request = GetPlan.Request(start=pose_stamped_msg(first, self.frame_id),
-                                  goal=pose_stamped_msg(second, self.frame_id))
-        response, seconds = self._call(GetPlan, 'plan_two_cutouts', request)
-        return response.plan, seconds
+    def proof(self, plan: Path, timeout: float = 300.0) -> dict[str, str]:
+        """Return the figures of the proof of a plan, name -> text, once it has held."""
+        return self._outcome('proof', {'plan stamp': stamp_text(plan.header.stamp)}, timeout)
 
-    def send_goals(self, poses: Sequence[Pose]) -> None:
-        """Publish Poses as cut-outs, in the order in which they are passed."""
-        self._goals_out.publish(Goals(header=header(self.frame_id), goals=[
-            pose_stamped_msg(pose, self.frame_id) for pose in poses]))
+    def execute(self, plan: Path) -> Iterator[Progress]:
+        """Have a proved plan executed; yield its progress until it has succeeded."""
+        self._progress.clear()
+        stamp = self._ask('execute_plan', plan.poses[0], self._stamped(None))[1]
+        self._outcome('execute', {'stamp': stamp})
+        end = None
+        while end is None:
+            self._spin(lambda: self._progress or self._found('execute', {'stamp': stamp}),
+                       'execution')
+            end = self._found('execute', {'stamp': stamp})
+            while self._progress:
+                values = _values(self._progress.popleft())
+                yield Progress(values['state'], float(values.get('progress [%]', 0.0)),
+                               float(values.get('done [s]', 0.0)))
+        _judged(end)
 
-    def send_obstacles(self, markers: Sequence[Marker]) -> None:
-        """Publish visualization_msgs/Markers as obstacles."""
-        self._obstacles_out.publish(MarkerArray(markers=markers))
+    def trigger(self, name: str) -> str:
+        """Call cancel, reset, replan or identify; return what the node says."""
+        while before := self._found(name, {}):  # of other calls
+            self._said.remove(before)
+        answer = self._call(Trigger, name, Trigger.Request())
+        if not answer.success:
+            self._outcome(name)
+        return str(answer.message)
 
-    def trigger(self, name: str) -> Trigger.Response:
-        """Return the std_srvs/Trigger response of the node's service `name`."""
-        return self._call(Trigger, name, Trigger.Request())[0]
+    def _stamped(self, pose: Pose | None) -> PoseStamped:
+        return PoseStamped() if pose is None else pose_stamped_msg(pose, self._frame_id)
 
-    def execute(self, path: Path) -> Told:
-        """Have the plan (Path) executed; return the outcome as (code, message, values): 0 if it is.
+    def _ask(self, name: str, start: PoseStamped, goal: PoseStamped,
+             tolerance: float = 0.0) -> tuple[Path, str]:
+        """Return what a GetPlan service answers, and the stamp of the request."""
+        goal.header.stamp = self.get_clock().now().to_msg()
+        if name != 'execute_plan':  # of which the stamp of the first pose names the plan
+            start.header.stamp = goal.header.stamp
+        answer, stamp = self._call(GetPlan, name, GetPlan.Request(
+            start=start, goal=goal, tolerance=tolerance)), stamp_text(goal.header.stamp)
+        if not answer.plan.poses:
+            self._outcome('execute' if name == 'execute_plan' else name, {'stamp': stamp})
+        return answer.plan, stamp
 
-        Another one that was made since is not executed in its place.
-
-        Raises
-        ------
-        TimeoutError
-            No answer came.
-        """
-        drained(self.statuses)
-        answer, _ = self._call(GetPlan, 'execute_plan', GetPlan.Request(start=path.poses[0]))
-        outcome = self.status_of('execute')
-        assert (outcome[0] == 0) == bool(answer.plan.poses)
-        return outcome
-
-    def set_parameters(self, **values: Any) -> list[SetParametersResult]:
-        """Set parameters ('__' stands for '.'); return the list of SetParametersResult."""
-        request = SetParameters.Request(parameters=[
-            Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
-            for name, value in values.items()])
-        answer, _ = self._call(SetParameters, 'set_parameters', request)
-        return list(answer.results)
-
-    def proof(self, path: Path, timeout: float | None = None) -> dict[str, str]:
-        """Return what /diagnostics says of a plan (Path), name -> text, once its proof is done.
-
-        Raises
-        ------
-        TimeoutError
-            It is not done within `timeout` s (None: six times the client's), or a newer plan was
-            made.
-        """
-        wanted = stamp_text(path.header.stamp)
-        timeout = 6 * self.timeout if timeout is None else timeout
-        end = monotonic() + timeout
-        while monotonic() < end:
-            with suppress(queue.Empty):
-                status = self.diagnostics.get(timeout=0.1).status[0]
-                values = {item.key: item.value for item in status.values}
-                if values.get('plan stamp') == wanted and values['report'] in DONE:
-                    return values
-        raise TimeoutError(f'the plan was not proved within {timeout} s')
-
-    def timed_for(self, path: Path) -> MultiDOFJointTrajectory:
-        """Return the timed trajectory (MultiDOFJointTrajectory) of a proved plan (Path).
-
-        Raises
-        ------
-        TimeoutError
-            None came; only a plan that may be executed has one.
-        """
-        end = monotonic() + self.timeout
-        while monotonic() < end:
-            with suppress(queue.Empty):
-                timed = self.timed.get(timeout=0.1)
-                if timed.header.stamp == path.header.stamp:
-                    return timed
-        raise TimeoutError(f'no timed trajectory of this plan came within {self.timeout} s')
-
-    def status_of(self, request: str, timeout: float | None = None) -> Told:
-        """Return the next outcome of a request by its name, as (code, message, values).
-
-        Raises
-        ------
-        TimeoutError
-            None came within `timeout` s (None: the client's).
-        """
-        return self._next(self.statuses, timeout, lambda values: values['request'] == request)
-
-    def execution_in(self, *states: str, timeout: float | None = None) -> Told:
-        """Return the next report on the execution in one of these states, as `status_of` does."""
-        return self._next(self.executions, timeout, lambda values: values['state'] in states)
-
-    def _next(self, came: queue.Queue[DiagnosticStatus], timeout: float | None,
-              wanted: Callable[[dict[str, str]], bool]) -> Told:
-        timeout = self.timeout if timeout is None else timeout
-        end = monotonic() + timeout
-        while monotonic() < end:
-            with suppress(queue.Empty):
-                status = came.get(timeout=0.1)
-                values = {item.key: item.value for item in status.values}
-                if wanted(values):
-                    return int(values['code']), status.message, values
-        raise TimeoutError(f'nothing of that kind came within {timeout} s')
+    def _call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self._client(kind, name)
+        self._spin(client.service_is_ready, name)
+        future = client.call_async(request)
+        self._spin(future.done, name)
+        return future.result()
 
     def _client(self, kind: Any, name: str) -> Any:
-        if name not in self._clients:
-            self._clients[name] = self.node.create_client(kind, f'{self.planner}/{name}')
-        return self._clients[name]
+        if name not in self._asked:
+            self._asked[name] = self.create_client(kind, f'{self._planner}/{name}')
+        return self._asked[name]
 
-    def _call(self, kind: Any, name: str, request: Any) -> tuple[Any, float]:
-        client = self._client(kind, name)
-        if not client.wait_for_service(self.timeout):
-            raise TimeoutError(f'service {name} did not appear within {self.timeout} s')
-        done = threading.Event()
-        started = monotonic()
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: done.set())
-        if not done.wait(self.timeout):
-            raise TimeoutError(f'service {name} did not answer within {self.timeout} s')
-        return future.result(), monotonic() - started
+    def _spin(self, wanted: Callable[[], Any], what: str, timeout: float | None = None) -> None:
+        end = monotonic() + (self._timeout if timeout is None else timeout)
+        while not wanted():
+            if monotonic() > end:
+                raise TimeoutError(f'{self._planner}/{what}: nothing came in time')
+            rclpy.spin_once(self, timeout_sec=0.05)
+
+    def _outcome(self, request: str, known: Mapping[str, str] = MappingProxyType({}),
+                 timeout: float | None = None) -> dict[str, str]:
+        """Return what ~/status says of a request with these values; raise what it refuses with."""
+        self._spin(lambda: self._found(request, known), f'status of {request}', timeout)
+        status = self._found(request, known)
+        self._said.remove(status)
+        return _judged(status)
+
+    def _found(self, request: str, known: Mapping[str, str]) -> DiagnosticStatus | None:
+        wanted = {'request': request, **known}.items()
+        return next((one for one in self._said if wanted <= _values(one).items()), None)
 
 
-def drained(messages: queue.Queue[Any]) -> list[Any]:
-    """Empty a queue; return what was in it."""
-    taken = []
-    with suppress(queue.Empty):
-        while True:
-            taken.append(messages.get_nowait())
-    return taken
+def _values(status: DiagnosticStatus) -> dict[str, str]:
+    return {item.key: item.value for item in status.values}
+
+
+def _judged(status: DiagnosticStatus) -> dict[str, str]:
+    values = _values(status)
+    if values['code'] != '0':
+        raise Refused(Cause(int(values['code'])), status.message)
+    return values

@@ -1,11 +1,18 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The last plan is executed: streamed in real time, watched, and ended with a reason."""
+"""What is executed: streamed, alone or in a closed loop."""
 
+from __future__ import annotations
+
+import threading
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from threading import Lock
 from time import monotonic
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
@@ -14,26 +21,194 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.execute.ahead import Ahead
-from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled
+from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
+from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing
+from dlo_planner.inverse.tasks import Thread
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.closed import ClosedLoopDrive, closed_loop_of, not_looked_at
-from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.health import stamp_text
-from dlo_planner.ros.parts import Parts
-from dlo_planner.ros.planning import Made
-from dlo_planner.ros.qos import LATCHED, LATEST, REQUEST
-from dlo_planner.ros.requests import Planning
-from dlo_planner.ros.state import Looking, State
-from dlo_planner.ros.worker import Worker
+from dlo_planner.ros.managed import LATCHED, LATEST, REQUEST, Gate
+from dlo_planner.ros.plan import Planning, refuse_tolerance
+from dlo_planner.ros.state import Looking, Made, State, Store
+from dlo_planner.ros.status import Health, Parts, stamp_text
+from dlo_planner.ros.worker import Worker, persistent
+from dlo_planner.settings.threading import cutouts_of
 from msg_helpers.diagnostics import OK, WARN, status_msg
 from msg_helpers.markers import command_markers
 from msg_helpers.paths import plan_path
 from msg_helpers.poses import pose_stamped_msg
 from msg_helpers.trajectories import poses_ahead
+
+_STANDOFF = 0.05  # of the length, where none is given, and the plan does not stop before the hole
+
+
+def threading_of(made: Made) -> Threading | None:
+    """Return what a plan threads, if that is one cut-out whose room is known; else None."""
+    plan, scene, task = made.plan, made.scene, made.task
+    if not isinstance(task, Thread) or not (room_of(made) or 0.0) > 0:
+        return None
+    passing = [bool(passes) for passes in plan.via_points]
+    depths = plan.depths[passing]
+    if not depths.size:
+        return None
+    if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
+        depths = np.append(0.0, depths)
+    normal = task.cutout.pose.direction
+    stops = [normal @ (task.cutout.center - plan.shapes[k].positions[-1]) for k in plan.stops
+             if not passing[k]]
+    standoff = scene.standoff if scene.standoff > 0 else float(
+        max(stops, default=0.0)) or _STANDOFF * scene.direct.rod.length
+    return Threading(scene.inverse, task.cutout, depths, standoff, scene.limits)
+
+
+def room_of(made: Made) -> float | None:
+    """Return by how much the DLO may miss its cut-outs unharmed, m; None: not known."""
+    radii = [one.radius or 0.0 for one in cutouts_of(made.task)]
+    thick = made.scene.direct.rod.radius or 0.0
+    if not isinstance(thick, float) or not min(radii, default=0.0):
+        return None
+    return min(radii) - thick
+
+
+def closed_loop_of(state: State, observing: Observing | None,
+                   worker: Worker) -> ClosedLoopDrive | None:
+    """Return what carries out the plan that was started in a closed loop, or None: it cannot.
+
+    `observing` is of the DLO as stated, None where nobody looks; `worker` plans.
+    """
+    made, execution, scene = state.running, state.execution, state.scene
+    if observing is None or not observing.seeing.correct or made is None or execution is None:
+        return None
+    task = threading_of(made)
+    if task is None or state.heard is None:
+        return None
+    tool = made.scene.tool
+    loop = ThreadingLoop(task, observing, state.heard.pose.compose(tool), tool=tool,
+                         guards=execution.guards, limits=execution.limits,
+                         period=execution.period, horizon=execution.horizon,
+                         frame_id=execution.frame_id)
+    return ClosedLoopDrive(loop, worker, scene.planning_deadline)
+
+
+def not_looked_at(state: State, observing: Observing | None) -> str:
+    """Return in words that a plan is executed without a look that it could have, '' if it is not.
+
+    `observing` as for `closed_loop_of`.
+    """
+    made = state.running
+    if observing is not None or not state.scene.seeing.correct or made is None or (
+            threading_of(made) is None):
+        return ''
+    return ('in open loop: no cloud of the DLO was taken in on ~/observed_points shortly before, '
+            'so that it is not looked at before the cut-out; without clouds it is not corrected '
+            'either')
+
+
+class ClosedLoopDrive:
+    """Ticks a ThreadingLoop, has its work done, and keeps the State as it stands.
+
+    Who ends what is executed does so in the State; the next tick tells the loop.
+
+    Parameters
+    ----------
+    loop : ThreadingLoop
+    worker : Worker
+        Does the `work` of it: in this process a plan would hold up the commands.
+    deadline : float
+        Seconds that one `work` of it may take.
+    """
+
+    def __init__(self, loop: ThreadingLoop, worker: Worker, deadline: float) -> None:
+        self._loop, self._worker, self._deadline = loop, worker, deadline
+        self._lock = Lock()  # around the loop
+        self._known: Execution | None = None  # what the State was told
+        self._last: Execution | None = None   # of the loop, whose command went out
+        self._computing: Callable[[], Any] | None = None
+        self._aimed: Any = None
+        self._failed = False  # whether a tick has
+
+    def begun(self, state: State) -> State:
+        """Return the State in which it waits for the first look."""
+        assert state.execution is not None  # it was started
+        self._known = replace(state.execution, phase='waiting', sent=state.execution.done)
+        return replace(state, execution=self._known, looking=Looking())
+
+    def tick(self, store: Store, health: Health, now: float, stamp: float) -> Execution | None:
+        """Go on, at `now` s, `stamp` s on the stamps' clock; return what the State knows of it."""
+        state = store.state
+        with self._lock:
+            execution = self._ticked(state, now, stamp)
+            loop = self._loop
+            looking = Looking(loop.phase.value, loop.tries, loop.promised)
+            work = loop.work
+            if loop.aimed is not None and loop.aimed is not self._aimed:
+                self._aimed = loop.aimed
+                health.corrected(loop.aimed.correction, loop.refusal)
+        if np.isfinite(looking.promised):
+            health.expected(looking.promised)
+        if work is not None and work is not self._computing:
+            self._computing = work
+            threading.Thread(target=self._compute, args=(work,), name='closed loop',
+                             daemon=True).start()
+        self._known = execution
+        known = store.change(lambda now: now.looked(state.execution, execution, looking)).execution
+        # what was stopped meanwhile has the command before: out goes what the loop knows to go out
+        return known and replace(known, sending=execution.sending, ahead=execution.ahead)
+
+    def _ticked(self, state: State, now: float, stamp: float) -> Execution:
+        loop, known = self._loop, state.execution
+        assert known is not None and self._known is not None  # it was begun
+        if known is not self._known and known.cause:
+            loop.stop(stamp, known.cause, known.reason, known.phase == 'stopped')
+            if loop.cause == known.cause:  # of which more may be known by now
+                loop.reason = known.reason
+        if state.heard is not None:
+            loop.gripper(state.heard)
+        try:
+            loop.tick(stamp, now, state.enabled)
+        except Exception as error:
+            if self._failed:  # not even coming to rest works: what was told ahead ends at rest
+                loop.end(stamp, cause_of(error), str(error))
+            loop.stop(stamp, cause_of(error), str(error))
+            self._failed = True
+            if not isinstance(error, DloPlannerError):
+                raise
+        execution = loop.execution or loop.last or self._known
+        if execution is self._last:  # nothing new goes out
+            execution = replace(execution, sending=None)
+        self._last = loop.last
+        if loop.phase is Phase.DONE:
+            return replace(execution, phase='succeeded', cause=Cause.DONE, reason='')
+        if loop.phase is Phase.STOP:
+            return replace(execution, phase='stopped', cause=loop.cause, reason=loop.reason)
+        if loop.execution is None:  # it stands, and will go on
+            return replace(execution, phase='waiting', cause=Cause.DONE, reason='')
+        if execution.phase == 'stopping' and not loop.cause:  # to go back: what cancels it stops it
+            return replace(execution, phase='running', cause=Cause.DONE, reason='')
+        if loop.cause:  # of several reasons the first one
+            return replace(execution, cause=loop.cause, reason=loop.reason)
+        return execution
+
+    def _compute(self, work: Callable[[], Any]) -> None:
+        def wanted() -> bool:
+            return self._loop.work is work
+
+        try:
+            result = persistent(partial(self._worker.result, work, wanted, self._deadline))
+        except DeadlineExceeded as error:
+            result = Refused(Cause.PLANNING_DEADLINE, f'no plan was found in {error.elapsed:.3g} s:'
+                             ' expected threading.planning_deadline = '
+                             f'{error.seconds:g} s at most')
+        except Exception as error:  # whatever it is, the loop has to end by it
+            result = error
+        if result is not None:  # it is still wanted
+            with self._lock:
+                self._loop.finish(work, result)
+
 
 _TOLD = 0.2      # s between messages on ~/execution
 _LAG = 0.1       # s by which a robot may follow late
@@ -81,8 +256,9 @@ class Drive:
         node.create_subscription(Bool, '~/enable', self._on_enable, LATEST,
                                  callback_group=canceling)
         node.create_service(Trigger, '~/cancel', self._on_cancel, callback_group=canceling)
-        node.create_timer(parts.store.state.scene.period, self._command, callback_group=moving,
-                          clock=clock)
+        self._timer = node.create_timer(parts.store.state.scene.period, self._command,
+                                        callback_group=moving, clock=clock)
+        self._timer.cancel()  # it runs while something is executed
 
     def announce(self) -> None:
         """Publish how the execution stands: the node begins to act."""
@@ -103,18 +279,22 @@ class Drive:
 
     def _on_execute_plan(self, request: GetPlan.Request,
                          response: GetPlan.Response) -> GetPlan.Response:
-        made = self._execute(request.start.header.stamp)
+        made = self._execute(request.start.header.stamp, request=request)
         if made is not None:
             back, plan = made.scene.tool.inverse(), made.plan
             response.plan = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                                       made.scene.frame_id, made.stamp)
         return response
 
-    def _execute(self, wanted: Time | None, answer: Any = None) -> Made | None:
+    def _execute(self, wanted: Time | None, answer: Any = None,
+                 request: GetPlan.Request | None = None) -> Made | None:
         """Execute the last plan, if it is the one that is meant; return it, or None."""
-        stamp = self._node.get_clock().now().to_msg()
+        now, asked = self._node.get_clock().now().to_msg(), request and request.goal.header.stamp
+        stamp = asked if asked and (asked.sec or asked.nanosec) else now
         with self._reporter.answering('execute', stamp=stamp, answer=answer) as outcome:
-            observing = self._observing(stamp)
+            if request is not None:
+                refuse_tolerance(request, 'execute_plan')
+            observing = self._observing(now)
             loops: list[ClosedLoopDrive | None] = []
 
             def started(now: State) -> State:
@@ -126,6 +306,7 @@ class Drive:
             self._loop = loops[0]
             self._stamp, self._told, self._finished = stamp, -1.0, False
             self._ahead = None
+            self._timer.reset()
             execution, scene = state.execution, state.scene
             assert execution is not None and state.running is not None  # it was started
             duration = execution.way.duration - execution.begin
@@ -198,6 +379,7 @@ class Drive:
 
     def _end(self, execution: Execution) -> None:
         self._finished = True
+        self._timer.cancel()
         if execution.ends_at_once:
             assert execution.command is not None and execution.stamp is not None  # it ran
             self._ahead_out.publish(poses_ahead([0.0], [execution.command], execution.frame_id,

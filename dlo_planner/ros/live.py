@@ -3,12 +3,14 @@
 """Gripper poses in, shapes out: live on topics, and by service."""
 
 from collections.abc import Callable
-from threading import Condition, Thread
+from dataclasses import replace
+from functools import partial
 from time import monotonic
 from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from std_srvs.srv import Trigger
@@ -17,17 +19,24 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Heard
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.door import inside_of, pose_in
-from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.parts import Parts
+from dlo_planner.model.supports import GRIPS, FarEnd
+from dlo_planner.ros.inputs import inside_of, pose_in
+from dlo_planner.ros.managed import LATCHED, LATEST, Gate
 from dlo_planner.ros.picture import markers_of_shape
-from dlo_planner.ros.qos import LATCHED, LATEST
+from dlo_planner.ros.plan import refuse_tolerance
+from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
+from dlo_planner.ros.status import Parts
 from dlo_planner.view.dlo_items import drawn_radius
-from msg_helpers.paths import shape_path
+from dlo_planner.view.latest import Latest
+from msg_helpers.paths import shape_bytes, shape_path
+from msg_helpers.wrenches import wrench_in, wrench_msg
+
+_STANDS = 0.05  # s without a gripper pose, after which the far end's poses give shapes
 
 
-def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = None) -> Shape:
+def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = None,
+              far_end: FarEnd | None = None) -> Shape:
     """Return the Shape of the DLO in a gripper Pose.
 
     Parameters
@@ -39,15 +48,24 @@ def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = No
         How the sender knows it.
     initial : Shape, optional
         Shape before, None: the natural one.
+    far_end : FarEnd, optional
+        What holds the far end, None: it is free.
 
     Raises
     ------
     Refused
         There is none, and why.
     """
-    shape = state.scene.direct.track([gripper], initial=initial)[0]
+    if state.scene.grasped is not None:
+        shape = state.scene.grasped.track([gripper], initial=initial)[0]
+    else:
+        shape = state.scene.direct.track([gripper], initial=initial, far_ends=None
+                                         if far_end is None else [far_end])[0]
     if shape.converged:
         return shape
+    if far_end is not None:
+        span = float(np.linalg.norm(far_end.pose.position - gripper.position))
+        name = f'{name}, far_end_pose {span:.3g} m away'
     inside = inside_of(state.scene, state.bodies, gripper, name)
     if inside:
         raise Refused(Cause.IN_OBSTACLE, inside)
@@ -76,76 +94,114 @@ class LiveShapes:
         self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
-        self._waiting, self._closed = Condition(), False
-        self._newest: tuple[Pose, Time, float] | None = None
+        self._closed = False
         self._out = node.create_publisher(Path, '~/predicted_shape', LATCHED)
-        node.create_subscription(PoseStamped, '~/gripper_pose', self._on_pose, LATEST,
+        self._wrench_out, self._far_wrench_out = (
+            node.create_publisher(WrenchStamped, f'~/{name}', LATEST)
+            for name in ('gripper_wrench', 'far_end_wrench'))
+        node.create_subscription(PoseStamped, '~/far_end_pose', self._on_far_end, LATEST,
                                  callback_group=hearing)
+        node.hear_newest(PoseStamped, '~/gripper_pose', self._on_pose)
         node.create_service(Trigger, '~/reset', self._on_reset, callback_group=resetting)
         node.create_service(GetPlan, '~/predict_shape', self._on_predict_shape,
                             callback_group=asking)
-        self._thread = Thread(target=self._work, name='shapes', daemon=True)
-        self._thread.start()
+        self._newest = Latest(lambda _: None)  # what a job raises is told by itself
 
     def close(self) -> None:
         """End the thread."""
-        with self._waiting:
-            self._closed = True
-            self._waiting.notify()
-        self._thread.join(timeout=1.0)
+        self._closed = True
+        self._newest.close()
+        self._newest.wait(1.0)
 
     def _on_pose(self, msg: PoseStamped) -> None:
         with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
             self._health.count('poses received')
             arrived = monotonic()
             pose = pose_in(self._store.state.scene, msg, 'gripper_pose', self._frames)
-            stamp = msg.header.stamp
-            age = 1e-9 * (self._clock.now().nanoseconds - stamp.nanosec) - stamp.sec
-            heard = Heard(pose, arrived, age, self._follows(pose, stamp),
-                          stamp.sec + 1e-9 * stamp.nanosec)
+            heard = self._heard(pose, msg.header.stamp, arrived,
+                                self._follows(pose, msg.header.stamp))
             state = self._store.change(lambda state: state.hearing(heard))
-            with self._waiting:
-                self._newest = pose.compose(state.scene.tool), stamp, arrived
-                self._waiting.notify()
+            self._look(pose.compose(state.scene.tool), msg.header.stamp, arrived)
 
-    def _work(self) -> None:
-        while True:
-            with self._waiting:
-                while self._newest is None and not self._closed:
-                    self._waiting.wait()
-                if self._closed:
-                    return
-                newest, self._newest = self._newest, None
-            if newest is None:
-                continue
-            with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
-                self._predict(*newest)
+    def _on_far_end(self, msg: PoseStamped) -> None:
+        """Hold the far end there; where the gripper stands, the shape follows as well."""
+        with self._reporter.answering('far_end_pose', counter='poses refused', told=False):
+            scene, arrived = self._store.state.scene, monotonic()
+            if scene.far_hold == 'free':
+                raise Refused(Cause.INVALID_PARAMETER, 'far_end_pose: it has no effect with '
+                              f'far_end.hold = free: expected one of {", ".join(GRIPS)}')
+            pose = pose_in(scene, msg, 'far_end_pose', self._frames)
+            heard = self._heard(pose, msg.header.stamp, arrived, np.nan)
+            state = self._store.change(lambda state: replace(state, far_end=heard))
+            last = state.heard
+            if state.gripper is not None and (last is None or arrived - last.arrived > _STANDS):
+                self._look(state.gripper, msg.header.stamp, arrived)
+
+    def _heard(self, pose: Pose, stamp: Time, arrived: float, off: float) -> Heard:
+        age = 1e-9 * (self._clock.now().nanoseconds - stamp.nanosec) - stamp.sec
+        return Heard(pose, arrived, age, off, stamp.sec + 1e-9 * stamp.nanosec)
+
+    def _look(self, gripper: Pose, stamp: Time, arrived: float) -> None:
+        self._newest.submit(partial(self._predict, gripper, stamp, arrived))
 
     def _predict(self, gripper: Pose, stamp: Time, arrived: float) -> None:
-        before = self._store.state
-        shape = predicted(before, gripper, 'gripper_pose', before.shape)
-        if self._closed:
-            return
-        self._store.change(lambda state: state.with_shape(shape, before))
-        if shape.jumped:
-            self._reporter.warn('jump', 'the DLO jumped into another shape on the way to this pose')
-        frame_id = before.scene.frame_id
-        self._out.publish(shape_path(shape, frame_id, stamp))
-        self._health.shape_done(shape, monotonic() - arrived)
-        radius, color = drawn_radius(before.scene.direct.rod), before.scene.color
-        self._picture.show('shape', lambda: markers_of_shape(shape, radius, frame_id, stamp, color))
+        with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
+            before = self._store.state
+            held = before.held_at(monotonic())
+            if held is None and before.far_end is not None and before.scene.far_hold != 'free':
+                self._reporter.warn('far end', 'far_end_pose: the last one is older than '
+                                    f'far_end.timeout = {before.scene.far_timeout:g} s: the far '
+                                    'end counts as free')
+            shape = predicted(before, gripper, 'gripper_pose', before.shape, held)
+            if self._closed:
+                return
+            self._store.change(lambda state: state.with_shape(shape, before))
+            if shape.jumped:
+                self._reporter.warn('jump', 'the DLO jumped into another shape on the way to this '
+                                    'pose')
+            frame_id = before.scene.frame_id
+            self._out.publish(shape_bytes(shape, frame_id, stamp))
+            self._send_wrenches(before.scene, shape, stamp)
+            self._health.shape_done(shape, monotonic() - arrived)
+            radius, color = drawn_radius(before.scene.direct.rod), before.scene.color
+            self._picture.show('shape', lambda: markers_of_shape(shape, radius, frame_id, stamp,
+                                                                 color))
+
+    def _send_wrenches(self, scene: Scene, shape: Shape, stamp: Time) -> None:
+        """Publish what the DLO does to the gripper and to what holds its far end."""
+        ends = [(self._wrench_out, scene.tool_frame, shape.gripper.compose(scene.tool.inverse()),
+                 shape.gripper, shape.gripper_wrench)]
+        if shape.far_end is not None:
+            there = Pose.from_rotation(shape.positions[-1], shape.frames[-1])
+            ends.append((self._far_wrench_out, scene.far_frame, shape.far_end.pose, there,
+                         shape.far_wrench))
+        for out, frame_id, sensor, at, wrench in ends:
+            if out.get_subscription_count():
+                out.publish(wrench_msg(wrench_in(sensor, at, -wrench), frame_id, stamp))
 
     def _on_predict_shape(self, request: GetPlan.Request,
                           response: GetPlan.Response) -> GetPlan.Response:
         stamp = request.start.header.stamp
         with self._reporter.answering('predict_shape', stamp=stamp) as outcome:
             state, name = self._store.state, 'predict_shape.start'
+            refuse_tolerance(request, 'predict_shape')
             gripper = pose_in(state.scene, request.start, name, self._frames).compose(
                 state.scene.tool)
-            shape = predicted(state, gripper, name)
+            shape = predicted(state, gripper, name, far_end=self._asked_end(state, request))
             response.plan = shape_path(shape, state.scene.frame_id, stamp)
             outcome.message = f'{len(response.plan.poses)} nodes'
         return response
+
+    def _asked_end(self, state: State, request: GetPlan.Request) -> FarEnd | None:
+        """Return what holds the far end in a request; None where the frame of its goal is empty."""
+        if not request.goal.header.frame_id:
+            return None
+        pose = pose_in(state.scene, request.goal, 'predict_shape.goal', self._frames)
+        if state.scene.far_hold == 'free':
+            raise Refused(Cause.INVALID_PARAMETER, 'predict_shape.goal: far_end.hold = free says '
+                          f'that nothing holds the far end: expected one of {", ".join(GRIPS)}, or '
+                          'an empty frame')
+        return FarEnd(pose, state.scene.far_hold)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._reporter.answering('reset', answer=response) as outcome:

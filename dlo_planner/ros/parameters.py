@@ -1,17 +1,42 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The node's parameters: how those of the table are declared."""
+"""The parameters of the node: declared, as their values are typed."""
 
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.ros.overrides import take_overrides
+from dlo_planner.settings.building import check_described
 from dlo_planner.settings.entries import ENTRIES, Entry
 from dlo_planner.settings.entries import as_declared as typed
 from dlo_planner.settings.names import unknown_parameter
+
+# Each node has these anyway.
+_OF_RCLPY = ('use_sim_time', 'start_type_description_service')
+
+
+def take_overrides(node: Node) -> dict[str, object]:
+    """Return the values given at the start, name -> value, and undeclare them.
+
+    Parameters
+    ----------
+    node : Node
+        Made with `automatically_declare_parameters_from_overrides=True`, which is the public way to
+        the names of all of them; nothing else has been declared yet.
+
+    Raises
+    ------
+    rclpy.exceptions.ParameterException
+        A value was given as null.
+    """
+    names = [name for name in node.list_parameters([], 0).names if name not in _OF_RCLPY]
+    values = {name: node.get_parameter(name).value for name in names}
+    for name in names:
+        node.undeclare_parameter(name)
+    return values
 
 
 def descriptor(entry: Entry) -> ParameterDescriptor:
@@ -31,6 +56,8 @@ def descriptor(entry: Entry) -> ParameterDescriptor:
 def declare(node: Any) -> None:
     """Declare all parameters with the values given at the start; warn of those that do not exist.
 
+    A DLO that is described in part is refused.
+
     Whole numbers in YAML are taken for doubles where doubles are due.
 
     Parameters
@@ -39,6 +66,7 @@ def declare(node: Any) -> None:
         Made with `automatically_declare_parameters_from_overrides=True`.
     """
     given = take_overrides(node)
+    check_described(given, str(given.get('rod.section', ENTRIES['rod.section'].default)))
     for name, entry in ENTRIES.items():
         value = typed(name, given.pop(name, entry.default), entry.default)
         node.declare_parameter(name, value, descriptor(entry), ignore_override=True)

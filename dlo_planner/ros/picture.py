@@ -3,7 +3,8 @@
 """What ~/markers shows, all of it in every message: a latched topic keeps only the last one."""
 
 from collections.abc import Callable, Iterable
-from threading import Lock
+from threading import Event, Lock
+from time import sleep
 
 from builtin_interfaces.msg import Time
 from visualization_msgs.msg import Marker, MarkerArray
@@ -19,6 +20,9 @@ from msg_helpers.markers import (
     plan_markers,
     shape_markers,
 )
+
+_PAUSE = 0.03  # s between pictures, if something has changed
+_LOOK = 0.1    # s between looks whether somebody looks
 
 
 class Picture:
@@ -37,6 +41,7 @@ class Picture:
     def __init__(self, publish: Callable[[MarkerArray], object]) -> None:
         self._publish = publish
         self._telling, self._flushing = Lock(), Lock()
+        self._news, self._closed = Event(), False
         # part -> function that makes its MarkerArrays; not made yet
         self._told: dict[str, Callable[[], Iterable[MarkerArray]]] = {}
         self._parts: dict[str, list[Marker]] = {}
@@ -47,6 +52,21 @@ class Picture:
         """Replace one part by the MarkerArrays that `make` returns; by default nothing is left."""
         with self._telling:
             self._told[part] = make
+        self._news.set()
+
+    def run(self, watched: Callable[[], bool], flush: Callable[[], object]) -> None:
+        """Call `flush` where there is news and somebody is `watched()` to look, until `close`."""
+        while not self._closed:
+            if self._news.wait(_LOOK) and watched():
+                self._news.clear()
+                flush()
+                sleep(_PAUSE)
+            elif self._news.is_set():
+                sleep(_LOOK)
+
+    def close(self) -> None:
+        """End `run`."""
+        self._closed = True
 
     def flush(self) -> bool:
         """Publish if something has changed, and return whether it has; what `make` raises passes.

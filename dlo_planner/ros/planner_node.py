@@ -22,24 +22,19 @@ from visualization_msgs.msg import MarkerArray
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.arm import ArmOutput
-from dlo_planner.ros.camera import Camera
 from dlo_planner.ros.drive import Drive, described
-from dlo_planner.ros.frames import frames_of
-from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.health import Health
+from dlo_planner.ros.estimate import Camera
+from dlo_planner.ros.inputs import frames_of
 from dlo_planner.ros.live import LiveShapes
-from dlo_planner.ros.managed import ManagedNode
+from dlo_planner.ros.managed import LATCHED, REQUEST, Gate, ManagedNode
 from dlo_planner.ros.parameters import as_declared, declare
-from dlo_planner.ros.parts import Parts
 from dlo_planner.ros.picture import Picture
-from dlo_planner.ros.qos import LATCHED, REQUEST
-from dlo_planner.ros.reporter import Reporter
-from dlo_planner.ros.requests import Planning
+from dlo_planner.ros.plan import Planning
+from dlo_planner.ros.proof import Verification
 from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import State
-from dlo_planner.ros.store import Store
+from dlo_planner.ros.state import State, Store
+from dlo_planner.ros.status import Health, Parts, Reporter
 from dlo_planner.ros.surroundings import Surroundings
-from dlo_planner.ros.verification import Verification
 from dlo_planner.ros.warm_up import warm_up, warm_up_corrections, warm_up_loop, warm_up_proofs
 from dlo_planner.ros.worker import Worker
 from dlo_planner.settings.entries import ENTRIES
@@ -47,11 +42,10 @@ from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
 __all__ = ['LATCHED', 'REQUEST', 'THREADS', 'PlannerNode']
 
-THREADS = 16    # one for each callback group: below, of transitions, of tf, and the default one
-_GROUPS = 12
+THREADS = 14    # one for each callback group: below, of transitions, of tf, and the default one
+_GROUPS = 10
 _RESTING = 4.5  # s in which a motion may come to rest when the node is told to end
 _ENDING = 2.0   # s in which callbacks that run may end then
-_PICTURE = 0.03  # s between pictures, if something has changed
 _LOOK = 0.02    # s between looks whether it has
 
 
@@ -121,23 +115,25 @@ class PlannerNode(ManagedNode):
         values = self._values()
         store = Store(State(build_scene(values), values))
         gate, health = Gate(self), Health()
-        picture = Picture(gate.create_publisher(MarkerArray, '~/markers', LATCHED).publish)
+        markers = gate.create_publisher(MarkerArray, '~/markers', LATCHED)
+        picture = Picture(markers.publish)
         parts = Parts(store, health, Reporter(gate, store, health), picture, frames_of(self))
         # rclpy takes a topic or timer of a group before its services, which would wait for good
-        (scene, seeing, identifying, hearing, asking, resetting, planning, answering, proving,
-         moving, canceling, drawing) = (MutuallyExclusiveCallbackGroup() for _ in range(_GROUPS))
-        self._surroundings = Surroundings(gate, parts, scene)
+        (scene, seeing, identifying, hearing, asking, resetting, planning, answering,
+         moving, canceling) = (MutuallyExclusiveCallbackGroup() for _ in range(_GROUPS))
+        self._surroundings = Surroundings(gate, parts, self._steady, scene)
         self._camera = Camera(gate, parts, seeing, identifying, self.set_parameters_atomically)
         self._live = LiveShapes(gate, parts, hearing, asking, resetting,
                                 self._camera.gripper)
-        self._planning = Planning(gate, parts, planning, answering)
         arm = ArmOutput(gate)
         arm.subscribe(hearing)
-        self._verification = Verification(gate, parts, self._prover, arm, self._steady, proving)
+        self._verification = Verification(gate, parts, self._prover, arm)
+        self._planning = Planning(gate, parts, self._verification.look, planning, answering)
         self._drive = Drive(gate, parts, self._planning, self._camera.observing, self._looping,
                             self._steady, moving, canceling)
-        gate.create_timer(_PICTURE, self._show_picture, clock=self._steady,
-                          callback_group=drawing)
+        Thread(target=picture.run, args=(
+            lambda: gate.is_open and bool(markers.get_subscription_count()),
+            gate.counted(self._show_picture)), daemon=True).start()
         self._gate, self._parts, self._store, self._health = gate, parts, store, health
 
     def activate(self) -> None:
@@ -145,6 +141,7 @@ class PlannerNode(ManagedNode):
         self._planning.allow()
         self._gate.open()
         self._drive.announce()
+        self._verification.look()
         scene = self._parts.store.state.scene
         self.get_logger().info(f'ready: {scene.name}, {scene.direct.rod.length:g} m')
 
@@ -166,6 +163,8 @@ class PlannerNode(ManagedNode):
             return
         self._gate.shut(_ENDING)
         self._live.close()
+        self._verification.close()
+        self._parts.picture.close()
         self._surroundings.close()
         self._parts.frames.close()
         self._gate.destroy()

@@ -3,12 +3,13 @@
 """What the node works on, made of the values of its parameters and the obstacles around."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import cached_property
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
+from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.guards import Guards
@@ -17,20 +18,25 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.checks import choice
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.supports import GRIPS
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.settings.building import (
     bounded,
     direct_of,
+    grasped_of,
     inverse_of,
     limits_of,
     spread_of,
     tolerance_of,
 )
+from dlo_planner.settings.tasks import open_task
 from dlo_planner.view.colors import COLORINGS
+from msg_helpers.obstacles import Body
 
 _MOTION = 0.95    # of the limits, which a motion is made for: the rest is left to corrections
 _LONGEST = 1000   # characters or entries of a value
+_OPEN = lru_cache(4)(open_task)  # a long text takes long to read, at each change of an obstacle
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,13 @@ class Scene:
     name: str
     direct: DirectSimulator
     inverse: InverseSimulator
+    grasped: GraspedInside | None
     tool: Pose
+    tool_frame: str
+    far_hold: str
+    far_timeout: float
+    far_frame: str
+    task: Mapping[str, Any]
     waypoints: int
     deepest: float
     linear_speed: float
@@ -67,9 +79,10 @@ class Scene:
         """Return what nothing can be inside of."""
         return Workspace(keep_out=self.direct.obstacles)
 
-    def keeps_shapes(self, other: 'Scene') -> bool:
-        """Whether a DLO hangs in another Scene as it does in this one."""
-        return self.direct == other.direct
+    @property
+    def predictor(self) -> DirectSimulator | GraspedInside:
+        """What predicts shapes."""
+        return self.grasped or self.direct
 
     @property
     def workspace(self) -> Workspace:
@@ -85,10 +98,20 @@ class Scene:
     def keeps_plans(self, other: 'Scene') -> bool:
         """Whether what was planned and proved in this Scene holds in another one."""
         return all(getattr(self, name) == getattr(other, name) for name in (
-            'frame_id', 'direct', 'inverse', 'tool', 'limits', 'cutout_radius'))
+            'frame_id', 'direct', 'grasped', 'inverse', 'tool', 'limits', 'cutout_radius'))
 
 
-def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = ()) -> Scene:
+def scene_of(values: Mapping[str, Any], bodies: Mapping[tuple[str, int], Body]) -> Scene:
+    """Return the Scene of parameter values and bodies by their (namespace, id)."""
+    solids: dict[str, list[Obstacle]] = {'all': [], 'workspace only': []}
+    for body in bodies.values():
+        solids[body.role].append(body.obstacle if body.friction is not None else replace(
+            body.obstacle, friction=values['obstacles.friction']))
+    return build_scene(values, solids['all'], solids['workspace only'])
+
+
+def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = (),
+                keep_out: Sequence[Obstacle] = ()) -> Scene:
     """Return the Scene of parameter values.
 
     Parameters
@@ -97,6 +120,8 @@ def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = ()) -
         dict of all names in ENTRIES -> value.
     obstacles : sequence of obstacle, optional
         For the DLO and for the gripper.
+    keep_out : sequence of obstacle, optional
+        For the gripper alone.
 
     Raises
     ------
@@ -104,10 +129,13 @@ def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = ()) -
         A value, or their combination, makes no sense.
     """
     _judge(values)
-    direct = direct_of(values, obstacles)
-    inverse = inverse_of(values, direct)
-    return Scene(values['frame_id'], values['rod.name'], direct, inverse,
+    direct = direct_of({**values, 'rod.grasped_at': 0.0}, obstacles)
+    grasped = grasped_of(values, obstacles) if values['rod.grasped_at'] else None
+    inverse = inverse_of(values, direct, keep_out)
+    return Scene(values['frame_id'], values['rod.name'], direct, inverse, grasped,
                  Pose(values['tool.position'], values['tool.orientation']),
+                 values['tool.frame_id'], values['far_end.hold'], values['far_end.timeout'],
+                 values['far_end.frame_id'], _OPEN(values['task'], 'parameter task'),
                  values['threading.waypoints'], values['threading.deepest'],
                  values['threading.linear_speed'], values['threading.angular_speed'],
                  limits_of(values),
@@ -123,10 +151,17 @@ def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = ()) -
 def _judge(values: Mapping[str, Any]) -> None:
     """Refuse what makes no sense to the node alone, and what is too long to be said."""
     for name, value in values.items():
-        if isinstance(value, str | list) and len(value) > _LONGEST:
+        if name != 'task' and isinstance(value, str | list) and len(value) > _LONGEST:
             raise InvalidTask(f'parameter {name} has {len(value)} characters or entries: expected '
                               f'{_LONGEST} at most')
     choice('parameter markers.color', values['markers.color'], COLORINGS)
+    choice('parameter far_end.hold', values['far_end.hold'], ('free', *GRIPS))
+    for name in ('frame_id', 'tool.frame_id', 'far_end.frame_id'):
+        if not values[name].strip():
+            raise InvalidTask(f'parameter {name} = {values[name]!r}: expected the name of a frame')
+    if values['rod.grasped_at'] and values['far_end.hold'] != 'free':
+        raise InvalidTask(f'parameter far_end.hold = {values["far_end.hold"]!r}: expected free, '
+                          'rod.grasped_at says that both ends are')
     bounded('tool.position', values['tool.position'], values['workspace.reach'], 'm')
 
 

@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """All that the node knows, as one value: callbacks read it once, and change it in one place."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,14 +19,88 @@ from dlo_planner.execute.execution import EXACT, Execution
 from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import used
 from dlo_planner.identify.steering import Steered
+from dlo_planner.inverse.task import Task
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.plan.motion.timed_path import TimedPath
-from dlo_planner.ros.planning import Made
-from dlo_planner.ros.proof import Proof
+from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
+from dlo_planner.verify.report import ValidationReport
 
+DONE = ('held', 'refused')  # states of a proof that has no step left
+_CHECKED = 'the plan is still being checked: ask again'
+_SAME = 1e-3, 5e-3  # m, rad: gripper poses that differ by less are the same
 _SAME_LENGTH = 1e-9  # relative
 _SEEN = 3  # periods before and after a motion, in which its jerk is seen
+
+
+@dataclass(frozen=True)
+class Made:
+    """A plan, and with what it was made.
+
+    Attributes
+    ----------
+    scene : Scene
+    plan : Plan
+    before : Shape or None
+        Shape of the DLO before the first pose, or None.
+    stamp : Time
+        builtin_interfaces/Time of the messages that carry it.
+    task : Task
+    asked : Time
+        builtin_interfaces/Time of the request for it.
+    """
+
+    scene: Scene
+    plan: Plan
+    before: Shape | None
+    stamp: Time
+    task: Task
+    asked: Time
+
+    def is_as(self, other: Made) -> bool:
+        """Whether another plan is as good as the same one: the same way, in the same scene."""
+        return (self.scene.keeps_plans(other.scene) and len(self.plan) == len(other.plan)
+                and all(np.linalg.norm(one.position - another.position) <= _SAME[0]
+                        and angle_between(one.rotation, another.rotation) <= _SAME[1]
+                        for one, another in zip(self.plan.grippers, other.plan.grippers,
+                                                strict=True)))
+
+
+@dataclass(frozen=True)
+class Proof:
+    """How far the proof of a plan has come, and what it says.
+
+    Attributes
+    ----------
+    plan : Plan
+    report : ValidationReport or None
+        ValidationReport, of the last step that was done, or None.
+    reason : str
+        Why its trajectory must not be executed; empty: it may be.
+    done : bool
+        Whether no step is left.
+    cause : Cause
+        Number of the reason.
+    """
+
+    plan: Plan
+    report: ValidationReport | None = None
+    reason: str = _CHECKED
+    done: bool = False
+    cause: Cause = Cause.PROOF_PENDING
+
+    @property
+    def safe(self) -> bool:
+        """Whether `report.trajectory` may be executed."""
+        return not self.reason
+
+    @property
+    def state(self) -> str:
+        """One of 'not ready', 'held slowly', and those of DONE: 'held', 'refused'."""
+        if self.done:
+            return DONE[0] if self.safe else DONE[1]
+        return 'not ready' if self.report is None else 'held slowly'
 
 
 class Looking(NamedTuple):
@@ -51,8 +128,12 @@ class State:
         Pose of the tool frame, the last one that came, or None.
     heard : Heard or None
         The last one that was not too old when it came, or None.
-    goals : tuple of Pose
-        Poses of the last cut-outs.
+    far_end : Heard or None
+        The last pose of the far end's grip, or None.
+    tasks : dict
+        The last task of each type that came on ~/task, as `open_task` returns it, the newest last.
+    task : Task or None
+        The last task that a plan was asked for, or None.
     made : Made or None
         The last plan, None: there is none, `void` says why.
     proof : Proof or None
@@ -78,7 +159,9 @@ class State:
     resets: int = 0
     pose: Pose | None = None
     heard: Heard | None = None
-    goals: tuple[Pose, ...] = ()
+    far_end: Heard | None = None
+    tasks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    task: Task | None = None
     made: Made | None = None
     void: str = 'there is no plan yet'
     proof: Proof | None = None
@@ -101,7 +184,7 @@ class State:
 
     # ---- scene ------------------------------------------------------------------------------
 
-    def in_scene(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> 'State':
+    def in_scene(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> State:
         """Return the State in another Scene, in which is kept what can be kept.
 
         Parameters
@@ -115,43 +198,63 @@ class State:
             `values` or `bodies` that it is made of.
         """
         state = replace(self, scene=scene, shape=carried(self.shape, self.scene, scene), **parts)
+        if scene.task != self.scene.task:
+            state = state.opened(scene.task)
         return state if self.scene.keeps_plans(scene) else state.without_plan(cause, reason)
 
-    def without_plan(self, cause: Cause, reason: str) -> 'State':
+    def without_plan(self, cause: Cause, reason: str) -> State:
         """Return the State in which the plan is void, and what is executed comes to rest."""
         state = self.stopped(cause, reason)
         return state if state.made is None else replace(state, made=None, proof=None, void=reason)
 
     # ---- shapes -----------------------------------------------------------------------------
 
-    def hearing(self, heard: Heard) -> 'State':
+    def hearing(self, heard: Heard) -> State:
         """Return the State after a gripper pose; one that is too old is no news of the gripper."""
         limit = self.scene.guards.incoming_command_timeout
         fresh = not limit or abs(heard.age) <= limit
         return replace(self, pose=heard.pose, heard=replace(heard, age=max(heard.age, 0.0))
                        if fresh else self.heard)
 
-    def allowing(self, enabled: Enabled) -> 'State':
+    def held_at(self, now: float) -> FarEnd | None:
+        """Return what holds the far end at `now` s, steady; None: it is free."""
+        scene, heard = self.scene, self.far_end
+        if scene.far_hold == 'free' or heard is None or (
+                scene.far_timeout and heard.age + now - heard.arrived > scene.far_timeout):
+            return None
+        return FarEnd(heard.pose, scene.far_hold)
+
+    def allowing(self, enabled: Enabled) -> State:
         """Return the State after it was heard whether the gripper may move."""
         return replace(self, enabled=enabled)
 
-    def with_shape(self, shape: Shape, before: 'State') -> 'State':
+    def with_shape(self, shape: Shape, before: State) -> State:
         """Return the State with a Shape that was found from the State `before`."""
         if self.resets != before.resets:
             return self
         return replace(self, shape=carried(shape, before.scene, self.scene))
 
-    def reset(self) -> 'State':
+    def reset(self) -> State:
         """Return the State in which the DLO begins with its natural shape."""
         return replace(self, shape=None, resets=self.resets + 1)
 
     # ---- plans ------------------------------------------------------------------------------
 
-    def with_goals(self, goals: tuple[Pose, ...]) -> 'State':
-        """Return the State with the cut-outs that were asked for last."""
-        return replace(self, goals=goals)
+    def opened(self, content: Mapping[str, Any]) -> State:
+        """Return the State with another task that is meant from now on, see `open_task`."""
+        others = {kind: known for kind, known in self.tasks.items() if kind != content['type']}
+        return replace(self, tasks={**others, content['type']: content})
 
-    def planned(self, made: Made) -> 'State':
+    def open_task(self, kind: str | None = None) -> Mapping[str, Any] | None:
+        """Return the newest task, or that of a type; None: there is none."""
+        known = [self.scene.task, *self.tasks.values()]
+        return next((one for one in reversed(known) if kind in (None, one['type'])), None)
+
+    def asked(self, task: Task) -> State:
+        """Return the State in which a plan of a task was asked for."""
+        return replace(self, task=task)
+
+    def planned(self, made: Made) -> State:
         """Return the State with a plan; raise Refused if it was made for another scene."""
         if not made.scene.keeps_plans(self.scene):
             raise Refused(Cause.SCENE_CHANGED, 'obstacles or parameters changed while the plan was '
@@ -159,7 +262,7 @@ class State:
         others = self.others + (self.latest is None or not made.is_as(self.latest))
         return replace(self, made=made, proof=Proof(made.plan), latest=made, others=others)
 
-    def proved(self, proof: Proof) -> 'State':
+    def proved(self, proof: Proof) -> State:
         """Return the State with a Proof, if it is of the last plan."""
         if self.made is None or proof.plan is not self.made.plan:
             return self
@@ -167,7 +270,7 @@ class State:
 
     # ---- execution --------------------------------------------------------------------------
 
-    def started(self, now: float, wanted: Time | None = None) -> 'State':
+    def started(self, now: float, wanted: Time | None = None) -> State:
         """Return the State in which the last plan is executed, from `now` s on.
 
         Parameters
@@ -198,7 +301,7 @@ class State:
         return replace(self, execution=execution, running=self.made, looking=None,
                        latest=None, others=0)
 
-    def looked(self, before: Execution | None, execution: Execution, looking: Looking) -> 'State':
+    def looked(self, before: Execution | None, execution: Execution, looking: Looking) -> State:
         """Return the State after a tick of a closed loop, `before` which it was another Execution.
 
         What was stopped meanwhile stays so: the next tick hears it.
@@ -207,13 +310,13 @@ class State:
             return self
         return replace(self._with_execution(execution), looking=looking)
 
-    def ticked(self, now: float, stamp: float | None = None) -> 'State':
+    def ticked(self, now: float, stamp: float | None = None) -> State:
         """Return the State with the next command, at `now` s, `stamp` s on the stamps' clock."""
         if self.execution is None:
             return self
         return self._with_execution(self.execution.tick(now, self.heard, stamp, self.enabled))
 
-    def steered(self, way: TimedPath | Steered, corrected: Callable[[float], Steered]) -> 'State':
+    def steered(self, way: TimedPath | Steered, corrected: Callable[[float], Steered]) -> State:
         """Return the State in which the rest of what is executed is corrected.
 
         Parameters
@@ -235,7 +338,7 @@ class State:
         """Whether the last plan is still being proved."""
         return self.proof is not None and not self.proof.done
 
-    def canceled(self) -> 'State':
+    def canceled(self) -> State:
         """Return the State after `cancel`: what is executed comes to rest, or the proof ends."""
         if self.execution is not None and self.executing:
             return self._with_execution(self.execution.canceled())
@@ -243,13 +346,13 @@ class State:
             return self.without_plan(Cause.CANCELED, 'canceled while the plan was proved')
         return self
 
-    def stopped(self, cause: Cause, reason: str) -> 'State':
+    def stopped(self, cause: Cause, reason: str) -> State:
         """Return the State in which what is executed comes to rest, if anything is."""
         if self.execution is None or not self.executing:
             return self
         return self._with_execution(self.execution.stop(cause, reason))
 
-    def detailed(self, cause: Cause, reason: str) -> 'State':
+    def detailed(self, cause: Cause, reason: str) -> State:
         """Return the State that says more of why the plan is void, if that is the cause."""
         execution = self.execution
         if execution is None or execution.cause != cause:
@@ -257,7 +360,7 @@ class State:
         return replace(self, execution=replace(execution, reason=reason),
                        void=reason if self.made is None else self.void)
 
-    def _with_execution(self, execution: Execution) -> 'State':
+    def _with_execution(self, execution: Execution) -> State:
         """Return the State with another Execution; a plan that was not finished is void."""
         state = replace(self, execution=execution)
         if execution.phase in ('stopping', 'stopped') and self.made is self.running:
@@ -273,6 +376,8 @@ def carried(shape: Shape | None, before: Scene, after: Scene) -> Shape | None:
     to that shape has left in it.
     """
     rod, other = before.direct.rod, after.direct.rod
+    if shape is not None and (before.grasped or after.grasped) and before.grasped != after.grasped:
+        return None
     if shape is None or rod == other:
         return shape
     if other.yields or abs(rod.length - other.length) > _SAME_LENGTH * rod.length:
@@ -351,6 +456,37 @@ def _heard_lately(state: State, now: float) -> None:
     if limit and age > limit:
         raise Refused(Cause.OLD_GRIPPER_POSE,
                       f'gripper_pose: the last one is {age:.3g} s old: {expected}')
+    if state.held_at(now) is not None:
+        raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held, which no plan is '
+                      'made for: expected far_end.hold = free, or no pose')
     barred = state.scene.guards.barred(state.enabled, now)
     if barred:
         raise Refused(Cause.NOT_ENABLED, barred)
+
+
+class Store:
+    """Holds the State; every change of it goes through one lock."""
+
+    def __init__(self, state: State) -> None:
+        self._lock = Lock()
+        self._state = state
+        # Scenes take long to build. Whoever replaces it holds this one from reading to writing:
+        # shapes, plans and commands do not wait for it.
+        self.rebuilding = Lock()
+
+    @property
+    def state(self) -> State:
+        """The State now."""
+        return self._state
+
+    def change(self, change: Callable[[State], State]) -> State:
+        """Replace the State by what `change` returns of it, and return that.
+
+        Parameters
+        ----------
+        change : callable
+            Pure and quick; what it raises leaves the State as it is.
+        """
+        with self._lock:
+            self._state = change(self._state)
+            return self._state

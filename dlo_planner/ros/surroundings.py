@@ -15,13 +15,11 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.door import bodies_in, body_name, brief_text
-from dlo_planner.ros.gate import Gate
-from dlo_planner.ros.latched import hear_latched
-from dlo_planner.ros.parts import Parts
-from dlo_planner.ros.qos import CHANGES
-from dlo_planner.ros.scene import Scene, build_scene
+from dlo_planner.ros.inputs import bodies_in, body_name, brief_text
+from dlo_planner.ros.managed import CHANGES, Gate, hear_latched
+from dlo_planner.ros.scene import Scene, scene_of
 from dlo_planner.ros.state import State
+from dlo_planner.ros.status import Parts
 from dlo_planner.settings.entries import ENTRIES
 from msg_helpers.markers import obstacle_markers
 
@@ -37,17 +35,20 @@ class Surroundings:
     node : Gate
         Rclpy Node, its parameters declared.
     parts : Parts
+    clock : object
+        Steady Clock.
     group : object
         Callback group.
     """
 
-    def __init__(self, node: Gate, parts: Parts, group: Any) -> None:
+    def __init__(self, node: Gate, parts: Parts, clock: Any, group: Any) -> None:
         self._node, self._store, self._health = node, parts.store, parts.health
         self._reporter, self._picture = parts.reporter, parts.picture
         self._frames = parts.frames
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._apply)
-        hear_latched(node, MarkerArray, '~/obstacles', self._on_obstacles, CHANGES, group)
+        hear_latched(node, MarkerArray, '~/obstacles', self._on_obstacles, CHANGES, clock,
+                     group)
 
     def close(self) -> None:
         """Judge and apply parameters no more."""
@@ -63,7 +64,7 @@ class Surroundings:
             return SetParametersResult(successful=False, reason=f'parameter {", ".join(fixed)}: a '
                                        'plan is being executed: expected its end, or ~/cancel')
         try:
-            build_scene({**state.values, **changed}, tuple(state.bodies.values()))
+            scene_of({**state.values, **changed}, state.bodies)
         except DloPlannerError as error:
             return SetParametersResult(successful=False, reason=brief_text(str(error)))
         except Exception as error:  # whatever it is, it must not end the node
@@ -76,7 +77,7 @@ class Surroundings:
             state = self._store.state
             changed = {one.name: one.value for one in parameters if one.name in ENTRIES}
             values = {**state.values, **changed}
-            scene = build_scene(values, tuple(state.bodies.values()))
+            scene = scene_of(values, state.bodies)
             names = ', '.join(f'{name} = {value}' for name, value in changed.items()
                               if value != state.values[name])
             self._change(scene, Cause.PARAMETERS_CHANGED,
@@ -101,11 +102,11 @@ class Surroundings:
         if not changed:
             return before, {}, ''
         reason = f'obstacles changed ({listed(changed)})'
-        scene = build_scene(before.values, tuple(bodies.values()))
+        scene = scene_of(before.values, bodies)
         self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
         stamp = self._node.get_clock().now().to_msg()
         self._picture.show('obstacles', lambda: (obstacle_markers(
-            tuple(bodies.values()), 0, scene.frame_id, stamp),))
+            [body.obstacle for body in bodies.values()], scene.frame_id, stamp),))
         return before, {key: bodies[key] for key in changed if key in bodies}, reason
 
     def _change(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> None:
@@ -150,10 +151,10 @@ def in_the_way(state: State, bodies: Mapping[tuple[str, int], Any]) -> str:
     surface, radius = Surface.of(scene.direct.rod), scene.workspace.gripper_radius
     said = []
     for key, body in list(bodies.items())[:_MOST_NAMED]:
-        space = Workspace(keep_out=(body,), gripper_radius=radius)
+        space = Workspace(keep_out=(body.obstacle,), gripper_radius=radius)
         rooms = {'gripper': min(space.min_margin(pose)[1] for pose in grippers),
-                 'DLO': min((clearance([body], surface, shape) for shape in shapes),
-                            default=np.inf)}
+                 'DLO': min((clearance([body.obstacle], surface, shape) for shape in shapes
+                             if body.role == 'all'), default=np.inf)}
         said += [f'{body_name(key)} is {-room:.3g} m in the way of the {who}'
                  for who, room in rooms.items() if room < 0]
     return '; '.join(said) or 'none of them is on the rest of the way'

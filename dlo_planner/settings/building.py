@@ -8,23 +8,93 @@ from math import isnan
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.model.checks import vector
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.checks import choice, vector
+from dlo_planner.model.rod import Rod, Surface, with_plug
+from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.varying import Expanded
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.workspace import Workspace
+from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.names import unknown_parameter
 from dlo_planner.verify.uncertainty import Uncertainty
 
-SECTIONS = ('round', 'tube', 'rectangular', 'stiffness')
+# What describes a DLO of each section; none of it has a default that could be meant.
+_SOLID = ('density', 'youngs_modulus', 'poisson_ratio')
+NEEDED = {
+    'round': ('length', 'diameter', *_SOLID),
+    'tube': ('length', 'diameter', 'inner_diameter', *_SOLID),
+    'rectangular': ('length', 'width', 'thickness', *_SOLID),
+    'stiffness': ('length', 'diameter', 'mass_per_length', 'bending_stiffness',
+                  'torsional_stiffness')}
+SECTIONS = tuple(NEEDED)
+_BY_SECTION = {'yield_stress': ('round', 'tube', 'rectangular'),
+               'yield_curvature': ('stiffness',), 'yield_torsion': ('stiffness',)}
+_THICK = 0.1           # of the length: the model leaves out shear
+_LIMP = 1e6            # w L^3 / EI: of what bends so easily
+_LIGHT = 10.0          # kg/m^3
 _FINEST = 1e-6         # accuracy, of the length: a shape takes less than a second
 _MOST_TOLERANCE = 1.0  # m
 _MOST_GRAVITY = 1e4    # m/s^2
 
 Values = Mapping[str, Any]  # of all names in ENTRIES
+
+
+def check_described(given: Iterable[str], section: str) -> None:
+    """Refuse a DLO that is described in part: no other DLO's numbers stand in for its own.
+
+    Parameters
+    ----------
+    given : iterable of str
+        Names of the parameters that were given.
+    section : str
+        Value of rod.section.
+
+    Raises
+    ------
+    InvalidTask
+        A parameter rod.* does not exist, or one that the section needs was not given.
+    """
+    given = set(given)
+    for name in sorted(given):
+        if name.startswith('rod.') and name not in ENTRIES:
+            raise InvalidTask(unknown_parameter(name, ENTRIES))
+    absent = [f'rod.{name}' for name in NEEDED[choice('parameter rod.section', section, SECTIONS)]
+              if f'rod.{name}' not in given]
+    if absent:
+        raise InvalidTask(f'parameter {", ".join(absent)}: expected, a DLO of rod.section '
+                          f'{section!r} is not described without (config/ has files of some)')
+
+
+def without_effect(section: str) -> set[str]:
+    """Return the names of the parameters that say nothing of a DLO of this section."""
+    others = {name for names in NEEDED.values() for name in names} - set(NEEDED[section])
+    others |= {name for name, sections in _BY_SECTION.items() if section not in sections}
+    return {f'rod.{name}' for name in others}
+
+
+def doubts(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> list[str]:
+    """Return what of a Rod is probably not meant, or beyond the model, as warnings."""
+    middle = [0.5 * rod.length]
+    thickness = 2 * Surface.of(rod).radius
+    weight = float(rod.masses_per_length(middle)[0] * np.linalg.norm(gravity))
+    limpness = weight * rod.length**3 / rod.stiffnesses(middle)[0, 1:].min()
+    density = 0.0 if rod.section is None else rod.masses_per_length(middle)[0] / rod.section.area
+    found = []
+    if thickness > _THICK * rod.length:
+        found.append(f'{thickness:g} m thick, {rod.length:g} m long: the model, which leaves out '
+                     'shear, is for what is ten times as long as thick')
+    if limpness > _LIMP:
+        found.append(f'w L^3 / EI = {limpness:.3g}: it hangs like a chain; is its stiffness in Pa '
+                     'or N m^2?')
+    if 0 < density < _LIGHT:
+        found.append(f'density {density:.3g} kg/m^3: lighter than any solid; is it in kg/m^3?')
+    return [f'rod: {one}' for one in found]
 
 
 def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
@@ -40,8 +110,23 @@ def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
     Raises
     ------
     DloPlannerError
-        A value, or their combination, makes no sense.
+        A value, or their combination, makes no sense; the DLO is grasped inside.
     """
+    if values['rod.grasped_at']:
+        raise InvalidTask(f'parameter rod.grasped_at = {values["rod.grasped_at"]:g}: expected 0 '
+                          'here: only the node predicts shapes of a DLO that is grasped inside')
+    rod, options = _described(values)
+    return DirectSimulator(rod, obstacles=obstacles, **options)
+
+
+def grasped_of(values: Values, obstacles: Iterable[Any] = ()) -> GraspedInside:
+    """Return the GraspedInside of values with rod.grasped_at, as `direct_of` does without."""
+    rod, options = _described(values)
+    return GraspedInside(rod, values['rod.grasped_at'], obstacles=obstacles, **options)
+
+
+def _described(values: Values) -> tuple[Rod, dict[str, Any]]:
+    """Return the Rod, and the options of its simulator but the obstacles."""
     rod = rod_of(values)
     _judge(values)
     options: dict[str, Any] = {'accuracy': values['simulator.accuracy']}
@@ -49,14 +134,19 @@ def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
         options = {'n_elements': values['simulator.n_elements']}
         if values['simulator.basis'] != 'local':
             options['n_terms'] = values['simulator.n_terms']
-    return DirectSimulator(rod, basis=values['simulator.basis'], gravity=values['gravity'],
-                           obstacles=obstacles, **options)
+    loads = [PointLoad(force, s=s) for s, *force in _rows(values, 'rod.point_loads', 4)]
+    return rod, {'basis': values['simulator.basis'], 'gravity': values['gravity'],
+                 'point_loads': loads, **options}
 
 
-def inverse_of(values: Values, direct: DirectSimulator) -> InverseSimulator:
-    """Return the InverseSimulator of a DirectSimulator, with the workspace of the values."""
-    workspace = Workspace(values['workspace.lower'], values['workspace.upper'], direct.obstacles,
-                          values['workspace.gripper_radius'])
+def inverse_of(values: Values, direct: DirectSimulator,
+               keep_out: Iterable[Any] = ()) -> InverseSimulator:
+    """Return the InverseSimulator of a DirectSimulator, with the workspace of the values.
+
+    The gripper keeps out of its obstacles, and of those of `keep_out`.
+    """
+    workspace = Workspace(values['workspace.lower'], values['workspace.upper'],
+                          (*direct.obstacles, *keep_out), values['workspace.gripper_radius'])
     return InverseSimulator(direct, workspace=workspace,
                             allow_plastic=values['threading.may_yield'])
 
@@ -100,7 +190,18 @@ def bounded(name: str, value: Sequence[float], most: float, unit: str) -> None:
 
 
 def rod_of(values: Values) -> Rod:
-    """Return the Rod."""
+    """Return the Rod, with its plug."""
+    rod, plug = _bare_rod(values), {name: values[f'rod.plug.{name}'] for name in (
+        'length', 'mass', 'radius')}
+    if plug['length']:
+        return with_plug(rod, plug['length'], plug['mass'], radius=plug['radius'] or None)
+    if any(plug.values()):
+        raise InvalidTask(f'parameter rod.plug.length = 0: expected more, of a plug with mass = '
+                          f'{plug["mass"]:g} kg and radius = {plug["radius"]:g} m')
+    return rod
+
+
+def _bare_rod(values: Values) -> Rod:
     section = values['rod.section']
     if len(values['rod.damping']) != 2:
         raise InvalidTask(f'parameter rod.damping = {values["rod.damping"]}: expected two numbers, '
@@ -108,6 +209,7 @@ def rod_of(values: Values) -> Rod:
     more: dict[str, Any] = {name: values[f'rod.{name}'] for name in (
         'natural_twist', 'tip_mass', 'damping', 'hardening')}
     more['natural_curvature'] = _natural_curvature(values)
+    more['point_masses'] = tuple(map(tuple, _rows(values, 'rod.point_masses', 2)))
     more['section_model'] = values['rod.section_model'] or None
     more['max_bend_curvature'] = values['rod.max_bend_curvature'] or None
     material = {name: values[f'rod.{name}'] for name in (
@@ -128,6 +230,18 @@ def rod_of(values: Values) -> Rod:
                    yield_torsion=values['rod.yield_torsion'] or None, **more)
     raise InvalidTask(f'parameter rod.section = {section!r}: expected one of '
                       f'{", ".join(SECTIONS)}')
+
+
+def _rows(values: Values, name: str, width: int) -> list[list[float]]:
+    """Return the rows that a parameter lists one after the other.
+
+    Each begins with a place; a row with nothing but 0 behind it says nothing, and is left out.
+    """
+    listed = values[name]
+    if len(listed) % width or not np.isfinite(listed).all():
+        raise InvalidTask(f'parameter {name} = {listed!r}: expected finite numbers, {width} by '
+                          f'{width}')
+    return [row for row in np.reshape(listed, (-1, width)).tolist() if any(row[1:])]
 
 
 def _natural_curvature(values: Values) -> Expanded | list[float]:

@@ -66,6 +66,17 @@ ENTRIES = {
         'Legendre polynomials P_1, P_2, ... of 2 s / length - 1, 1/m.'),
     'rod.natural_twist': Entry(0.0, 'Stress-free torsion, 1/m.', -1e4, 1e4),
     'rod.tip_mass': Entry(0.0, 'Mass at the free end, kg.', 0.0, 1e3),
+    'rod.point_masses': Entry([0.0, 0.0], 'Further masses: pairs (place s from the gripper, m; '
+                              'mass, kg).'),
+    'rod.point_loads': Entry([0.0] * 4, 'Dead forces on the DLO: fours (s, m; force in the world, '
+                             'N); s at the length: the tip.'),
+    'rod.plug.length': Entry(0.0, 'Length of a rigid body fixed to the free end, beyond '
+                             'rod.length, m; 0 = there is none.', 0.0, 10.0),
+    'rod.plug.mass': Entry(0.0, 'Its mass, kg.', 0.0, 1e3),
+    'rod.plug.radius': Entry(0.0, 'Its radius, m; 0 = as thick as the DLO.', 0.0, 1.0),
+    'rod.grasped_at': Entry(0.0, 'Where along the DLO the gripper holds it, m from its beginning, '
+                            'both ends free: shapes are predicted, plans refused; 0 = at its '
+                            'beginning.', 0.0, 100.0),
     'rod.damping': Entry([0.0, 0.0], 'Rayleigh damping in motion: 1/s times mass, s times '
                          'stiffness.'),
     'rod.yield_stress': Entry(0.0, 'Stress at which it yields (sections), Pa; 0 = never.', 0.0,
@@ -91,6 +102,16 @@ ENTRIES = {
                            'that gripper poses refer to, m.'),
     'tool.orientation': Entry([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w there; its x axis is '
                               'the DLO\'s tangent.'),
+    'tool.frame_id': Entry('tool0', 'Name of the tool frame, in which gripper_wrench is given.'),
+    'far_end.hold': Entry('free', 'How a second grip at far_end_pose holds the far end: free (not '
+                          'at all) | pinned | clamped | sleeve | aligned.'),
+    'far_end.timeout': Entry(0.5, 'Age of the last far_end_pose, by its stamp, from which on the '
+                             'far end counts as free, s; 0 = any.', 0.0, 60.0),
+    'far_end.frame_id': Entry('far_end', 'Name of the frame of far_end_pose, in which '
+                              'far_end_wrench is given.'),
+    'task': Entry('{type: Thread}', 'The task, YAML or JSON as Task.to_dict writes it; its pose, '
+                  'depths and radii may be left out. A message on task counts in its place.',
+                  while_executing=True),
     'threading.waypoints': Entry(40, 'Poses in a plan.', 2, 10_000, while_executing=True),
     'threading.deepest': Entry(0.95, 'Part of the length that is threaded through.', 0.0, 1.0,
                                while_executing=True),
@@ -117,8 +138,10 @@ ENTRIES = {
     'threading.planning_deadline': Entry(60.0, 'Computing after which the search for a plan is '
                                          'given up, s.', 0.01, 3600.0, while_executing=True),
     'threading.may_yield': Entry(True, 'Whether a plan may set the DLO for good.'),
-    'cutouts.radius': Entry(0.0, 'Of round cut-outs, for clearances, m; 0 = not known.', 0.0,
-                            10.0),
+    'cutouts.radius': Entry(0.0, 'Of round cut-outs and bores that do not say theirs, m; 0 = not '
+                            'known.', 0.0, 10.0),
+    'obstacles.friction': Entry(0.0, 'Coulomb\'s coefficient of obstacles that do not say theirs.',
+                                0.0, 10.0),
     'workspace.lower': Entry([-float('inf')] * 3, 'Corner of the box for the gripper, m.'),
     'workspace.upper': Entry([float('inf')] * 3, 'The other corner, m.'),
     'workspace.gripper_radius': Entry(0.0, 'Of the sphere about the gripper that keeps out of '

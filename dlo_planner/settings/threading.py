@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The whole way through cut-outs, as the parameters `threading.*` ask for it."""
+"""The plan of a task, as the parameters `threading.*` ask for it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,16 +9,29 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.solvers.threading.one_cutout import trim_to_clearance
-from dlo_planner.inverse.tasks import Approach, threading_of
+from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.tasks import (
+    Approach,
+    Insert,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
+    threading_of,
+)
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.progress import OnProgress
 from dlo_planner.settings.building import limits_of, tolerance_of
+
+MOST_INSERTED = 0.99  # of the length, by `Insert`
 
 
 @dataclass(frozen=True)
@@ -63,37 +76,114 @@ class Present:
 def way_through(inverse: InverseSimulator, cutouts: Sequence[CutOut], wanted: Wanted,
                 present: Present = Present(), *, progress: OnProgress = None,  # noqa: B008 - frozen
                 deadline: float | None = None) -> Plan:
-    """Return the Plan through cut-outs; with a standoff, it begins at the gripper's present pose.
+    """Return the Plan through one, two, or more cut-outs, as `plan_task` does."""
+    return plan_task(inverse, threading_of(cutouts), wanted, present, progress=progress,
+                     deadline=deadline)
+
+
+def plan_task(inverse: InverseSimulator, task: Task, wanted: Wanted,
+              present: Present = Present(), *, miss: float | None = None,  # noqa: B008 - frozen
+              progress: OnProgress = None, deadline: float | None = None) -> Plan:
+    """Return the Plan of a task, where `wanted` says what the task leaves open.
+
+    With a standoff, a threading begins at the gripper's present pose. So does a plan of one pose,
+    from which there would be no motion.
 
     Parameters
     ----------
     inverse : InverseSimulator
-    cutouts : sequence of CutOut
-        One, two, or more, in the order in which they are passed.
+    task : Task
     wanted : Wanted
         Wanted, or what has its attributes.
     present : Present, optional
-        Where gripper and DLO are now; without a gripper, the threading begins where it is best.
+        Where gripper and DLO are now; without a gripper, the plan begins where it is best.
+    miss : float, optional
+        By how much a waypoint may miss its place, m. If None, by any amount.
     progress : callable, optional
-        As for `InverseSimulator.thread`.
+        As for `InverseSimulator.plan`.
     deadline : float, optional
-        As for `InverseSimulator.thread`.
+        Seconds of computing, as in `Requirements`.
 
     Raises
     ------
     DloPlannerError
         Refused, with the reason.
     """
-    start = present.gripper
-    depths = np.linspace(0.0, wanted.deepest * inverse.simulator.rod.length, wanted.waypoints)
+    start, task = present.gripper, _with_depths(task, wanted, inverse.simulator.rod.length)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(
-        inverse.requirements, deadline=deadline, limits=wanted.limits)}
-    plan = inverse.plan(threading_of(cutouts, depths), start=start, **options)
-    if wanted.gripper_clearance:
-        plan = inverse.check(trim_to_clearance(plan, cutouts[0], wanted.gripper_clearance, True))
-    if not wanted.standoff or start is None:
+        inverse.requirements, deadline=deadline, limits=wanted.limits, tolerance=miss)}
+    threads = isinstance(task, Thread | ThreadTwo | ThreadSequence)
+    before = present.shape if task.takes_initial and not threads else None
+    plan = inverse.plan(task, start=start, initial=before, **options)
+    if len(plan) == 1:
+        first = present.shape
+        if first is None and start is not None:
+            first = inverse.simulator.track([start])[0]
+        if first is None:
+            raise InvalidTask('start = None: expected the pose of the gripper now, where a plan of '
+                              f'one pose, as of this {type(task).__name__}, begins')
+        plan = inverse.plan(_From(first, plan, task.touches), start=start, **options)
+    elif isinstance(task, Thread | ThreadTwo | ThreadSequence):
+        plan = _with_way_there(inverse, task, plan, wanted, present, options)
+    if miss is not None and not plan.position_error.max() <= miss:
+        worst = int(plan.position_error.argmax())
+        raise Infeasible(f'waypoint {worst} misses its place by {plan.position_error[worst]:.3g} '
+                         f'm: expected {miss:g} m at most', worst, 'tolerance',
+                         float(plan.position_error[worst]) - miss, plan)
+    return plan
+
+
+def _with_depths(task: Task, wanted: Wanted, length: float) -> Task:
+    """Return a task with the depths that are wanted, if it has none of its own."""
+    if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or (
+            task.depths is not None):
+        return task
+    most = min(wanted.deepest, MOST_INSERTED) if isinstance(task, Insert) else wanted.deepest
+    return replace(task, depths=np.linspace(0.0, most * length, wanted.waypoints))
+
+
+def _with_way_there(inverse: InverseSimulator, task: Thread | ThreadTwo | ThreadSequence,
+                    plan: Plan, wanted: Wanted, present: Present,
+                    options: Mapping[str, Any]) -> Plan:
+    """Return the plan of a threading, trimmed, and with the way to where it begins."""
+    first = cutouts_of(task)[0]
+    if wanted.gripper_clearance and getattr(task, 'gripper_clearance', None) is None:
+        plan = inverse.check(trim_to_clearance(plan, first, wanted.gripper_clearance, True))
+    if not wanted.standoff or present.gripper is None:
         return plan
     standoff = None if wanted.standoff < 0 else wanted.standoff
-    way = inverse.plan(Approach(cutouts[0], plan.shapes[0], standoff, plan, wanted.tolerance),
-                       start=start, initial=present.shape, **options)
+    way = inverse.plan(Approach(first, plan.shapes[0], standoff, plan, wanted.tolerance),
+                       start=present.gripper, initial=present.shape, **options)
     return inverse.check(concatenate(way, plan))
+
+
+def cutouts_of(task: Task | None) -> tuple[CutOut, ...]:
+    """Return the cut-outs that the DLO passes in a task, in their order; none for other tasks."""
+    if isinstance(task, ThreadTwo):
+        return task.first, task.second
+    if isinstance(task, ThreadSequence):
+        return task.cutouts
+    one = getattr(task, 'cutout', None) or getattr(task, 'bore', None)
+    return () if one is None else (one,)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _From(Task):
+    """Go from a Shape to the one pose of a plan, straight."""
+
+    first: Shape
+    to: Plan
+    touching: bool
+
+    @property
+    def touches(self) -> bool:  # type: ignore[override]  # as those of the plan do
+        """Whether the plan means to touch obstacles."""
+        return self.touching
+
+    def solve(self, context: PlanContext) -> Plan:
+        """Return the Plan of two poses."""
+        plan, builder = self.to, context.builder([0.0, *self.to.depths])
+        builder.add(Waypoint(self.first))
+        builder.add(Waypoint(plan.shapes[0], float(plan.misalignment[0]),
+                             float(plan.position_error[0]), plan.via_points[0]))
+        return builder.finished()

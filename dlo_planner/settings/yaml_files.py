@@ -10,6 +10,7 @@ from typing import Any
 from dlo_planner.errors import InvalidTask
 from dlo_planner.files import readable, writable
 from dlo_planner.model.checks import instance, shown
+from dlo_planner.settings.building import check_described, without_effect
 from dlo_planner.settings.entries import ENTRIES, as_declared, within_limits
 from dlo_planner.settings.guarded_yaml import load_yaml, read_yaml, yaml_of
 from dlo_planner.settings.names import unknown_parameter
@@ -21,7 +22,9 @@ _PACKAGE = Path(__file__).parents[1]
 
 def read_values(source: str | Path,
                 changes: Iterable[str] = ()) -> tuple[dict[str, Any], list[str]]:
-    """Return the values of all parameters (name -> value), and warnings of names without meaning.
+    """Return the values of all parameters (name -> value), and warnings.
+
+    Warned of is what has no effect: names that do not exist, sizes that another section has.
 
     Parameters
     ----------
@@ -34,25 +37,36 @@ def read_values(source: str | Path,
     Raises
     ------
     InvalidTask
-        No such file, or a value makes no sense; the message names it.
+        No such file, a value makes no sense, or the DLO is described in part; the message names it.
     """
     path = config_file(source)
     given = _of_node(path, read_yaml(path))
     for change in changes:
         given |= _changed(change)
+    values = {name: within_limits(name, as_declared(name, given.get(name, entry.default),
+                                                    entry.default), entry)
+              for name, entry in ENTRIES.items()}
+    try:
+        check_described(given, values['rod.section'])
+    except InvalidTask as error:
+        raise InvalidTask(f'{path}: {error}') from None
     unknown = [name for name in given if name not in ENTRIES]
     warnings = [unknown_parameter(name, ENTRIES) for name in unknown[:_MOST_WARNINGS]]
     if len(unknown) > _MOST_WARNINGS:  # what is near to a name is slow to find
         warnings.append(f'{len(unknown) - _MOST_WARNINGS} more parameters do not exist')
-    return {name: within_limits(name, as_declared(name, given.get(name, entry.default),
-                                                  entry.default), entry)
-            for name, entry in ENTRIES.items()}, warnings
+    section = values['rod.section']
+    warnings += [f'parameter {name} has no effect where rod.section is {section}'
+                 for name in sorted(without_effect(section) & set(given))]
+    return values, warnings
 
 
 def write_values(path: Path, values: Mapping[str, object]) -> None:
-    """Write values of parameters as a YAML file for the node, and for `read_values`."""
+    """Write values of parameters, those with an effect, as a YAML file for the node."""
     tree: dict[str, Any] = {}
+    idle = without_effect(str(values['rod.section']))
     for name, value in values.items():
+        if name in idle:
+            continue
         *parents, last = name.split('.')
         branch = tree
         for parent in parents:

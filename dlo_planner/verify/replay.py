@@ -19,6 +19,7 @@ from dlo_planner.model.rod import Surface, before
 from dlo_planner.plan.between import violation_between
 from dlo_planner.plan.builder import PlanRequirements
 from dlo_planner.plan.continuity import apart
+from dlo_planner.plan.goals import DirectionAt, PositionAt
 from dlo_planner.plan.motion.in_motion import (
     InMotion,
     in_motion,
@@ -279,13 +280,13 @@ def _figures_at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Sh
                      obstacles: Sequence[Obstacle]) -> dict[str, Any]:
     """Return the figures of the quasi-static replay."""
     errors, angles = [], []
-    for shape, points in zip(shapes, plan.via_points, strict=True):
-        for center, s, normal in points:
-            axes, position = shape.frame_at(s)
-            errors.append(float(np.linalg.norm(position - center)))
-            if normal is not None:
-                angles.append(float(np.arctan2(np.linalg.norm(np.cross(axes[:, 0], normal)),
-                                               axes[:, 0] @ normal)))
+    for shape, goals in zip(shapes, plan.goals, strict=True):
+        for goal in goals:
+            missed = float(np.linalg.norm(goal.residuals(shape)))
+            if isinstance(goal, PositionAt):
+                errors.append(missed)
+            elif isinstance(goal, DirectionAt):  # the difference of two unit vectors
+                angles.append(2 * np.arcsin(min(0.5 * missed, 1.0)))
     deviation = max(apart(*pair) for pair in zip(shapes, plan.shapes, strict=True))
     return {
         'converged': all(shape.converged and not shape.jumped for shape in shapes)

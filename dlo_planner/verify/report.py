@@ -9,7 +9,6 @@ from os import PathLike
 
 import numpy as np
 
-from dlo_planner.deprecated import renamed_fields
 from dlo_planner.direct.storage import load, save
 from dlo_planner.model.checks import figure, flag, instance, items
 from dlo_planner.model.value import brief, put
@@ -18,7 +17,6 @@ from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.verify.report_storage import report_arrays, report_contents
 
 
-@renamed_fields(miss='position_error', dynamic_miss='max_tracking_error')
 @dataclass(frozen=True, eq=False, repr=False)
 class ValidationReport(Reported):
     """Result of a direct simulation of a plan: worst values over all waypoints, or in motion.

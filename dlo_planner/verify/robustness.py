@@ -15,24 +15,31 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from dlo_planner.deprecated import renamed_arguments
-from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.penalties import Through
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.pose import displaced
-from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import Value, brief, put, same
+from dlo_planner.model.value import brief, put, same
+from dlo_planner.pictured import Answer
+from dlo_planner.plan.goals import Through
 from dlo_planner.plan.passing import Passes
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.verify.uncertainty import CAUSES, DRAWN, Uncertainty, twist, varied
+from dlo_planner.verify.response import node_slopes
+from dlo_planner.verify.uncertain import Uncertain, mesh_of
+from dlo_planner.verify.uncertainty import (
+    CAUSES,
+    DRAWN,
+    VARIATION,
+    Uncertainty,
+    twist,
+    varied,
+)
 
-_SMALL = 1e-3   # of a deviation: step of the differences
 _NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a center
 _AT_ONCE = 25   # samples in one piece of work
 
@@ -40,7 +47,7 @@ _Work: TypeAlias = tuple[DirectSimulator, Sequence[Shape], Sequence[Passes], Unc
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Robustness(Value):
+class Robustness(Answer):
     """Misses of a plan under an Uncertainty; n waypoints, m samples.
 
     Attributes
@@ -104,7 +111,6 @@ class Robustness(Value):
         return result
 
 
-@renamed_arguments(spread='uncertainty')
 def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty, *,
                samples: int = 0, seed: int = 0, executor: Executor | None = None,
                progress: OnProgress = None, deadline: float | None = None) -> Robustness:
@@ -144,7 +150,7 @@ def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
     if executor is not None:
         instance('executor', executor, Executor)
     steps = Progress(progress, deadline)
-    by_cause = _first_order(simulator.rod, plan, uncertainty, steps)
+    by_cause = _first_order(simulator, plan, uncertainty, steps)
     draws = np.random.default_rng(seed).normal(size=(samples, len(DRAWN)))
     work = [(simulator, plan.shapes, plan.via_points, uncertainty, draws[k:k + _AT_ONCE])
             for k in range(0, samples, _AT_ONCE)]
@@ -188,27 +194,24 @@ def _acts_alike(shape: Shape, simulator: DirectSimulator) -> bool:
         for around in (mesh.surroundings, simulator.surroundings)))
 
 
-def _first_order(rod: Rod, plan: Plan, uncertainty: Uncertainty, progress: Progress) -> Floats:
+def _first_order(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
+                 progress: Progress) -> Floats:
     """Return (n, causes) root mean square misses."""
     out = np.zeros((len(plan), len(CAUSES)))
-    columns = [CAUSES.index(name) for name in DRAWN]
-    steps = [_SMALL * step for step, name in zip(np.eye(len(DRAWN)), DRAWN, strict=True)
-             if getattr(uncertainty, name)]
-    rods = [(varied(rod, uncertainty, step), varied(rod, uncertainty, -step)) for step in steps]
+    uncertain = Uncertain(simulator, uncertainty, 1 + VARIATION, 0.0, 0.0)
+    stated, causes = np.zeros(uncertain.size), [CAUSES.index(name) for name in uncertain.causes]
     for k, (shape, passes) in enumerate(zip(plan.shapes, plan.via_points, strict=True)):
-        if not passes or not steps:
+        if not passes or not uncertain.size:
             continue
         progress.check()
-        sensitivity = Sensitivity(shape)
+        slopes = CubicSpline(shape.s, node_slopes(uncertain.varied(mesh_of(shape)), stated, shape))
         squares = np.zeros((len(passes), len(CAUSES)))
-        for step, both in zip(steps, rods, strict=True):
-            ahead, back = (
-                sensitivity.predicted(one) if one is not rod
-                else sensitivity.moved(twist(shape.gripper, uncertainty, sign * step))
-                for one, sign in zip(both, (1, -1), strict=True))
-            for j, (center, s, _) in enumerate(passes):
-                off = (_off(ahead, center, s) - _off(back, center, s)) / (2 * _SMALL)
-                squares[j, columns[int(np.argmax(step))]] += off @ off
+        for j, (_, s, _) in enumerate(passes):
+            inside = min(s, float(shape.s[-1]))
+            tangent = shape.frame_at(inside)[0][:, 0]
+            off = slopes(inside)
+            off -= np.outer(tangent, tangent @ off)  # it passes elsewhere along itself
+            np.add.at(squares[j], causes, (off**2).sum(axis=0) * uncertain.deviations**2)
         out[k] = np.sqrt(squares[np.argmax(squares.sum(axis=1))])
     return out
 
@@ -224,7 +227,7 @@ def _sampled(work: _Work) -> Floats:
         for k, shape in enumerate(shapes):
             gripper = displaced(shape.gripper, twist(shape.gripper, uncertainty, draw))
             # it starts where the plan does, and then goes its own way
-            start = _stretched(shape, rod.length) if initial is None else initial
+            start = stretched(shape, rod.length) if initial is None else initial
             reached = drawn.track([gripper], initial=start)[0]
             initial = reached if reached.converged else initial
             out[i, k] = max((np.linalg.norm(_off(reached, center, s))
@@ -234,7 +237,7 @@ def _sampled(work: _Work) -> Floats:
     return out
 
 
-def _stretched(shape: Shape, length: float) -> Shape:
+def stretched(shape: Shape, length: float) -> Shape:
     """Return a Shape on a mesh of another length, to start from."""
     share = length / shape.s[-1]
     return replace(shape, s=np.append(shape.s[:-1] * share, length),

@@ -59,9 +59,9 @@ class Uncertainty(Value):
 
 CAUSES = tuple(field.name for field in fields(Uncertainty))
 # one number of a standard normal distribution for each, three or two for some
-_VARIATION = 5  # Legendre polynomials by which the natural curvature varies
+VARIATION = 5  # Legendre polynomials by which the natural curvature varies
 DRAWN = tuple(name for name in CAUSES for _ in range(
-    {'natural_curvature': 2, 'curvature_variation': 2 * _VARIATION, 'gripper_position': 3,
+    {'natural_curvature': 2, 'curvature_variation': 2 * VARIATION, 'gripper_position': 3,
      'gripper_rotation': 3}.get(name, 1)))
 
 
@@ -89,8 +89,8 @@ def varied(rod: Rod, uncertainty: Uncertainty, draw: Floats) -> Rod:
     curve = np.array(by['natural_curvature'])
     natural: Along = Shifted(known, curve) if callable(known) else tuple(curve + known)
     if uncertainty.curvature_variation:
-        terms = np.reshape(by['curvature_variation'], (_VARIATION, 2))
-        terms = terms * variation_deviations(_VARIATION)[:, None]
+        terms = np.reshape(by['curvature_variation'], (VARIATION, 2))
+        terms = terms * variation_deviations(VARIATION)[:, None]
         natural = Expanded(natural, np.vstack([np.zeros(2), terms]), length)
     longer = of_length(rod, length)
     return replace(

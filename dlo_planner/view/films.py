@@ -47,7 +47,7 @@ def film(value: Plan | Motion, path: str | PathLike[str], color: str = 'curvatur
     count = max(2, round(seconds * _RATE[path.suffix.lower()]))
     plan = value if isinstance(value, Plan) else None
     stage = Stage.of(value.shapes, obstacles, plan)
-    frame = Frame.new(managed=False)
+    frame = Frame.new(stage.points, managed=False)
     stage.set(frame)
     top = common_top(value.shapes)
     painted = [coloring(shape, color, top) for shape in value.shapes]
@@ -63,7 +63,8 @@ def film(value: Plan | Motion, path: str | PathLike[str], color: str = 'curvatur
             moving.pop().remove()
         moving.extend(draw(frame.axes, [
             Item('way', 0, 'line', _TIP, 0.6, np.array(tips)),
-            Item('dlo', 0, 'line', GRAY, points=points, colors=colors), *stage.gripper(gripper)]))
+            Item('dlo', 0, 'line', GRAY, points=points, colors=colors), *stage.gripper(gripper)],
+            frame.side))
         frame.title(f'{time:.2f} s of {value.times[-1]:.2f} s')
 
     return write_film(frame.figure, picture, count, path)

@@ -39,7 +39,7 @@ def plot_shape(shape: Shape, ax: 'Axes | Frame | None' = None, color: str | None
     color = choice('color', 'curvature' if color is None else color, COLORINGS)
     stage = Stage.of((shape,), obstacles)
     painted = coloring(shape, color)
-    frame = Frame.of(ax)
+    frame = Frame.of(ax, stage.points)
     _show(frame, stage, [_line(0, shape, painted.colors), *contact_items(shape)], [shape.gripper])
     frame.color_bar(painted.top, painted.label)
     frame.title(_title(shape))
@@ -53,7 +53,7 @@ def plot_plan(plan: Plan, ax: 'Axes | Frame | None' = None, color: str | None = 
     if not len(plan):
         raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
     stage = Stage.of(plan.shapes, obstacles, plan)
-    frame = Frame.of(ax)
+    frame = Frame.of(ax, stage.points)
     dlo, top, label = _over_time(plan, color)
     path = [replace(item, color=VERMILION) for item in path_items(
         plan.grippers, _TICK * stage.length) if len(plan) > 1]
@@ -73,7 +73,7 @@ def plot_motion(motion: Motion, ax: 'Axes | Frame | None' = None, color: str | N
     if not len(motion):
         raise InvalidTask(f'motion = {motion!r}: expected a Motion with an instant')
     stage = Stage.of(motion.shapes, obstacles)
-    frame = Frame.of(ax)
+    frame = Frame.of(ax, stage.points)
     dlo, top, label = _over_time(motion, color)
     tracks = {'gripper': (VERMILION, 0), 'free end': (_TIP, -1)}
     lines = [Item('way', k, 'line', tint, points=[shape.positions[node] for shape in motion.shapes])

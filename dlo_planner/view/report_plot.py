@@ -9,7 +9,7 @@ import numpy as np
 from dlo_planner.extras import extra
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
-from dlo_planner.view.axes import Frame
+from dlo_planner.view.axes import checked_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,25 +30,25 @@ _INSTANTS = 400
 _SIZE, _ALONE = (8.0, 6.2), (8.0, 4.0)  # inches
 
 
-def plot_report(report: ValidationReport, ax: 'Axes | Frame | None' = None) -> 'Figure':
+def plot_report(report: ValidationReport, ax: 'Axes | None' = None) -> 'Figure':
     """Return the Figure of a ValidationReport, see `ValidationReport.plot`.
 
     Bars of its distances, blue those that should be small, green those that should be large; and,
     in a new figure, the speeds of its trajectory with their limits.
     """
     if ax is not None:
-        frame = Frame.of(ax)
-        _bars(frame.axes, report)
-        return frame.figure
+        figure: Figure = checked_axes(ax).figure
+        _bars(ax, report)
+        return figure
     trajectory = report.trajectory
     figure = extra('matplotlib.pyplot', 'figures', 'pictures').figure(
         figsize=_ALONE if trajectory is None else _SIZE, layout='constrained')
     if trajectory is None:
         _bars(figure.add_subplot(), report)
         return figure
-    bars, speeds = figure.subplots(2, 1, height_ratios=(1.7, 1.0))
+    bars, below = figure.subplots(2, 1, height_ratios=(1.7, 1.0))
     _bars(bars, report)
-    _speeds(speeds, trajectory)
+    speeds(below, trajectory)
     return figure
 
 
@@ -88,7 +88,8 @@ def _bar(value: float, small: bool, most: float) -> tuple[str, float, str]:
     return text, value, _SMALL if small else _LARGE
 
 
-def _speeds(axes: Any, trajectory: Trajectory) -> None:
+def speeds(axes: Any, trajectory: Trajectory) -> None:
+    """Draw the speeds of a Trajectory, and their limits where these are near."""
     times = np.linspace(0.0, trajectory.duration, _INSTANTS)
     linear, angular = np.linalg.norm(trajectory.at(times)[1].reshape(-1, 2, 3), axis=2).T
     other = axes.twinx()

@@ -29,7 +29,7 @@ _AXIS = 0.09     # of the DLO's length: axes of the gripper, a normal
 _PLATE = 0.14    # the same: half a plate around a hole
 _HIDDEN = 0.02   # the same: a hole without a size, seen from the side
 _DOT = 0.035     # the same: a center that the DLO passes in any direction
-_ALPHA, _GLASS = 0.3, 0.25
+_ALPHA, _GLASS = 0.45, 0.25
 _BLACK = (0.0, 0.0, 0.0)
 
 
@@ -73,26 +73,34 @@ class Stage:
 
     def set(self, frame: Frame, more: Iterable[Item] = ()) -> None:
         """Draw all that stands still, and further Items, and choose what is seen."""
-        drawn = self._items(frame.space)
+        drawn = self._items(frame)
         solid = [item.corners for item in (*drawn, *more) if item.kind != 'text']
         points = np.concatenate([self._around_shapes(), *solid])
         low, high = box_around(points)
-        draw(frame.axes, [*drawn, *self._planes(low, high), *more])
+        draw(frame.axes, [*drawn, *self._planes(low, high), *more], frame.side)
         frame.look(azimuth(points))
         frame.show(low, high)
+
+    @property
+    def points(self) -> Floats:
+        """(n, 3) m: of the DLO in all its shapes, and the holes it passes."""
+        passed = [cutout.center for cutout in self.cutouts] + [*self.centers]
+        return np.concatenate([*(shape.positions for shape in self.shapes),
+                               np.reshape(passed, (-1, 3))])
 
     def gripper(self, pose: Pose, index: int = 0) -> list[Item]:
         """Return the axes of a gripper."""
         return axes_items(f'gripper {index}', pose, _AXIS * self.length)
 
-    def _items(self, space: bool) -> list[Item]:
+    def _items(self, frame: Frame) -> list[Item]:
         """Return Items of what stands still but planes; from the side, holes are gaps in a line."""
         drawn = obstacle_items(one for one in self.obstacles if not isinstance(one, Plane))
         drawn += [Item('center', index, 'ball', ORANGE, size=(_DOT * self.length,) * 3,
                        pose=Pose(center, (0.0, 0.0, 0.0, 1.0)))
                   for index, center in enumerate(self.centers)]
-        if not space:
-            return drawn + [self._gap(k, cutout) for k, cutout in enumerate(self.cutouts)]
+        if not frame.space:
+            return drawn + [self._gap(k, cutout, frame.side[0])
+                            for k, cutout in enumerate(self.cutouts)]
         drawn += [Item('plate', index, 'triangles', GRAY, _ALPHA,
                        plate(cutout, _PLATE * self.length), pose=cutout.pose)
                   for index, cutout in enumerate(self.cutouts) if room(cutout) is not None]
@@ -116,9 +124,10 @@ class Stage:
                 for shape in self.shapes for k in range(3) for sign in (0, 1)]
         return np.concatenate([*(shape.positions for shape in self.shapes), tips])
 
-    def _gap(self, index: int, cutout: CutOut) -> Item:
-        """Return a plate cut through its hole, in the plane x-z of its center."""
-        across = np.array([-cutout.normal[2], 0.0, cutout.normal[0]])
+    def _gap(self, index: int, cutout: CutOut, level: int) -> Item:
+        """Return a plate cut through its hole, in the upright plane through its center."""
+        across = np.zeros(3)
+        across[[level, 2]] = -cutout.normal[2], cutout.normal[level]
         size = np.linalg.norm(across)
         across = across / size if size > 0 else np.array([0.0, 0.0, 1.0])
         inner = room(cutout) or _HIDDEN * self.length

@@ -6,10 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import fields
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.rod import Rod, Surface
+from dlo_planner.model.value import Value
 from dlo_planner.plan.plan import Plan
 from dlo_planner.verify.report import ValidationReport
 
@@ -29,6 +32,39 @@ def rows_of(value: Shape | Plan | Motion | ValidationReport) -> list[Row]:
     if isinstance(value, Plan):
         return _of_plan(value)
     return _of_motion(value) if isinstance(value, Motion) else _of_report(value)
+
+
+def heading(value: Value) -> str:
+    """Return the line that a table begins with: what it is, and of which DLO, where that is known.
+
+    A shape or a plan from a file knows none.
+    """
+    kind = repr(value).split('(', 1)[0]
+    rod = getattr(value, 'rod', None)
+    if isinstance(rod, Rod) and not isinstance(value, Shape):
+        return f'{kind} of {rod_line(rod)}'
+    shapes = (value,) if isinstance(value, Shape) else getattr(value, 'shapes', ())
+    mesh = next((shape.state.mesh for shape in shapes), None)
+    if mesh is None:
+        return kind
+    return f'{kind} of {rod_line(mesh.surroundings.rod, mesh.surroundings.gravity)}'
+
+
+def rod_line(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81), name: str = 'a DLO') -> str:
+    """Return what a Rod is in a line: sizes, mass, stiffness, and how far its weight bends it.
+
+    Of what varies along s: as it is in the middle.
+    """
+    middle = [0.5 * rod.length]
+    mass, = rod.masses_per_length(middle)
+    (twist, *bend), = rod.stiffnesses(middle)
+    half = Surface.of(rod)
+    size = ('no thickness' if rod.radius is None else f'diameter {2e3 * half.radius:.4g} mm'
+            if half.half is None else ' x '.join(f'{2e3 * one:.4g}' for one in half.half) + ' mm')
+    weight = mass * np.linalg.norm(np.asarray(gravity, dtype=float))
+    stiffness = ', '.join(f'{one:.4g}' for one in dict.fromkeys(bend))
+    return (f'{name}: {rod.length:.4g} m, {size}, {1e3 * mass:.4g} g/m, EI {stiffness} N m^2, '
+            f'GJ {twist:.4g} N m^2, w L^3/EI {weight * rod.length**3 / min(bend):.4g}')
 
 
 def text_table(head: str, rows: Sequence[Row]) -> str:

@@ -15,9 +15,10 @@ wire = Rod.circular(1.0, 1.5e-3, 8960, 110e9, 0.34)
 simulator = DirectSimulator(wire)
 
 # %%
-# 500 independent shapes. Two threads keep this script short. Most kernels hold Python's lock, so
-# processes gain more: `ProcessPoolExecutor`, where a script has to begin below
-# `if __name__ == '__main__':`.
+# 500 independent shapes. Kernels release Python's lock, so threads work side by side. Processes
+# (`ProcessPoolExecutor`) gain more where Python does much, as in plans; a script has to begin below
+# `if __name__ == '__main__':` then. A function that makes the pool in place of the pool lets a
+# worker that died be replaced.
 rng = np.random.default_rng(0)
 grippers = [Pose.looking_along((0, 0, 1), (1, *direction))
             for direction in rng.uniform(-1, 1, size=(500, 2))]

@@ -13,15 +13,28 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
-from dlo_planner import DirectSimulator, Plan, Plane, Pose, Rod, Shape, ValidationReport
+from dlo_planner import (
+    DirectSimulator,
+    Limits,
+    Plan,
+    Plane,
+    Pose,
+    Rod,
+    Shape,
+    ValidationReport,
+    replay,
+)
 from dlo_planner.cli.doctor import findings
-from dlo_planner.cli.figures import scripts, shows
 from dlo_planner.cli.main import BAD_INPUT, FAULT, INTERRUPTED, NO_SOLUTION, main
 from dlo_planner.cli.reading import read_poses
-from dlo_planner.parallel import slices
+from dlo_planner.parallel import CapabilityMap
+from dlo_planner.settings.building import rod_of
+from dlo_planner.settings.yaml_files import read_values
 
-COMMANDS = ['shape', 'thread', 'replay', 'identify', 'map', 'figures', 'doctor']
+COMMANDS = ['cable', 'shape', 'thread', 'plan', 'replay', 'identify', 'map', 'doctor']
 QUICK = ['-p', 'simulator.n_elements=16', '-p', 'simulator.n_terms=6', '-p', 'rod.diameter=0.0015',
          '-p', 'threading.waypoints=6', '-p', 'threading.deepest=0.3']
 
@@ -163,7 +176,18 @@ def test_several_holes_are_passed():
     assert len(Plan.load('plan.npz').via_points[-1]) == 2
 
 
-# ---- identify, map --------------------------------------------------------------------------
+def test_any_task_is_planned_from_its_file():
+    text = re.search(r'insert.yaml:\n((?:    .*\n)+)', run('plan', '--help').output)[1]
+    Path('insert.yaml').write_text(text)
+    result = run('plan', 'copper_wire', 'insert.yaml', *QUICK, '-o', 'plan.npz')
+    assert result.exit_code == 0, result.output
+    assert Plan.load('plan.npz').depths.tolist() == [0, 0.02, 0.04, 0.06]
+    Path('insert.yaml').write_text(text.replace('bore', 'boar'))
+    result = run('plan', 'copper_wire', 'insert.yaml', *QUICK)
+    assert result.exit_code == BAD_INPUT and 'boar: expected one of bore' in result.output
+
+
+# ---- cable, identify, map -------------------------------------------------------------------
 
 
 def test_what_is_identified_is_a_file_for_the_next_command():
@@ -182,6 +206,29 @@ def test_what_is_identified_is_a_file_for_the_next_command():
     assert run('shape', 'found.yaml', '-g', '0,0,1', '-o', 'again.npz').exit_code == 0
     np.testing.assert_allclose(Shape.load('again.npz').positions[-1],
                                simulator.solve(looks[0]).positions[-1], atol=1e-3)
+
+
+@pytest.mark.parametrize('limpness', [0.5, 4.0, 40.0])
+def test_a_cable_hangs_down_by_its_sag(limpness):
+    def level(s, y):  # the elastica: d^2 theta / du^2 = limpness (1 - u) cos theta, s = L u
+        return [y[1], limpness * (1 - s) * np.cos(y[0]), np.sin(y[0])]
+
+    def moment_at_the_end(start):
+        return solve_ivp(level, (0, 1), [0, start, 0], rtol=1e-10, atol=1e-12).y[1, -1]
+
+    start = brentq(moment_at_the_end, -limpness, 0)
+    sag = -0.4 * solve_ivp(level, (0, 1), [0, start, 0], rtol=1e-10, atol=1e-12).y[2, -1]
+    given = ['cable', '--diameter', '0.006', '--mass-per-length', '0.05', '--length', '0.4', '-o',
+             'my.yaml']
+    result = run(*given, '--sag', sag)
+    assert result.exit_code == 0, result.output
+    rod = rod_of(read_values('my.yaml')[0])
+    assert rod.bending_stiffness[0] == pytest.approx(0.05 * 9.81 * 0.4**3 / limpness, rel=1e-3)
+    assert rod.torsional_stiffness == pytest.approx(0.75 * rod.bending_stiffness[0])
+    assert (rod.length, rod.mass_per_length, rod.radius) == (0.4, 0.05, 0.003)
+    for wrong in (-0.1, 0.41):
+        refused = run(*given, '--sag', wrong)
+        assert refused.exit_code == BAD_INPUT and '--sag' in refused.output
 
 
 def test_points_need_their_gripper():
@@ -213,26 +260,7 @@ def test_a_map_of_nothing_is_no_solution():
     assert 'workspace' in result.output
 
 
-# ---- figures, doctor ------------------------------------------------------------------------
-
-
-def test_the_figures_are_listed():
-    result = run('figures')
-    assert result.exit_code == 0
-    assert {'dynamics', 'plasticity'} <= scripts().keys()
-    for name, path in scripts().items():
-        assert re.search(rf'^  {name} .*{re.escape(shows(path))}$', result.output, re.MULTILINE)
-    assert run('figures', 'nonsense').exit_code == BAD_INPUT
-
-
-@pytest.mark.parametrize(('status', 'code'), [(0, 0), (1, NO_SOLUTION)])
-def test_a_script_is_run_with_its_folder(monkeypatch, here, status, code):
-    script = here / 'figure.py'
-    script.write_text('"""A figure."""\nimport sys, pathlib\n'
-                      'pathlib.Path(sys.argv[1], "made").touch()\n' f'sys.exit({status})\n')
-    monkeypatch.setattr('dlo_planner.cli.figures.scripts', lambda: {'figure': script})
-    assert run('figures', 'figure', '-o', 'pictures').exit_code == code
-    assert (here / 'pictures' / 'made').exists()
+# ---- doctor ---------------------------------------------------------------------------------
 
 
 def test_the_doctor_names_what_is_missing_and_what_to_do(monkeypatch):
@@ -300,7 +328,8 @@ def examples():
 
 
 def test_every_help_has_examples_that_are_right():
-    for name in ('my_cable.yaml', 'table.yaml', 'plan.npz', 'seen.csv', 'looks.yaml'):
+    for name in ('my_cable.yaml', 'table.yaml', 'plan.npz', 'seen.csv', 'looks.yaml',
+                 'insert.yaml'):
         Path(name).touch()
     shown = list(examples())
     assert {name for name, _ in shown} == {None, *COMMANDS}
@@ -311,7 +340,7 @@ def test_every_help_has_examples_that_are_right():
 
 def test_exit_codes_are_told():
     assert '2  bad input' in run('--help').output and '3  no solution' in run('--help').output
-    for name in ('shape', 'thread', 'replay', 'identify', 'map'):
+    for name in ('shape', 'thread', 'plan', 'replay', 'identify', 'map'):
         assert 'Exit code 3:' in run(name, '--help').output
     assert '0.1.0' in run('--version').output
 
@@ -357,8 +386,9 @@ def test_a_file_that_cannot_be_written_and_an_interrupt_are_no_faults(monkeypatc
     'rod.natural_curvature=[1.0]', 'gravity=[1.0]', 'workspace.lower=[1.0]',
     'rod.natural_curvature_terms=[1.0]'])
 def test_lists_of_another_length_are_refused_by_name(changes):
-    result = run('thread', 'copper_wire', *QUICK, '-p', 'rod.section=stiffness', '-p', changes,
-                 '--hole', '0.4,0,1')
+    stated = [word for one in ('section=stiffness', 'mass_per_length=0.01', 'torsional_stiffness=1',
+                               'bending_stiffness=[1, 1]') for word in ('-p', f'rod.{one}')]
+    result = run('thread', 'copper_wire', *QUICK, *stated, '-p', changes, '--hole', '0.4,0,1')
     assert result.exit_code == BAD_INPUT, result.output
     assert changes.split('=')[0].split('.')[-1] in result.output
 
@@ -403,12 +433,28 @@ def test_planning_ends_with_its_deadline(given):
 
 
 def test_a_plan_that_is_proved_says_so_and_its_deadline_counts():
-    safe = run(*STRAIGHT, '--prove')
+    safe = run(*STRAIGHT, '--prove', '-o', 'motion.csv', '-o', 'motion.json', '-o', 'plan.npz',
+               '-o', 'way.poses.json')
     assert safe.exit_code == 0 and re.search(r'safe +yes', safe.output)
     assert 'safe' not in run(*STRAIGHT).output
+    trajectory = replay(quick(), Plan.load('plan.npz'), limits=Limits()).trajectory
+    with Path('motion.csv').open(newline='') as file:
+        rows = [{key: float(text) for key, text in row.items()} for row in csv.DictReader(file)]
+    assert rows == [dict(zip(rows[0], one, strict=True)) for one in zip(
+        *json.loads(Path('motion.json').read_text()).values(), strict=True)]
+    poses, velocities, _ = trajectory.at([row['time'] for row in rows])
+    assert rows[-1]['time'] == pytest.approx(trajectory.duration, rel=1e-9)
+    assert rows[-1]['time'] > Plan.load('plan.npz').times[-1] - 1e-9
+    assert np.diff([row['time'] for row in rows]).max() < 0.0202  # execute.rate is 50 a second
+    np.testing.assert_allclose([[row[key] for key in 'xyz'] for row in rows],
+                               [pose.position for pose in poses], atol=1e-6)
+    np.testing.assert_allclose([[row[key] for key in ('vx', 'vy', 'vz')] for row in rows],
+                               velocities[:, :3], atol=1e-6)
+    assert len(json.loads(Path('way.poses.json').read_text())) == len(rows)
     unproved = run(*STRAIGHT, '--prove', '-p', 'threading.deadline=0.1', '-p',
-                   'threading.linear_speed=1e-3')
+                   'threading.linear_speed=1e-3', '-o', 'never.csv')
     assert unproved.exit_code == NO_SOLUTION and 'deadline' in unproved.output
+    assert not Path('never.csv').exists()
 
 
 def test_a_proof_takes_obstacles_limits_and_tolerance(planned):
@@ -464,8 +510,9 @@ def test_what_is_found_is_what_was_asked_for_in_its_surroundings():
 
 def test_a_map_is_of_the_cell_that_was_asked_for(monkeypatch):
     drawn = []
-    monkeypatch.setattr('dlo_planner.cli.capability.slices', lambda *given: drawn.append(
-        given[1:]) or slices(*given))
+    plot = CapabilityMap.plot
+    monkeypatch.setattr(CapabilityMap, 'plot', lambda self, **given: drawn.append(
+        tuple(given.values())) or plot(self, **given))
     Path('block.yaml').write_text('- box: {pose: [0.4, 0.1, 1], size: [0.1, 0.1, 0.1]}\n')
     given = ['map', 'copper_wire', *QUICK, '--x', '0.4', '--y', '-0.1:0.1:2', '--z', '1',
              '--radius', '0.02', '--start', '-0.6,-0.1,1', '--folder', 'kept',
@@ -482,10 +529,3 @@ def test_a_map_is_of_the_cell_that_was_asked_for(monkeypatch):
     parts = {path: path.stat().st_mtime_ns for path in Path('kept').iterdir()}
     assert parts and run(*given).exit_code == 0  # it goes on from there
     assert {path: path.stat().st_mtime_ns for path in Path('kept').iterdir()} == parts
-
-
-def test_all_figures_are_made(monkeypatch, here):
-    script = here / 'figure.py'
-    script.write_text('"""A figure."""\n')
-    monkeypatch.setattr('dlo_planner.cli.figures.scripts', lambda: {'one': script, 'two': script})
-    assert run('figures', '--all').output.count('figure: A figure') == 2

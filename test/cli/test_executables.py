@@ -40,7 +40,7 @@ def test_one_command_comes_to_the_path():
 def test_ros_run_finds_every_executable_that_the_launch_files_start():
     files = dict(map(tuple, setup()['files']))
     installed = {Path(one).name: ROOT / one for one in files['lib/dlo_planner']}
-    assert installed.keys() == {'planner_node', 'demo', 'viewer', 'cell'}
+    assert installed.keys() == {'planner_node', 'viewer', 'cell'}
     launched = set()
     for path in (ROOT / 'launch').glob('*.launch.py'):
         launched |= set(re.findall(r"package='dlo_planner',\s*executable='(\w+)'",

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, InvalidTask, InverseSimulator, Pose, Rod
 from dlo_planner.direct import statics, step
+from dlo_planner.minimize.convergence import as_rounded
 
 HERE = Pose.identity()
 
@@ -129,7 +130,7 @@ def test_track_goes_on_from_a_shape_that_is_nearly_converged(monkeypatch):
     ends = [(0.8 - 0.02 * k, 0, 0) for k in range(3)]
     before = direct.track([HERE] * 3, far_ends=ends)
     assert all(shape.status == 'converged' for shape in before)
-    promised, calls = statics._promised, []
+    promised, calls = statics.is_stationary, []
 
     def second_fails(*given):
         calls.append(None)
@@ -137,7 +138,7 @@ def test_track_goes_on_from_a_shape_that_is_nearly_converged(monkeypatch):
 
     for quick in ('holding_on', 'held_from'):  # have a proof of their own
         monkeypatch.setattr(step, quick, lambda *_: None)
-    monkeypatch.setattr(statics, '_promised', second_fails)
+    monkeypatch.setattr(statics, 'is_stationary', second_fails)
     shapes = direct.track([HERE] * 3, far_ends=ends)
     assert [shape.converged for shape in shapes] == [True, False, True]
     assert shapes[1].nearly and 'nearly converged' in shapes[1].status
@@ -181,4 +182,4 @@ def test_a_pinned_gripper_is_refused_where_it_is_not_looked_at():
 @pytest.mark.parametrize(('residual', 'noise', 'proved'), [
     (0.9e-7, 0.0, True), (1.1e-7, 0.0, False), (8e-6, 9e-6, True), (0.0, 1.1e-5, False)])
 def test_forces_that_rounding_hides_prove_nothing(residual, noise, proved):
-    assert statics.as_rounded(residual, noise, 1e-7) == proved
+    assert as_rounded(residual, noise, 1e-7) == proved

@@ -12,7 +12,7 @@ from dlo_planner.direct import dynamics
 from dlo_planner.direct.boundary_motion import Grips, Guide
 from dlo_planner.direct.dynamics import Begun, finer_start
 from dlo_planner.direct.integrator import Scheme
-from dlo_planner.direct.stepper import Limits, Stepper, begin, leg_of, renewed
+from dlo_planner.direct.stepper import Limits, Stepper
 
 
 def lash(damping=0.0, seconds=0.6):
@@ -26,14 +26,14 @@ def steps_of(wire, grippers, dt, elements, halvings, change=None):
     """Return the last positions of even steps; at the instant `change` they are renewed."""
     simulator = DirectSimulator(wire, basis='local', n_elements=elements)
     stepper = Stepper(simulator.solve(grippers[0]).mesh, Grips(Guide(grippers, dt)), dt)
-    now = begin(stepper, simulator.solve(grippers[0]))
+    now = stepper.begin(simulator.solve(grippers[0]))
     scheme, parts = Scheme.named('generalized_alpha', dt / 2**halvings), 2**halvings
     for k in range(len(grippers) - 1):
         if k == change:
-            now = renewed(stepper, now, scheme.dt)
-        leg = leg_of(stepper, now, (), k + np.arange(1, parts + 1) / parts, scheme, Limits())
-        assert leg.refused is None
-        now = leg.last
+            now = stepper.renewed(now, scheme.dt)
+        batch = stepper.steps(now, (), k + np.arange(1, parts + 1) / parts, scheme, Limits())
+        assert batch.refused is None
+        now = batch.last
     return now.nodes.position
 
 

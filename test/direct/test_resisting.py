@@ -9,7 +9,7 @@ from motion_cases import tilted
 from dlo_planner import DirectSimulator, Rod
 from dlo_planner.direct.boundary_motion import Grips, Guide
 from dlo_planner.direct.integrator import Scheme
-from dlo_planner.direct.stepper import Limits, Stepper, begin, leg_of
+from dlo_planner.direct.stepper import Limits, Stepper
 from dlo_planner.minimize.newton import newton
 
 
@@ -22,16 +22,16 @@ def test_a_step_is_as_stable_as_the_hessian_that_it_minimized_says(basis, dampin
     grippers = [tilted(0.5 * k * dt) for k in range(7)]
     start = simulator.solve(grippers[0])
     stepper = Stepper(start.mesh, Grips(Guide(grippers, dt)), dt)
-    now, scheme, told = begin(stepper, start), Scheme.named(integrator, dt), []
+    now, scheme, told = stepper.begin(start), Scheme.named(integrator, dt), []
     for k in range(1, 7):
-        leg = leg_of(stepper, now, (), np.array([float(k)]), scheme, Limits())
-        assert leg.refused is None
-        task = stepper.moving(now.nodes, now.bends, None, float(k), scheme)
-        there = leg.last.shape
-        true = newton(task.system, start.mesh.unknowns(there.element_strains), 1e-9, 100, True)
+        batch = stepper.steps(now, (), np.array([float(k)]), scheme, Limits())
+        assert batch.refused is None
+        problem = stepper.problem(now.nodes, now.bends, now.memory, float(k), scheme)
+        there = batch.last.shape
+        true = newton(problem, start.mesh.unknowns(there.element_strains), 1e-9, 100, True)
         np.testing.assert_allclose(true.state.strains, there.element_strains, rtol=0, atol=1e-5)
         told.append((there.stability, true.stability))
-        now = leg.last
+        now = batch.last
     told = np.array(told)
     assert np.isfinite(told).all()
     assert np.abs(told[:, 0] / told[:, 1] - 1).max() < 1e-3

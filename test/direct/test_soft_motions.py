@@ -8,7 +8,7 @@ from motion_cases import LEVEL, tilted
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
-from dlo_planner.direct.integrator import entered
+from dlo_planner.direct.integrator import within_energy_budget
 
 DT = 0.02
 
@@ -78,18 +78,18 @@ def test_rates_that_are_renewed_are_no_gain_of_a_step():
 
 def test_one_step_does_not_use_up_what_a_motion_may_gain():
     def energies(balance):
-        return np.array([0.0, balance, 0.0, 0.0, 0.0, 0.0])
+        return np.array([0.0, balance, *np.zeros(7)])
 
-    books = np.zeros(5)
-    books[2] = 1e3  # potential energy has been as high: 1 J may be gained
+    budget = np.zeros(5)
+    budget[2] = 1e3  # potential energy has been as high: 1 J may be gained
     left, balance = 1.0, 0.0
     for _ in range(8):
-        kept = books.copy()
-        assert not entered(books, energies(balance + 0.6 * left), 1e-3, 0.0)
-        np.testing.assert_array_equal(books, kept)
-        assert entered(books, energies(balance + 0.4 * left), 1e-3, 0.0)
+        kept = budget.copy()
+        assert not within_energy_budget(budget, energies(balance + 0.6 * left), 1e-3, 0.0)
+        np.testing.assert_array_equal(budget, kept)
+        assert within_energy_budget(budget, energies(balance + 0.4 * left), 1e-3, 0.0)
         balance, left = balance + 0.4 * left, 0.6 * left
     # however little is left, a step that gains nothing is none that gains
-    assert entered(books, energies(balance), 1e-3, 0.0)
-    assert entered(books, energies(-5.0), 1e-3, 0.0)
-    assert not entered(books, energies(-4.0), 1e-3, 0.0)
+    assert within_energy_budget(budget, energies(balance), 1e-3, 0.0)
+    assert within_energy_budget(budget, energies(-5.0), 1e-3, 0.0)
+    assert not within_energy_budget(budget, energies(-4.0), 1e-3, 0.0)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 
 from dlo_planner import (
@@ -73,13 +74,20 @@ def test_the_commands_of_the_how_to_find_the_cable(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = (DOCS / 'howto' / 'your_cable.md').read_text().replace('\\\n', ' ')
     commands = [shlex.split(line)[1:] for line in re.findall(r'^ +(dlo-planner .*)$', text, re.M)]
-    assert [command[0] for command in commands] == ['identify', 'shape']
-    (tmp_path / 'my_cable.yaml').write_text(blocks('howto/your_cable.md', 'yaml')[1])
+    assert [command[0] for command in commands] == ['cable', 'identify', 'shape']
     real = DirectSimulator(Rod(0.8, 0.07, 0.03, 0.015, natural_curvature=(0.0, 0.2)))
     for name, way in (('level', (1, 0, 0)), ('up', (1, 0, 1))):
         points = real.solve(Pose.looking_along((0, 0, 1), way)).positions[6::3]
         np.savetxt(tmp_path / f'{name}.csv', points, delimiter=',', header='x,y,z', comments='')
     for command in commands:
+        if command[0] == 'identify':
+            written = yaml.safe_load((tmp_path / 'my_cable.yaml').read_text())
+            shown = yaml.safe_load(blocks('howto/your_cable.md', 'yaml')[1])
+            for one in (written, shown):
+                rod = one['/**']['ros__parameters']['rod']
+                assert rod.pop('torsional_stiffness') == pytest.approx(0.043, rel=0.01)
+                assert rod.pop('bending_stiffness') == pytest.approx([0.057] * 2, rel=0.01)
+            assert written == shown
         done = CliRunner().invoke(main, command)
         assert done.exit_code == 0, done.output
     found = (tmp_path / 'identified.yaml').read_text()
@@ -89,7 +97,8 @@ def test_the_commands_of_the_how_to_find_the_cable(tmp_path, monkeypatch):
 
 
 def test_the_code_of_each_equation_exists():
-    named = re.findall(r'`([a-z_.0-9]+)\.(\w+)`', (DOCS / 'equations.md').read_text())
+    text = (DOCS / 'theory.md').read_text().split('## Equations of the paper')[1]
+    named = re.findall(r'`([a-z_.0-9]+)\.(\w+)`', text)
     assert len(named) > 12
     assert [name for module, name in named
             if not hasattr(import_module(f'dlo_planner.{module}'), name)] == []
@@ -114,11 +123,12 @@ def commands(begin):
 
 def test_commands_that_pages_show_are_understood(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ('my_cable.yaml', 'identified.yaml', 'plan.npz', 'seen.csv', 'level.csv', 'up.csv'):
+    for name in ('my_cable.yaml', 'identified.yaml', 'insert.yaml', 'plan.npz', 'seen.csv',
+                 'level.csv', 'up.csv'):
         (tmp_path / name).touch()
     shown = {tuple(shlex.split(line)) for line in commands('dlo-planner')}
     assert {name for name, *_ in shown} >= {'doctor', 'shape', 'thread', 'replay', 'identify',
-                                            'map', 'figures'}
+                                            'map', 'cable', 'plan'}
     for name, *arguments in shown:
         if '--help' not in arguments:
             main.get_command(None, name).make_context(name, arguments)

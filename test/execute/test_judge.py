@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 from closed_loops import DEPTHS, NOISE, SPREAD, START, Truth, plan_of
 
-from dlo_planner import Box, InverseSimulator, Pose, Steered, Trajectory, correct
+from dlo_planner import (
+    Box,
+    CutOut,
+    InverseSimulator,
+    Pose,
+    Steered,
+    Thread,
+    Trajectory,
+    correct,
+)
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.judge import (
     bound_of,
@@ -23,9 +32,10 @@ from dlo_planner.execute.judge import (
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.trajectory import restored
-from dlo_planner.ros.camera import room_in
+from dlo_planner.ros.drive import room_of
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.state import Made
 
 SEEING = Seeing(SPREAD, NOISE)
 LARGEST, ROOM = 0.05, 4.25e-3  # m, of a correction; in the hole
@@ -208,5 +218,6 @@ def test_some_of_what_passes_is_looked_at():
 
 
 def test_the_room_in_a_cutout():
-    assert room_in(scene(cutouts__radius=5e-3)) == pytest.approx(ROOM)
-    assert room_in(scene()) is None
+    for radius, room in ((5e-3, pytest.approx(ROOM)), (None, None)):
+        task = Thread(CutOut(START, radius=radius))
+        assert room_of(Made(scene(), PLAN, None, None, task, None)) == room

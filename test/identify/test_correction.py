@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_loops import HOLE, NOISE, SPREAD, WIRE, Truth, plan_of, threaded
+from scipy.optimize import least_squares
 
 from dlo_planner import (
+    Capsule,
     ClosedLoop,
     CutOut,
     DirectSimulator,
@@ -17,9 +19,16 @@ from dlo_planner import (
     Observer,
     Phase,
     Pose,
+    PositionAt,
+    Sheet,
+    Sphere,
+    Through,
+    Workspace,
     correct,
 )
 from dlo_planner.identify import correction as correction_module
+from dlo_planner.model.pose import displaced
+from dlo_planner.model.rod import before as part_before
 from dlo_planner.plan.assembly import concatenate
 
 OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
@@ -90,12 +99,12 @@ def test_the_way_to_the_hole_goes_along():
         correction.offsets[first], (first, 1)), atol=1e-12)
 
 
-@pytest.mark.parametrize('found', [lambda shape: None,
-                                   lambda shape: replace(shape, stability=-0.5)])
+@pytest.mark.parametrize('found', [lambda given: [], lambda given: [one._replace(
+    shape=replace(one.shape, stability=-0.5)) for one in given]])
 def test_what_cannot_be_aimed_leaves_the_plan(monkeypatch, found):
-    aligned = correction_module.aligned_on
-    monkeypatch.setattr(correction_module, 'aligned_on',
-                        lambda *given: found(aligned(*given)))
+    follow = correction_module.follow
+    monkeypatch.setattr(correction_module, 'follow',
+                        lambda *given, **more: found(follow(*given, **more)))
     correction = correct(OBSERVER.begin(), PLAN, 3)
     assert not correction.converged
     assert correction.grippers == PLAN.grippers[3:]
@@ -103,13 +112,113 @@ def test_what_cannot_be_aimed_leaves_the_plan(monkeypatch, found):
     assert not correction.offsets.any()
 
 
-def test_plans_that_are_no_threading_are_refused():
-    two = CutOut(Pose.looking_along((0.7, 0.06, 1), (1, 0.2, 0)), radius=0.05)
-    plan = InverseSimulator(DirectSimulator(WIRE)).thread_two(HOLE, two)
-    with pytest.raises(InvalidTask, match='one cut-out'):
-        correct(OBSERVER.begin(), plan)
+BAR = Capsule((0.35, -0.5, 0.8), (0.35, 0.5, 0.8), 0.02)
+FREE, AROUND = (InverseSimulator(DirectSimulator(WIRE, obstacles=bodies)) for bodies in ((), [BAR]))
+TOUCHED = Pose.looking_along((0.35, 0.0, 0.82), (1.0, 0.0, 0.0))
+BORE = CutOut(HOLE.pose, radius=6e-3)
+
+
+def hole(x, y, z):
+    return CutOut(Pose.looking_along((x, y, z), (1.0, 0.2, 0.0)))
+
+
+TASKS = {'two': lambda: FREE.thread_two(HOLE, hole(0.7, 0.06, 1.0), depths=np.linspace(0, 0.5, 7)),
+         'three': lambda: FREE.thread_sequence(
+             [hole(0.4, 0.0, 1.0), hole(0.55, 0.03, 0.985), hole(0.7, 0.06, 0.97)],
+             depths=np.linspace(0, 0.6, 7)),
+         'insert': lambda: FREE.insert(BORE, depths=[0.0, 0.1, 0.3]),
+         'hold': lambda: AROUND.hold_contact(TOUCHED, 0.6),
+         'slide': lambda: AROUND.slide_contact(TOUCHED, [0.5, 0.52])}
+
+
+def estimated(rng, size=1.0):
+    """Return an Estimate that is sure of a DLO drawn from what was known."""
+    z = size * OBSERVER.uncertain.deviations * rng.normal(size=OBSERVER.uncertain.size)
+    estimate = OBSERVER.begin()
+    return type(estimate)(estimate.uncertain, z, 1e-6 * estimate.covariance)
+
+
+def taken(estimate, plan, k, gripper, shape):
+    """Return the Shape that the estimated DLO takes in a commanded pose."""
+    simulator, actual = estimate.simulator, estimate.actual(gripper)
+    if plan.shapes[k].contacts:
+        return DirectSimulator(estimate.rod, obstacles=[BAR], n_elements=shape.s.size - 1).solve(
+            actual, shape)
+    if plan.shapes[k].far_end is not None:
+        simulator = simulator.with_rod(part_before(estimate.rod, float(shape.s[-1])))
+    return simulator.solve(actual, shape)
+
+
+@pytest.mark.parametrize('task', TASKS)
+def test_plans_of_all_tasks_are_aimed_anew(task, rng):
+    plan = TASKS[task]()
+    as_stated = correct(OBSERVER.begin(), plan)
+    assert as_stated.converged
+    np.testing.assert_allclose(as_stated.offsets, 0.0, atol=1e-6)
+    estimate = estimated(rng)
+    found = correct(estimate, plan)
+    assert found.converged and np.abs(found.offsets[:, 3:]).max() > 1e-3
+    for k, passes in enumerate(plan.via_points):
+        shape, missed = found.shapes[k], []
+        for gripper in (found.grippers[k], plan.grippers[k]):
+            there, s = taken(estimate, plan, k, gripper, shape), passes[0][1]
+            planned = plan.shapes[k].frame_at(s)[1]
+            at = float(there.s[-1]) if plan.shapes[k].far_end is not None else s
+            ahead, (axes, place) = max(at - there.s[-1], 0.0), there.frame_at(min(at, there.s[-1]))
+            off = place + ahead * axes[:, 0] - planned
+            # of further ones the least distance, as many as can be hit
+            further = [Through(plan.shapes[k].frame_at(at)[1], s).residuals(there)
+                       for _, at, _ in passes[1:]]
+            missed.append(max(map(np.linalg.norm, [off, *further])))
+        assert missed[0] < (1e-3 if len(passes) > 2 else 2e-5)  # of another mesh
+        assert missed[0] < 0.2 * missed[1]
+        if plan.shapes[k].contacts:
+            assert there.contacts and np.isnan(found.miss.bound).all()
+
+
+def test_three_places_are_missed_as_little_as_can_be(rng):
+    plan, estimate = TASKS['three'](), estimated(rng)
+    found, k = correct(estimate, plan), len(plan) - 1
+    places = [plan.shapes[k].frame_at(s)[1] for _, s, _ in plan.via_points[k]]
+    goals = [PositionAt(plan.via_points[k][0][1], places[0]), *(Through(
+        place, plan.via_points[k][0][1]) for place in places[1:])]
+    simulator, shape = estimate.simulator, found.shapes[k]
+    gripper = estimate.actual(found.grippers[k])
+    scipy = least_squares(lambda x: np.concatenate([goal.residuals(simulator.solve(
+        displaced(gripper, x), shape)) for goal in goals]), np.zeros(6), xtol=1e-6)
+    # the gripper, too, stays where it can
+    assert np.sum(scipy.fun**2) > 0.7 * sum(np.sum(goal.residuals(shape)**2) for goal in goals)
+
+
+def test_it_is_judged_like_a_plan(rng):
+    estimate = estimated(rng)
+    assert correct(estimate, PLAN).violation is None  # nobody has looked
+    assert correct(estimate, PLAN, inverse=FREE).violation == ''
+    away = correct(estimate, PLAN).offsets[:, 3:]
+    room = PLAN.grippers[0].position + 0.5 * away[0]
+    box = Workspace(np.minimum(room, PLAN.grippers[0].position) - 0.5, np.where(
+        away[0] > 0, room, np.inf).clip(-9, 9))
+    assert 'beyond' in correct(estimate, PLAN, inverse=InverseSimulator(
+        DirectSimulator(WIRE), workspace=box)).violation
+    near = Sphere(correct(estimate, PLAN).shapes[5].positions_at(np.array([0.3]))[0], 2e-3)
+    broken = correct(estimate, PLAN, inverse=InverseSimulator(
+        DirectSimulator(WIRE, obstacles=[near]))).violation
+    assert 'waypoint' in broken and 'Sphere' in broken
+    wide = replace(PLAN, sheets=())
+    assert correct(estimate, wide, inverse=FREE).violation == ''
+    narrow = CutOut(HOLE.pose, radius=1.5 * WIRE.radius)
+    turned = estimated(rng, 3.0)
+    hit = correct(turned, replace(PLAN, sheets=((Sheet.around(narrow), HOLE.normal),)),
+                  inverse=FREE)
+    assert hit.violation == ''  # it goes through the middle, along the normal
+
+
+def test_what_is_no_correction_of_the_plan_is_refused():
     with pytest.raises(InvalidTask, match='before'):
         correct(OBSERVER.begin(), PLAN, 0, correct(OBSERVER.begin(), plan_of(depths=[0.0])))
+    with pytest.raises(InvalidTask, match='the DLO that is estimated'):
+        correct(OBSERVER.begin(), InverseSimulator(DirectSimulator(replace(WIRE, length=1.2)))
+                .thread(HOLE, depths=[0.0]))
 
 
 def test_the_strategy_goes_in_when_it_is_sure():

@@ -15,6 +15,7 @@ from dlo_planner import (
     DeadlineExceeded,
     DirectionAt,
     DirectSimulator,
+    FrameAt,
     GripperNear,
     Infeasible,
     InvalidTask,
@@ -52,6 +53,7 @@ LIBRARY = {
     'aiming': [Through((1.3, 0.3, 0.8))],
     'away': [AwayFrom([SPHERE, Plane((0, 0, 0.2), (0, 0, 1))], 0.4, 0.003)],
     'bend': [BentAtMost(0.4)], 'keep': [KeepTangent(0.2, 0.7, (1, 0.2, 0.3), 2.0)],
+    'frame': [FrameAt(0.7, Pose((0.5, 0.1, 0.8), (0.1, -0.2, 0.3, 0.9)), 2.0)],
     'own': [lambda shape: shape.positions[-1], lambda shape: shape.strains[5]]}
 
 
@@ -65,6 +67,15 @@ def test_slopes_against_differences(name, basis, rng):
     for k, change in enumerate(step * np.eye(6)):
         wanted = (search.residuals(x + change) - search.residuals(x - change)) / (2 * step)
         np.testing.assert_allclose(slopes[:, k], wanted, atol=1e-6)
+
+
+def test_a_frame_comes_to_its_pose():
+    goal = Pose((0.85, 0.15, 0.85), (0.05, 0.1, 0.1, 0.98))
+    found = minimize_penalty(DirectSimulator(STIFF), FrameAt(1.0, goal), START)
+    assert found.converged and found.penalty < 1e-12
+    axes, position = found.shape.frame_at(1.0)
+    np.testing.assert_allclose(axes, goal.rotation, atol=1e-6)
+    np.testing.assert_allclose(position, goal.position, atol=1e-6)
 
 
 def test_position_and_direction_are_met():

@@ -2,8 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a task does not take into account, it refuses; it never drops it in silence."""
 
+import pickle
+import re
+
 import numpy as np
 import pytest
+from hanging import hanging_and_stable
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     Capsule,
@@ -11,14 +16,17 @@ from dlo_planner import (
     DirectSimulator,
     FarEnd,
     GraspedInside,
+    Infeasible,
     InvalidTask,
     InverseSimulator,
     Pose,
     Rod,
     Uncertainty,
+    Workspace,
     robustness,
 )
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
+from dlo_planner.inverse.solvers.threading.one_cutout import certificate
 
 ROD = Rod(1.0, 0.05, 0.3, 0.25, radius=0.002)
 HOLE = CutOut(Pose.looking_along((1.0, 0.0, 1.0), (1, 0.2, 0)), radius=0.02)
@@ -100,3 +108,41 @@ def test_contact_tasks_meet_an_accuracy():
         contact, 0.6, forces=[0.6]) for how in ({'basis': 'local'}, {'accuracy': 1e-4}))
     assert fine.shapes[0].contacts and fine.shapes[0].error_estimate <= 1e-4
     np.testing.assert_allclose(fine.grippers[0].matrix, rough.grippers[0].matrix, atol=1e-3)
+
+
+LONG = Rod.circular(2.0, 1.5e-3, 8960.0, 110e9, 0.34)  # it hangs down from any gripper
+
+
+@pytest.fixture(scope='module')
+def tangents():
+    """Return heights (257, n) of the tangents of all stable LONGs that hang, by Runge-Kutta."""
+    ends = Rotation.random(1500, random_state=np.random.default_rng(1)).as_matrix()
+    weight = np.array([0, 0, -9.81 * LONG.node_masses(np.array([0.0, 2.0])).sum() / 2.0])
+    frames, stable = hanging_and_stable(LONG, weight, ends, steps=256)
+    return frames[:, stable][..., 2, 0]
+
+
+def test_a_refusal_says_where_there_are_stable_shapes(tangents):
+    inverse = InverseSimulator(DirectSimulator(LONG))
+    for z, said in ((-1.0, 'no stable one is along the normal at depth 0 m, where the plan begins'),
+                    (1.0, 'no stable one is along the normal at any depth')):
+        hole = CutOut(Pose.looking_along((0, 0, 1), (0.5, 0, z)))
+        with pytest.raises(Infeasible) as refused:
+            inverse.thread(hole)
+        told = pickle.loads(pickle.dumps(refused.value)).certificate
+        assert said in told
+        some = re.search(r'between ([\d.]+) and', told)
+        none_until = 1.9 if some is None else 0.9 * float(some.group(1))
+        # what turns about the vertical is another gripper
+        along = abs(tangents - hole.normal[2]) < 0.02
+        assert not along[round(256 * (1 - none_until / 2)):].any()
+        assert (some is not None) == along[round(256 * 0.05):].any()
+
+
+def test_where_there_is_a_way_the_certificate_shows_it():
+    inverse = InverseSimulator(DirectSimulator(ROD), workspace=Workspace(upper=(0.2, 9, 9)))
+    with pytest.raises(Infeasible) as refused:
+        inverse.thread(HOLE)
+    assert refused.value.constraint == 'workspace.upper.x' or refused.value.certificate == ''
+    assert certificate(DirectSimulator(ROD), HOLE, np.linspace(0, 0.5, 9)).endswith(
+        'in reach of each other')

@@ -7,50 +7,99 @@ import pytest
 from builtin_interfaces.msg import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dlo_planner import Box, Capsule, InvalidTask, Pose, Sphere
-from msg_helpers.markers import obstacle_markers
-from msg_helpers.obstacles import obstacles_after
+from dlo_planner import Box, Capsule, CutOut, Cylinder, InvalidTask, Plane, Pose, Sheet, Sphere
+from msg_helpers.obstacles import Body, obstacles_after, obstacles_msg
 
 TURNED = Pose((0.1, -0.2, 0.3), (0.1, -0.2, 0.3, 0.9))
-ALL = [Box(TURNED, (0.1, 0.2, 0.3)), Sphere((1, 2, 3), 0.4),
-       Capsule((0.1, 0.2, 0.3), (0.5, -0.2, 0.6), 0.02)]
+ENDS = (0.1, 0.2, 0.3), (0.5, -0.2, 0.6)
+HOLE = CutOut(TURNED.compose(Pose((0.0, 0.03, -0.02), (0, 0, 0, 1))), radius=0.01)
+ALL = [Box(TURNED, (0.1, 0.2, 0.3)), Sphere((1, 2, 3), 0.4, 0.2), Cylinder(*ENDS, 0.02, 0.3),
+       Capsule(*ENDS, 0.02), Plane((0.1, 0.2, 0.3), (1.0, 2.0, 2.0), 0.5),
+       Sheet(TURNED, 0.3, 0.2, 0.002, [HOLE], 0.1)]
 
 
-def shown(obstacles, before=0):
-    return obstacle_markers(obstacles, before, 'world', Time())
+def shown(obstacles=tuple(ALL), **more):
+    """Return the message of some obstacles, without the marker that takes those before away."""
+    message = obstacles_msg(obstacles, 'world', Time(), **more)
+    assert message.markers[0].action == Marker.DELETEALL
+    return MarkerArray(markers=message.markers[1:])
 
 
 def after(message, known=()):
     return obstacles_after(dict(known), message, 'world', 'obstacles')
 
 
-def test_there_and_back():
-    box, sphere, capsule = after(shown(ALL)).values()
-    np.testing.assert_allclose(box.pose.matrix, ALL[0].pose.matrix, atol=1e-12)
-    np.testing.assert_allclose(box.size, ALL[0].size)
-    np.testing.assert_allclose(sphere.center, ALL[1].center)
-    assert sphere.radius == pytest.approx(0.4)
-    ends = [tuple(np.round(end, 9)) for end in (capsule.start, capsule.end)]
-    assert sorted(ends) == sorted(tuple(np.round(end, 9)) for end in (ALL[2].start, ALL[2].end))
-    assert capsule.radius == pytest.approx(0.02)
+def numbers(obstacle):
+    """Return all numbers of an obstacle in a row."""
+    parts = [obstacle.friction]
+    for name in ('center', 'radius', 'start', 'end', 'point', 'normal', 'size', 'width', 'height',
+                 'thickness'):
+        parts.append(getattr(obstacle, name, ()))
+    for pose in [getattr(obstacle, 'pose', None), *(
+            one.pose for one in getattr(obstacle, 'cutouts', ()))]:
+        parts.append(() if pose is None else pose.matrix)
+    return np.concatenate([np.ravel(part) for part in parts])
+
+
+def test_each_obstacle_is_there_and_back_as_it_is():
+    back = [body.obstacle for body in after(shown()).values()]
+    assert [type(one) for one in back] == [type(one) for one in ALL]
+    for one, other in zip(back, ALL, strict=True):
+        np.testing.assert_allclose(numbers(one), numbers(other), atol=1e-9)
+    assert [body.obstacle.friction for body in after(shown(friction=0.7)).values()] == [0.7] * 6
+
+
+def test_a_plain_cylinder_is_one_with_flat_ends():
+    disc = Marker(ns='a', type=Marker.CYLINDER, action=Marker.ADD)
+    disc.header.frame_id, disc.pose.orientation.w = 'world', 1.0
+    disc.scale.x = disc.scale.y = 1.0
+    disc.scale.z = 0.02
+    body, = after(MarkerArray(markers=[disc])).values()
+    assert body == Body(Cylinder((0, 0, -0.01), (0, 0, 0.01), 0.5))
+    assert body.friction is None  # it says nothing of it
+
+
+def test_what_is_for_the_gripper_alone_comes_last():
+    message = shown(ALL[:2])
+    message.markers[0].text = '{role: workspace only}'
+    bodies = after(message)
+    assert list(bodies) == [('obstacles', 1), ('obstacles', 0)]
+    assert [body.role for body in bodies.values()] == ['all', 'workspace only']
 
 
 def test_what_is_gone_is_taken_away():
-    known = after(shown(ALL))
-    assert len(after(shown(ALL[:1], before=3), known)) == 1
-    one = Marker(ns='obstacle', id=1, action=Marker.DELETE)
-    assert list(after(MarkerArray(markers=[one]), known)) == [('obstacle', 0), ('obstacle', 2)]
-    for namespace, left in (('obstacle', 0), ('', 0), ('other', 3)):
+    known = after(shown(ALL[:3]))
+    assert len(after(obstacles_msg(ALL[:1], 'world'), known)) == 1
+    one = Marker(ns='obstacles', id=1, action=Marker.DELETE)
+    assert list(after(MarkerArray(markers=[one]), known)) == [('obstacles', 0), ('obstacles', 2)]
+    for namespace, left in (('obstacles', 0), ('', 0), ('other', 3)):
         everything = Marker(ns=namespace, action=Marker.DELETEALL)
         assert len(after(MarkerArray(markers=[everything]), known)) == left
 
 
 @pytest.mark.parametrize(('field', 'value', 'named'), [
-    ('type', Marker.ARROW, 'type = 0'), ('action', 7, 'action = 7')])
+    ('type', Marker.TRIANGLE_LIST, 'type = 11: expected CUBE, SPHERE, CYLINDER or ARROW'),
+    ('action', 7, 'action = 7'), ('text', 'table', "text = 'table': expected none, or YAML"),
+    ('text', '{fricton: 0.3}', 'some of friction, role, ends, cutouts'),
+    ('text', '{friction: -1}', 'text: friction = -1'), ('text', '{friction: [', 'text, line 1'),
+    ('text', '{role: none}', "text: role = 'none'"), ('text', 20_000 * 'x', '20000 characters'),
+    ('text', '{ends: round}', 'of a cylinder alone'), ('text', '{cutouts: []}', 'cube alone')])
 def test_what_is_no_obstacle_is_named(field, value, named):
-    message = shown(ALL)
+    message = shown()
     setattr(message.markers[1], field, value)
     with pytest.raises(InvalidTask, match=rf'markers\[1\].*{named}'):
+        after(message)
+
+
+@pytest.mark.parametrize(('number', 'text', 'named'), [
+    (0, '{cutouts: [{x: 0}]}', r'cutouts\[0\] = .*expected y, z and radius'),
+    (0, '{cutouts: [{y: 0, z: 0}]}', 'radius or width'), (0, '{cutouts: 3}', 'text: cutouts = 3'),
+    (0, '{cutouts: [{y: 1, radius: 0.01}]}', 'within the sheet'),
+    (2, '{ends: sharp}', "text: ends = 'sharp'")])
+def test_what_a_text_says_wrong_is_named(number, text, named):
+    message = shown()
+    message.markers[number].text = text
+    with pytest.raises(InvalidTask, match=rf'markers\[{number}\].*{named}'):
         after(message)
 
 
@@ -58,14 +107,14 @@ def test_what_is_no_obstacle_is_named(field, value, named):
     (0, 'x', 0.0, 'above 0'), (0, 'y', float('nan'), 'above 0'), (1, 'x', 1.0, 'sphere'),
     (2, 'x', 1.0, 'round cylinder')])
 def test_absurd_sizes_are_named(number, axis, value, named):
-    message = shown(ALL)
+    message = shown()
     setattr(message.markers[number].scale, axis, value)
     with pytest.raises(InvalidTask, match=rf'markers\[{number}\].*{named}'):
         after(message)
 
 
 def test_another_frame_is_named():
-    message = shown(ALL)
+    message = shown()
     message.markers[2].header.frame_id = 'map'
     with pytest.raises(InvalidTask, match=r"markers\[2\].header.frame_id = 'map'"):
         after(message)

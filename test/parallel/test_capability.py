@@ -22,8 +22,8 @@ from dlo_planner import (
     Rod,
     Workspace,
 )
-from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map, slices
-from dlo_planner.parallel.picture import QUANTITIES
+from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
+from dlo_planner.parallel.capability import QUANTITIES
 from dlo_planner.parallel.store import fingerprint
 
 DEPTHS = np.linspace(0, 0.8, 5)
@@ -168,14 +168,14 @@ def test_a_killed_worker_costs_nothing(inverse, serial, tmp_path):
 def test_what_takes_too_long_is_undecided(inverse, tmp_path):
     found = capability_map(inverse, GRID, depths=DEPTHS, patience=1e-9)
     assert (found.outcome == 'undecided').all() and not found.threaded.any()
-    figure = slices(found, 'z', 'clearance')  # crosses alone
+    figure = found.plot(axis='z', quantity='clearance')  # crosses alone
     figure.savefig(tmp_path / 'crosses.png')
     assert not sum(len(axis.collections[0].get_offsets()) for axis in figure.axes[:2])
 
 
 @pytest.mark.parametrize('quantity', QUANTITIES)
 def test_slices(serial, quantity):
-    figure = slices(serial, 'x', quantity)
+    figure = serial.plot(axis='x', quantity=quantity)
     shown = [axis for axis in figure.axes if axis.get_title()]
     assert [axis.get_title() for axis in shown] == ['x = 0.4 m', 'x = 1.4 m']
     for axis in shown:

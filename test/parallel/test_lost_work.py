@@ -6,8 +6,7 @@ import os
 import signal
 import threading
 import time
-from concurrent.futures import Future, ProcessPoolExecutor
-from functools import partial
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from multiprocessing import get_context
 
 import pytest
@@ -82,61 +81,38 @@ def test_a_worker_that_dies_while_it_answers(tmp_path):
     assert len(list(tmp_path.iterdir())) == 8
 
 
-class Halved(ProcessPoolExecutor):
-    """A pool of which a worker is killed when half of its answer is on its way."""
+class Broken(ProcessPoolExecutor):
+    """A pool whose worker is killed as soon as it has work; counts how many were made."""
 
-    halved = 0
+    made = 0
 
-    def submit(self, function, /, *arguments):
-        future = super().submit(function, *arguments)
-        if type(self).halved < 2 and len(self._pending_work_items) > 1:
-            type(self).halved += 1
-            self._result_queue._writer._send((1000).to_bytes(4, 'big') + b'half')
-            os.kill(next(iter(self._processes)), signal.SIGKILL)
-        return future
-
-
-def test_half_of_an_answer_is_not_waited_for(tmp_path):
-    Halved.halved = 0
-    tasks = [(k, tmp_path) for k in range(8)]
-    assert done(number_of, tasks, partial(Halved, 2, mp_context=FORK)) == list(range(8))
-    assert Halved.halved == 2
-
-
-class Forgetful(ProcessPoolExecutor):
-    """A pool that breaks while it is given work, and never says what became of that."""
-
-    forgotten = 0
+    def __init__(self):
+        type(self).made += 1
+        super().__init__(1, mp_context=FORK)
 
     def submit(self, function, /, *arguments):
         future = super().submit(function, *arguments)
-        if arguments[0][0] % 3 == 2 and type(self).forgotten < 3:
-            type(self).forgotten += 1
-            os.kill(next(iter(self._processes)), signal.SIGKILL)
-            while not self._broken:
-                time.sleep(1e-3)
-            return Future()
+        os.kill(next(iter(self._processes)), signal.SIGKILL)
         return future
 
 
-@pytest.mark.parametrize('own', [True, False])
-def test_a_broken_pool_that_forgets_is_left(tmp_path, own):
-    Forgetful.forgotten = 0
-    make = partial(Forgetful, 2, mp_context=FORK)
-    tasks = [(k, tmp_path) for k in range(12)]
-    if own:
-        assert done(number_of, tasks, make) == list(range(12))
-        assert Forgetful.forgotten == 3
-    else:
-        with make() as given:
-            assert done(number_of, tasks, given) == list(range(12))
-        assert Forgetful.forgotten == 1  # the next one is a pool like any other
+def sleeps(_):
+    time.sleep(60)
 
 
-def test_what_was_begun_and_is_forgotten_is_said(tmp_path):
-    Forgetful.forgotten = 0
-    tasks = [(k, tmp_path) for k in range(4)]
-    with Crew(partial(Forgetful, 2, mp_context=FORK), Deadline()) as crew:
-        results = crew.gathered(crew.begin(number_of, tasks[:3]))
-        assert results[2] is None
-        assert crew.gathered(crew.begin(number_of, tasks[3:])) == [3]
+def test_a_pool_is_made_anew_once_in_a_row():
+    Broken.made = 0
+    with pytest.raises(BrokenExecutor), Crew(Broken, Deadline()) as crew:
+        crew.run(sleeps, [(0, None)], lambda *_: None)
+    assert Broken.made == 2
+    with pytest.raises(BrokenExecutor), Broken() as given, Crew(given, Deadline()) as crew:
+        crew.run(sleeps, [(0, None)], lambda *_: None)
+    assert Broken.made == 3
+
+
+def test_what_was_begun_and_is_lost_is_said():
+    with Crew(pool, Deadline()) as crew:
+        futures = crew.begin(sleeps, [(0, None)])
+        os.kill(next(iter(crew._executor._processes)), signal.SIGKILL)
+        assert crew.gathered(futures) == [None]
+        assert crew.gathered(crew.begin(number_of, [(3, None)])) == [3]

@@ -3,13 +3,11 @@
 """Many shapes at once are those that one after the other would give, whoever computes them."""
 
 import os
-import pickle
 import signal
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from multiprocessing import get_context
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,8 +28,7 @@ from dlo_planner import (
 )
 from dlo_planner.model.pose import pose_of
 from dlo_planner.parallel.chains import parts_of
-from dlo_planner.parallel.memory import Room
-from dlo_planner.parallel.pieces import Piece, Shared, arrays_of, result_of
+from dlo_planner.parallel.pieces import arrays_of
 from dlo_planner.progress import interrupted_by
 
 BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
@@ -83,61 +80,6 @@ def test_each_by_itself_is_what_solve_gives(simulator, anywhere):
     with ThreadPoolExecutor(2) as executor:
         assert parallel.map(simulator, anywhere, executor, chunk=7) == alone
     assert parallel.map(simulator, anywhere, processes, chunk=7) == alone
-
-
-class _Noting(ThreadPoolExecutor):
-    """Threads, of which the futures are kept."""
-
-    def __init__(self):
-        super().__init__(2)
-        self.given = []
-
-    def submit(self, function, /, *args, **kwargs):
-        self.given.append(super().submit(function, *args, **kwargs))
-        return self.given[-1]
-
-
-def test_threads_write_to_where_the_results_are(simulator, anywhere):
-    with _Noting() as executor:
-        parallel.map(simulator, anywhere, executor, chunk=7)
-    results = [future.result() for future in executor.given]
-    assert [(one.rows, one.placed) for one in results] == 5 * [({}, 7)] + [({}, 5)]
-
-
-@pytest.mark.skipif(not (hasattr(os, 'memfd_create') and Path('/proc/self/fd').exists()),
-                    reason='no files in memory that other processes reach')
-def test_processes_write_there_too_where_they_can(simulator, anywhere):
-    serial = solve_many(simulator, anywhere)
-    with Room(len(anywhere), 32, shared=True) as room:
-        piece = Piece(Shared(simulator), *arrays_of(anywhere[8:16]), tuple(range(8)),
-                      into=room.part(8, 16))
-        with processes() as executor:
-            result = executor.submit(result_of, piece).result()
-        packed = pickle.dumps(piece)
-    assert (result.rows, result.placed) == ({}, 8)
-    for name, values in room.filled.columns.items():
-        np.testing.assert_array_equal(values[8:16], getattr(serial, name)[8:16], name)
-    # another machine has no such file, nor has this one any more: from there results are sent
-    with Room(3, 5, shared=True):  # but another one
-        result = result_of(pickle.loads(packed))
-    np.testing.assert_array_equal(result.rows['frames'], serial.frames[8:16])
-    piece = Piece(Shared(simulator), *arrays_of(anywhere), into=Room(40, 32, False).part(0, 40))
-    assert pickle.loads(pickle.dumps(piece)).into is None
-
-
-@pytest.mark.parametrize('refused', ['memfd_create', 'posix_fallocate'])
-def test_results_are_sent_where_the_system_has_no_memory_to_share(simulator, anywhere, refused,
-                                                                  monkeypatch):
-    def refuse(*_):
-        raise OSError('no')
-
-    monkeypatch.setattr(f'dlo_planner.parallel.memory.os.{refused}', refuse, raising=False)
-    before = len(os.listdir('/proc/self/fd')) if Path('/proc/self/fd').exists() else 0
-    with Room(len(anywhere), 32, shared=True) as room:
-        assert pickle.loads(pickle.dumps(room.part(0, 8))) is None
-        assert room.filled.columns['positions'].shape == (len(anywhere), 33, 3)
-    after = len(os.listdir('/proc/self/fd')) if Path('/proc/self/fd').exists() else 0
-    assert after == before
 
 
 def test_arrays_of_poses():
@@ -279,22 +221,19 @@ class _Dying(ProcessPoolExecutor):
         return future
 
 
-@pytest.mark.parametrize('own', [True, False])
-def test_a_killed_worker_costs_nothing(simulator, anywhere, own):
+def test_a_killed_worker_costs_nothing(simulator, anywhere):
     _Dying.killed = 0
     make = partial(_Dying, 2, mp_context=get_context('fork'))
     reported = []
-    if own:
-        shapes = parallel.map(simulator, anywhere, make, chunk=2,
-                              progress=lambda *both: reported.append(both))
-    else:
-        with make() as executor:
-            shapes = parallel.map(simulator, anywhere, executor, chunk=2,
-                                  progress=lambda *both: reported.append(both))
+    shapes = parallel.map(simulator, anywhere, make, chunk=2,
+                          progress=lambda *both: reported.append(both))
     assert shapes == solve_many(simulator, anywhere)
     assert _Dying.killed > 3
     assert reported[-1] == (40, 40)
     assert reported == sorted(set(reported))
+    _Dying.killed = 0
+    with make() as executor, pytest.raises(BrokenProcessPool):  # who gave it has to make another
+        parallel.map(simulator, anywhere, executor, chunk=2)
 
 
 def _die(_):

@@ -148,3 +148,16 @@ def test_where_an_arc_length_stands_in_the_hole():
     for s in (0.05, 1.01):
         with pytest.raises(InvalidTask, match='0.1 to 1 m'):
             plan.at_arc_length(s)
+
+
+def test_each_waypoint_has_goals_whose_residuals_are_its_misses():
+    inverse = planner(np.inf)
+    plan = inverse.thread(HOLE, depths=DEPTHS[:3])
+    way = inverse.approach(HOLE, plan, Pose.looking_along((-1.5, 0, 1), (1, 0, 0)), standoff=0.05)
+    whole = concatenate(way, plan)
+    assert [[type(goal).__name__ for goal in goals] for goals in whole.goals] == (
+        [['FrameAt']] * len(way) + [['PositionAt', 'DirectionAt']] * 2)
+    aside = [shape.moved((0.0, 3e-3, 0.0)) for shape in whole.shapes]
+    for goals, shape, moved in zip(whole.goals, whole.shapes, aside, strict=True):
+        assert all(np.linalg.norm(goal.residuals(shape)) < 1e-9 for goal in goals)
+        assert np.linalg.norm(goals[0].residuals(moved)) == pytest.approx(3e-3)

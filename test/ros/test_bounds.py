@@ -10,8 +10,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dlo_planner import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.model.checks import shown
-from dlo_planner.ros.door import bodies_in, brief_text, pose_in
-from dlo_planner.ros.frames import OneFrame
+from dlo_planner.ros.inputs import OneFrame, bodies_in, brief_text, pose_in
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
 from msg_helpers.poses import pose_from_stamped

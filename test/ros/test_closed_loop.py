@@ -15,11 +15,11 @@ from planner_process import PATIENCE, ROOM, connected_client, drain, first, unti
 from rclpy.exceptions import InvalidHandle
 from sensor_msgs.msg import PointCloud2
 
+from demo.follower import Follower
 from dlo_planner import CutOut, Pose, Rod, Uncertainty
 from dlo_planner.execute.causes import Cause
 from dlo_planner.identify.predicted_miss import crossing
-from dlo_planner.ros.follower import Follower
-from dlo_planner.ros.qos import ALL_LATCHED, LATEST, REQUEST
+from dlo_planner.ros.managed import ALL_LATCHED, LATEST, REQUEST
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.diagnostics import WARN
 from msg_helpers.poses import pose_stamped_msg

@@ -20,8 +20,8 @@ from planner_process import (
 )
 from streams import largest
 
+from demo.follower import Follower
 from dlo_planner import Limits, Pose
-from dlo_planner.ros.follower import Follower
 from msg_helpers.poses import pose_from_msg
 
 _UNDER_WAY = 2.0  # s, at the top speed of this motion about

@@ -13,7 +13,7 @@ from planner_process import connected_client
 from sensor_msgs.msg import PointCloud2
 
 from dlo_planner import Pose
-from dlo_planner.ros.qos import LATEST
+from dlo_planner.ros.managed import LATEST
 from msg_helpers.clouds import cloud_msg
 
 ANSWERED = 20.0  # s; a service that starves gets no answer as long as the flood goes on

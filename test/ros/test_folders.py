@@ -7,8 +7,8 @@ import tempfile
 
 import pytest
 
-from dlo_planner.ros import folders
-from dlo_planner.ros.folders import find_temporary, log_arguments
+from dlo_planner.ros import main as folders
+from dlo_planner.ros.main import find_temporary, log_arguments
 
 NO_FILE = ['--ros-args', '--disable-external-lib-logs']
 

@@ -18,9 +18,16 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner import Pose
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.ros.camera import points_in
-from dlo_planner.ros.door import bodies_in, goals_in, markers_in, pose_in
-from dlo_planner.ros.frames import OneFrame, TfFrames, frames_of
+from dlo_planner.ros.estimate import points_in
+from dlo_planner.ros.inputs import (
+    OneFrame,
+    TfFrames,
+    bodies_in,
+    frames_of,
+    goals_in,
+    markers_in,
+    pose_in,
+)
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
 from msg_helpers.clouds import cloud_msg
@@ -124,7 +131,7 @@ def test_obstacles_are_transformed(frames):
     gone = Marker(header=Header(frame_id='nowhere'), action=Marker.DELETEALL)
     msg = markers_in(SCENE, MarkerArray(markers=[gone, marker]), 'obstacles', frames)
     box, = obstacles_after({}, msg, 'world', 'obstacles').values()
-    np.testing.assert_allclose(box.pose.matrix, expected(), atol=1e-12)
+    np.testing.assert_allclose(box.obstacle.pose.matrix, expected(), atol=1e-12)
     assert marker.header.frame_id == 'camera'  # what came is not changed
     np.testing.assert_allclose(pose_from_msg(marker.pose).matrix, SEEN.matrix)
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 from std_srvs.srv import Trigger
 
-from dlo_planner.ros.gate import Gate
+from dlo_planner.ros.managed import Gate
 
 
 class Recorder:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, Pose, ValidationReport
-from dlo_planner.ros.health import Health
-from dlo_planner.ros.proof import Proof
+from dlo_planner.ros.state import Proof
+from dlo_planner.ros.status import Health
 from msg_helpers.diagnostics import ERROR, OK, WARN
 
 

@@ -8,13 +8,13 @@ import pytest
 import rclpy
 from planner_process import PATIENCE, until
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Int32
 
-from dlo_planner.ros.latched import Once, hear_latched
-from dlo_planner.ros.qos import CHANGES
+from dlo_planner.ros.managed import CHANGES, Once, hear_latched
 
 LATCHED = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -28,6 +28,13 @@ class AsGate:
     def create_subscription(self, *arguments, always, **options):
         assert always
         return self.node.create_subscription(*arguments, **options)
+
+    def create_timer(self, *arguments, always, **options):
+        assert always
+        return self.node.create_timer(*arguments, **options)
+
+    def get_publishers_info_by_topic(self, topic):
+        return self.node.get_publishers_info_by_topic(topic)
 
 
 @pytest.fixture
@@ -57,7 +64,7 @@ def pair(domain):
 
 def hear(hearer, heard):
     hear_latched(AsGate(hearer), Int32, 'numbers', lambda msg: heard.append(msg.data), CHANGES,
-                 MutuallyExclusiveCallbackGroup())
+                 hearer.get_clock(), MutuallyExclusiveCallbackGroup())
 
 
 def wait_for(publisher, number):
@@ -75,22 +82,33 @@ def test_what_was_latched_before_is_heard_once(pair):
 
 def test_what_is_latched_later_is_heard_once(pair):
     sender, hearer, heard, spin = pair
-    publisher = sender.create_publisher(Int32, 'numbers', LATCHED)
     hear(hearer, heard)
-    wait_for(publisher, 2)
-    for number in (1, 1, 2, 2):  # equal contents are messages of their own
+    publisher = sender.create_publisher(Int32, 'numbers', LATCHED)
+    publisher.publish(Int32(data=1))
+    assert spin(1) == [1]
+    assert until(lambda: spin(1) and publisher.get_subscription_count() == 2)
+    for number in (1, 2, 2):  # equal contents are messages of their own
         publisher.publish(Int32(data=number))
     assert spin(4) == [1, 1, 2, 2]
 
 
-def test_an_ordinary_publisher_is_heard(pair):
+def test_an_ordinary_publisher_is_heard_and_not_warned(pair):
     sender, hearer, heard, spin = pair
-    publisher = sender.create_publisher(Int32, 'numbers', QoSProfile(depth=10))
+    warned = []
+    publisher = sender.create_publisher(
+        Int32, 'numbers', QoSProfile(depth=10),
+        event_callbacks=PublisherEventCallbacks(incompatible_qos=warned.append))
+    watching = SingleThreadedExecutor(context=sender.context)
+    watching.add_node(sender)
     hear(hearer, heard)
     wait_for(publisher, 1)
     for number in range(5):
         publisher.publish(Int32(data=number))
     assert spin(5) == [0, 1, 2, 3, 4]
+    for _ in range(10):
+        watching.spin_once(timeout_sec=0.1)
+    watching.shutdown()
+    assert not warned
 
 
 def test_messages_without_a_time_are_not_taken_for_copies():

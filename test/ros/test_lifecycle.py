@@ -34,7 +34,7 @@ from dlo_planner import (
 )
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Execution, Guards, Heard
-from dlo_planner.ros.qos import CHANGES, LATCHED
+from dlo_planner.ros.managed import CHANGES, LATCHED
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
@@ -214,6 +214,7 @@ def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witn
         heard = Heard(plan.grippers[0], time.monotonic())
         node._parts.store.change(lambda now: replace(now, execution=execution, heard=heard))
         node._drive._finished = False
+        node._drive._timer.reset()
         assert witness.wait_for(lambda: len(commands) > fast)
         assert change(witness, 'deactivate')
         number = -1

@@ -16,9 +16,9 @@ from std_msgs.msg import Bool
 from streams import largest
 from visualization_msgs.msg import MarkerArray
 
+from demo.follower import Follower
 from dlo_planner.execute.causes import Cause
-from dlo_planner.ros.follower import Follower
-from dlo_planner.ros.planning import make_plan
+from dlo_planner.ros.plan import make_plan
 from msg_helpers.poses import pose_from_msg, pose_msg
 
 
@@ -94,7 +94,7 @@ def held_plan(monkeypatch):
         go.wait(PATIENCE)
         return make_plan(*arguments)
 
-    monkeypatch.setattr('dlo_planner.ros.requests.make_plan', made)
+    monkeypatch.setattr('dlo_planner.ros.plan.make_plan', made)
     yield begun, go
     go.set()
 

@@ -36,7 +36,7 @@ REQUESTS = {
                         'task_goal: Pose.quaternion = [0.0, 0.0, 0.0, 1e+200]'),
     'far': (lambda c: c._goal_out.publish(stamped(Pose((1e20, 0, 0), (0, 0, 0, 1)))), 'task_goal',
             103, 'workspace.reach = 1000 m'),
-    'no goals': (lambda c: c._goals_out.publish(Goals()), 'task_goals', 105, 'one or two'),
+    'no goals': (lambda c: c._goals_out.publish(Goals()), 'task_goals', 105, 'expected 1 to 100'),
     'goals': (lambda c: c.send_goals([GOAL]), 'task_goals', 0, '12 gripper poses'),
     'shape': (lambda c: c.predict_shape(HERE), 'predict_shape', 0, '65 nodes'),
     'far shape': (lambda c: c.predict_shape(Pose((0, 2e3, 0), (0, 0, 0, 1))), 'predict_shape', 103,

@@ -7,8 +7,9 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dlo_planner.ros.overrides import take_overrides
-from dlo_planner.ros.parameters import declare
+from dlo_planner import InvalidTask
+from dlo_planner.ros.parameters import declare, take_overrides
+from dlo_planner.settings.building import NEEDED
 from dlo_planner.settings.entries import ENTRIES
 from dlo_planner.settings.names import unknown_parameter
 
@@ -51,13 +52,24 @@ def test_all_values_are_taken_and_nothing_of_rclpy(context):
 
 
 def test_values_are_declared_with_the_types_and_limits_of_the_table(context):
-    node = node_with(context, rod__length=2, rod__name='x', gravity=[0, 0, -10],
+    wire = {f'rod__{name}': ENTRIES[f'rod.{name}'].default for name in NEEDED['round']}
+    node = node_with(context, **wire | {'rod__length': 2}, rod__name='x', gravity=[0, 0, -10],
                      nonsense__entirely=1)
     declare(node)
     assert node.get_parameter('rod.length').value == 2.0
     assert node.get_parameter('rod.length').type_ is Parameter.Type.DOUBLE
     assert list(node.get_parameter('gravity').value) == [0.0, 0.0, -10.0]
-    assert node.get_parameter('rod.diameter').value == ENTRIES['rod.diameter'].default
     assert node.describe_parameter('rod.length').floating_point_range[0].to_value == 100.0
     assert not node.has_parameter('nonsense.entirely')
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(('given', 'named'), [
+    ({}, 'rod.length, rod.diameter, rod.density'), ({'rod__length': 2.0}, 'rod.diameter'),
+    ({'rod__mas_per_length': 0.1}, 'mas_per_length does not exist'),
+    ({'rod__section': 'stiffness'}, 'rod.bending_stiffness')])
+def test_no_wire_stands_in_for_a_dlo_that_is_described_in_part(context, given, named):
+    node = node_with(context, **given)
+    with pytest.raises(InvalidTask, match=named):
+        declare(node)
     node.destroy_node()

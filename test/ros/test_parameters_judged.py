@@ -11,8 +11,7 @@ from dlo_planner import Pose
 from dlo_planner.execute.execution import Execution
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import State
-from dlo_planner.ros.store import Store
+from dlo_planner.ros.state import State, Store
 from dlo_planner.ros.surroundings import Surroundings
 
 VALUES = {name: entry.default for name, entry in ENTRIES.items()}
@@ -27,12 +26,14 @@ def judged(phase, **changed):
     made = []
     node = SimpleNamespace(add_on_set_parameters_callback=made.append,
                            add_post_set_parameters_callback=lambda _: None,
-                           create_subscription=lambda *_, **__: None)
+                           create_subscription=lambda *_, **__: None,
+                           create_timer=lambda *_, **__: None,
+                           get_publishers_info_by_topic=lambda _: ())
     execution = Execution(None, Pose.identity(), 'world', phase=phase)
     state = State(build_scene(VALUES), VALUES, execution=execution)
     parts = SimpleNamespace(store=Store(state), health=None, reporter=None, picture=None,
                             frames=None)
-    Surroundings(node, parts, None)
+    Surroundings(node, parts, None, None)
     return made[0]([Parameter(name.replace('__', '.'), value=value)
                     for name, value in changed.items()])
 

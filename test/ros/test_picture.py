@@ -107,7 +107,7 @@ def test_what_cannot_be_made_leaves_the_rest():
     picture = Picture(messages.append)
     show(picture, 'command', command_markers(LEVEL, 'world', STAMP))
     picture.show('shape', lambda: 1 / 0)
-    ball = obstacle_markers([Sphere((0, 0, 0), 0.1)], 0, 'world', STAMP)
+    ball = obstacle_markers([Sphere((0, 0, 0), 0.1)], 'world', STAMP)
     picture.show('obstacles', lambda: (ball,))
     with pytest.raises(ZeroDivisionError):
         picture.flush()

@@ -10,8 +10,8 @@ from planner_process import ROOM, drain, first, quiet, until
 from scipy.interpolate import CubicSpline
 from visualization_msgs.msg import Marker
 
+from demo.follower import Follower
 from dlo_planner import DirectSimulator, Pose, Rod
-from dlo_planner.ros.follower import Follower
 from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_from_msg, pose_msg
 

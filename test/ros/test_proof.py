@@ -9,7 +9,7 @@ from dlo_planner import Limits, Plane, Pose, replay
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.parameters import ENTRIES
-from dlo_planner.ros.planning import make_plan
+from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.worker import ProcessLost
@@ -25,7 +25,7 @@ def scene_with(obstacles=(), **values):
 
 
 def proved(scene, plan=None, replayed=replay):
-    plan = plan or make_plan(scene, [GOAL], None, None)[0]
+    plan = plan or make_plan(scene, through(scene, [GOAL]), None, None)[0]
     return plan, list(proofs(replayed, scene, plan, None))
 
 
@@ -76,7 +76,7 @@ def test_a_motion_that_cannot_be_made_calm_is_refused_with_the_figure_that_fails
 
 
 def test_a_plan_that_the_dlo_does_not_follow_is_not_even_moved():
-    plan = make_plan(scene_with(), [GOAL], None, None)[0]
+    plan = make_plan(scene_with(), through(scene_with(), [GOAL]), None, None)[0]
     other = scene_with(rod__density=12000.0)  # hangs elsewhere than planned
     asked = []
     _, (only,) = proved(other, plan, lambda **given: asked.append(given) or replay(**given))
@@ -128,7 +128,7 @@ def test_what_is_not_wanted_any_more_ends_the_proof():
 
 
 def test_what_may_not_be_touched_counts_in_motion_as_well(monkeypatch):
-    plan = make_plan(scene_with(), [GOAL], None, None)[0]
+    plan = make_plan(scene_with(), through(scene_with(), [GOAL]), None, None)[0]
     gripper = max(pose.position[2] for pose in plan.grippers)
     highest = max(shape.positions[:, 2].max() for shape in plan.shapes) + 0.75e-3
     # nearer than the rim of the hole, and planned to be so
@@ -149,6 +149,6 @@ def test_what_may_not_be_touched_counts_in_motion_as_well(monkeypatch):
 def test_two_cutouts_move_calmly():
     scene = scene_with(threading__deepest=0.5)
     second = Pose.looking_along((0.25, 0.05, 0.97), (1.0, 0.0, 0.0))
-    plan = make_plan(scene, [GOAL, second], None, None)[0]
+    plan = make_plan(scene, through(scene, [GOAL, second]), None, None)[0]
     _, (_, moving) = proved(scene, plan)
     assert moving.safe and 0 < moving.report.max_tracking_error < 1e-3

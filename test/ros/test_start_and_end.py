@@ -50,12 +50,12 @@ def test_signals_are_heard_while_it_starts(domain, tmp_path, seconds, number):
 
 def test_signals_are_heard_during_a_long_plan_and_misspelt_parameters_are_named(domain, tmp_path):
     arguments = ('-p', 'threading.waypoints:=10000', '-p', 'rod.diameter:=0.0015', '-p',
-                 'rod.lenght:=3.0')
+                 'gravitiy:=3.0')
 
     def took():
         with running_planner(tmp_path, *arguments) as planner, connected_client(planner) as client:
-            assert 'parameter rod.lenght does not exist' in planner.log
-            assert 'did you mean rod.length?' in planner.log
+            assert 'parameter gravitiy does not exist' in planner.log
+            assert 'did you mean gravity?' in planner.log
             client.send_goal(Pose.looking_along((0, 0, 1), (1, 0, 0)))
             time.sleep(0.3)
             begun = time.monotonic()
@@ -86,7 +86,7 @@ def test_whole_numbers_in_yaml_are_taken_for_doubles(domain, tmp_path):
 @pytest.mark.parametrize(('argument', 'reason'), [
     ('rod.length:=-1.0', 'rod.length'),
     ('rod.section:=oval', "rod.section = 'oval'"),
-    ('rod.length:=long', "rod.length = 'long'"),
+    ('rod.natural_twist:=long', "rod.natural_twist = 'long'"),
     ('gravity:=[down]', 'gravity'),
 ])
 def test_bad_parameters_end_the_start_with_a_reason(domain, tmp_path, argument, reason):

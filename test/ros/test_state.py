@@ -20,17 +20,17 @@ from dlo_planner.plan.assembly import truncate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.plan import PlanStatus
 from dlo_planner.ros.parameters import ENTRIES
-from dlo_planner.ros.planning import Made, make_plan
-from dlo_planner.ros.proof import Proof, proofs
-from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import State, carried, ready
-from dlo_planner.ros.store import Store
+from dlo_planner.ros.plan import make_plan, through
+from dlo_planner.ros.proof import proofs
+from dlo_planner.ros.scene import build_scene, scene_of
+from dlo_planner.ros.state import Made, Proof, State, Store, carried, ready
+from msg_helpers.obstacles import Body
 
 VALUES = {**{name: entry.default for name, entry in ENTRIES.items()}, 'rod.diameter': 1.5e-3,
           'threading.waypoints': 8, 'threading.deepest': 0.3, 'rod.damping': [0.5, 0.0]}
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 HERE = Pose.looking_along((0.0, 0.1, 1.0), (1.0, 0.2, 0.0))
-BALL = {('cell', 3): Sphere((0, 5, 5), 0.1)}
+BALL = {('cell', 3): Body(Sphere((0, 5, 5), 0.1))}
 
 
 def values(**changed):
@@ -38,15 +38,16 @@ def values(**changed):
 
 
 def scene(bodies=(), **changed):
-    return build_scene(values(**changed), tuple(bodies))
+    return build_scene(values(**changed), tuple(body.obstacle for body in bodies))
 
 
 @pytest.fixture(scope='module')
 def proved():
     """Return a State whose plan is proved, with a gripper at its beginning at time 10."""
     state = State(scene(), VALUES)
-    plan, _, before = make_plan(state.scene, [GOAL], None, None)
-    made = Made(state.scene, plan, before, None)
+    task = through(state.scene, [GOAL])
+    plan, before = make_plan(state.scene, task, None, None)
+    made = Made(state.scene, plan, before, None, task, None)
     proof = list(proofs(replay, state.scene,
                         plan, before))[-1]
     assert proof.safe and proof.cause == Cause.DONE
@@ -288,7 +289,7 @@ def test_each_guard_and_figure_of_seeing_is_that_of_its_parameter():
     assert {name: getattr(made.guards if hasattr(made.guards, one) else made.seeing, one)
             for one, name in named.items()} == given
     assert build_scene({**VALUES, 'observe.robot_time': 0.0}).seeing.robot_time == np.inf
-    assert scene([*BALL.values()]).solid.keep_out == tuple(BALL.values())
+    assert scene([*BALL.values()]).solid.keep_out == tuple(body.obstacle for body in BALL.values())
 
 
 def test_nothing_is_lost_when_several_threads_change_it():
@@ -326,3 +327,12 @@ def test_the_gripper_is_at_the_start_where_its_tool_frame_is(proved):
         with pytest.raises(Refused) as refused:
             ready(state.hearing(Heard(wrong, 10.0)), 10.0)
         assert refused.value.cause == Cause.NOT_AT_START
+
+
+def test_bodies_are_for_whom_they_say_and_rub_as_they_say():
+    balls = [Sphere((0, 5, z), 0.1, mu) for z, mu in ((0, 0.0), (1, 0.7), (2, 0.0))]
+    bodies = {('cell', 0): Body(balls[0]), ('cell', 1): Body(balls[1], 0.7),
+              ('cell', 2): Body(balls[2], role='workspace only')}
+    made = scene_of(values(obstacles__friction=0.2), bodies)
+    assert made.direct.obstacles == (replace(balls[0], friction=0.2), balls[1])
+    assert [one.center[2] for one in made.workspace.keep_out] == [0, 1, 2]

@@ -128,7 +128,7 @@ def show_all(planner, plan):
     hole = plan.sheets[0][0].cutouts[0]
     block = Box(Pose((0.4, 0.4, 0.8), (0, 0, 0, 1)), (0.1, 0.1, 0.4))
     planner.picture.show('plan', lambda: markers_of_plan(plan, [hole], 2e-3, 'base', now))
-    planner.picture.show('obstacles', lambda: (obstacle_markers([block], 0, 'base', now),))
+    planner.picture.show('obstacles', lambda: (obstacle_markers([block], 'base', now),))
     show_shape(planner, plan)
 
 

@@ -17,7 +17,7 @@ from dlo_planner import InvalidTask
 from dlo_planner.cli.reading import read_observations, read_obstacles, read_poses
 from dlo_planner.settings.guarded_yaml import load_yaml, read_yaml, yaml_of
 from dlo_planner.settings.tasks import read_task
-from dlo_planner.settings.yaml_files import read_values, write_values
+from dlo_planner.settings.yaml_files import config_file, read_values, write_values
 
 READERS = {'values': read_values, 'task': read_task, 'poses': read_poses,
            'obstacles': read_obstacles, 'observations': lambda path: read_observations([path], [])}
@@ -100,7 +100,7 @@ def test_no_number_is_none_as_a_length(tmp_path, text):
 
 def test_many_unknown_names_take_no_longer_than_some(tmp_path):
     path = tmp_path / 'dlo.yaml'
-    path.write_text('/**:\n  ros__parameters:\n' + ''.join(
+    path.write_text(config_file('copper_wire').read_text() + ''.join(
         f'    lenght{k}: 1\n' for k in range(3000)))
     warnings = read_values(path)[1]
     assert len(warnings) == 21 and warnings[-1].startswith('2980 more')

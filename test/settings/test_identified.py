@@ -48,7 +48,9 @@ def test_what_a_parameter_says_itself_is_taken_as_it_is():
 
 
 def test_a_rod_given_by_stiffness_stays_one():
-    values, _ = read_values('copper_wire', ['rod.section=stiffness'])
+    values, _ = read_values('copper_wire', [
+        'rod.section=stiffness', 'rod.mass_per_length=0.007', 'rod.torsional_stiffness=0.004',
+        'rod.bending_stiffness=[0.005, 0.005]'])
     fit = found(values, bending_stiffness=(0.01, 0.02))
     assert identified(fit, values) == {'rod.bending_stiffness': [0.01, 0.02]}
 

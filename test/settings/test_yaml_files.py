@@ -11,6 +11,7 @@ from dlo_planner import DirectSimulator, InvalidTask, Rod
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.settings.building import (
     direct_of,
+    doubts,
     inverse_of,
     limits_of,
     rod_of,
@@ -21,6 +22,8 @@ from dlo_planner.settings.entries import ENTRIES
 from dlo_planner.settings.yaml_files import config_files, read_values, write_values
 
 HEAD = '/**:\n  ros__parameters:\n'
+WIRE = ('    rod:\n      diameter: 0.001\n      density: 8960.0\n      youngs_modulus: 110.0e9\n'
+        '      poisson_ratio: 0.34\n      length: 1.0\n')
 
 
 def written(folder, text, head=HEAD):
@@ -62,16 +65,48 @@ def test_changes_count_more_than_the_file():
     ('8e3', 8e3), ('8.0e3', 8e3), ('1E-3', 1e-3), ('.5', 0.5), ('-2e+1', -20.0), ('7', 7.0),
     ('0.25', 0.25), ('1.', 1.0)])
 def test_numbers_are_numbers_as_ros_reads_them(tmp_path, text, value):
-    path = written(tmp_path, f'    rod: {{natural_twist: {text}}}\n')
+    path = written(tmp_path, f'{WIRE}      natural_twist: {text}\n')
     assert read_values(path)[0]['rod.natural_twist'] == value
 
 
-def test_names_that_mean_nothing_are_told(tmp_path):
-    values, warnings = read_values(written(tmp_path, '    rod: {lenght: 2.0}\n'))
-    assert values['rod.length'] == ENTRIES['rod.length'].default
-    assert len(warnings) == 1 and 'did you mean rod.length?' in warnings[0]
+def test_a_dlo_that_is_described_in_part_is_refused_by_name(tmp_path):
+    given = {'round': 'length diameter density youngs_modulus poisson_ratio',
+             'tube': 'length diameter inner_diameter density youngs_modulus poisson_ratio',
+             'rectangular': 'length width thickness density youngs_modulus poisson_ratio',
+             'stiffness': 'length diameter mass_per_length torsional_stiffness bending_stiffness'}
+    sizes = {'poisson_ratio': 0.3, 'inner_diameter': 5e-3, 'bending_stiffness': [0.1, 0.2],
+             'length': 1.0, 'density': 1e3, 'youngs_modulus': 1e9}
+    for section, text in given.items():
+        names = text.split()
+        for absent in [None, *names]:
+            lines = ''.join(f'      {name}: {sizes.get(name, 0.01)}\n'
+                            for name in names if name != absent)
+            path = written(tmp_path, f'    rod:\n      section: {section}\n{lines}')
+            if absent is None:
+                assert read_values(path)[1] == []
+            else:
+                with pytest.raises(InvalidTask, match=rf'rod\.{absent}: expected'):
+                    read_values(path)
+    with pytest.raises(InvalidTask, match=r'dlo\.yaml.*did you mean rod\.length\?'):
+        read_values(written(tmp_path, '    rod: {lenght: 2.0}\n'))
     with pytest.raises(InvalidTask, match=r'did you mean rod\.length'):
         read_values('copper_wire', ['rod.lenght=2'])
+
+
+def test_what_has_no_effect_is_said(tmp_path):
+    path = written(tmp_path, f'{WIRE}      width: 0.02\n    nonsense: 1\n')
+    first, second = read_values(path)[1]
+    assert 'nonsense does not exist' in first
+    assert second == 'parameter rod.width has no effect where rod.section is round'
+
+
+@pytest.mark.parametrize(('changes', 'said'), [
+    ([], None), (['rod.length=0.0098'], '0.001 m thick, 0.0098 m long'),
+    (['rod.youngs_modulus=1e6'], 'w L^3 / EI = 1.4'), (['rod.density=8.96'], 'is it in kg/m^3')])
+def test_what_is_hardly_meant_is_doubted(changes, said):
+    found = doubts(rod_of(read_values('copper_wire', changes)[0]))
+    assert len(found) == (said is not None)
+    assert said is None or said in found[0]
 
 
 @pytest.mark.parametrize(('text', 'head', 'named'), [
@@ -98,9 +133,9 @@ def test_a_file_that_is_not_there():
 
 
 def test_values_of_other_nodes_do_not_count(tmp_path):
-    path = written(tmp_path, '    rod: {length: 2.0}\ncamera:\n  ros__parameters:\n'
+    path = written(tmp_path, f'{WIRE}camera:\n  ros__parameters:\n'
                    '    rod: {length: 3.0}\n')
-    assert read_values(path)[0]['rod.length'] == 2.0
+    assert read_values(path)[0]['rod.length'] == 1.0
 
 
 def test_what_is_written_is_read_again(tmp_path):

@@ -32,13 +32,15 @@ from std_srvs.srv import Trigger
 from type_description_interfaces.srv import GetTypeDescription
 from visualization_msgs.msg import MarkerArray
 
+from dlo_planner.ros.managed import LATCHED, REQUEST
 from dlo_planner.ros.parameters import ENTRIES
-from dlo_planner.ros.qos import LATCHED, REQUEST
 from soak.odd_values import INTEGERS, TEXTS, Odd
 
 # topic: type, quality, maker (of an Odd and a number of faults)
 TOPICS = {
     '~/gripper_pose': (PoseStamped, qos_profile_sensor_data, Odd.pose_stamped),
+    '~/far_end_pose': (PoseStamped, qos_profile_sensor_data, Odd.pose_stamped),
+    '~/task': (String, REQUEST, Odd.task),
     '~/task_goal': (PoseStamped, REQUEST, Odd.pose_stamped),
     '~/task_goals': (Goals, REQUEST, Odd.goals),
     '~/obstacles': (MarkerArray, REQUEST, Odd.markers),
@@ -103,8 +105,9 @@ def a_type(odd, _):
 SERVICES = {
     **{f'~/{name}': (Trigger, plain(Trigger)) for name in ('cancel', 'execute', 'identify',
                                                            'replan', 'reset')},
-    **{f'~/{name}': (GetPlan, a_plan) for name in ('plan_threading', 'plan_two_cutouts',
-                                                   'predict_shape', 'execute_plan')},
+    **{f'~/{name}': (GetPlan, a_plan) for name in (
+        'plan', 'plan_threading', 'plan_insertion', 'plan_hold_contact', 'plan_slide_contact',
+        'plan_sequence', 'plan_two_cutouts', 'predict_shape', 'execute_plan')},
     '~/change_state': (ChangeState, a_transition),
     '~/get_state': (GetState, plain(GetState)),
     '~/get_available_states': (GetAvailableStates, plain(GetAvailableStates)),

@@ -24,7 +24,7 @@ SOON = 60.0     # s for what has to be done soon, on a busy machine
 DRIVER = """
 import sys, rclpy
 from dlo_planner import Pose
-from dlo_planner.ros.follower import Follower
+from demo.follower import Follower
 rclpy.init()
 node = rclpy.create_node('driver')
 numbers = [float(one) for one in sys.argv[2:]]
@@ -98,7 +98,7 @@ def obstacle_publisher_vanished(made: Stage) -> list[str]:
     client = made.client
     from visualization_msgs.msg import Marker, MarkerArray  # noqa: PLC0415
 
-    from dlo_planner.ros.qos import LATCHED  # noqa: PLC0415
+    from dlo_planner.ros.managed import LATCHED  # noqa: PLC0415
     from msg_helpers.poses import pose_msg  # noqa: PLC0415
     box = Marker(ns='gone', id=0, type=Marker.CUBE, action=Marker.ADD)
     box.header.frame_id, box.pose = 'world', pose_msg(Pose((0.8, 0, 0.5), (0, 0, 0, 1)))

@@ -165,6 +165,14 @@ class Odd:
         """Return a std_msgs/String where a robot's description is expected."""
         return String(data=self.one_of((*TEXTS, '<robot/>', '<robot name="r"><link/>', '<' * MANY)))
 
+    def task(self, faults: int) -> String:
+        """Return a std_msgs/String where a task is expected."""
+        good = ('{type: Thread, cutout: {pose: {position: [0, 0, 1]}}}',
+                '{type: Minimize, penalties: [{type: PositionAt, s: 1.0, target: [0.8, 0, 0.8]}]}')
+        odd = ('{type: Thread, cutout: 3}', '{type: HoldContact, s: .nan}', '[' * 200, '*a',
+               '{type: ThreadSequence, cutouts: [{}, 1]}', '{type: Shape}', '{type: [Thread]}')
+        return String(data=self.one_of((*odd, *TEXTS, '{' * MANY) if faults else good))
+
     # ---- parameters -------------------------------------------------------------------------
 
     def parameter(self, faults: int) -> Parameter:

@@ -14,8 +14,8 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 from visualization_msgs.msg import Marker
 
+from demo.follower import Follower
 from dlo_planner import Pose
-from dlo_planner.ros.follower import Follower
 from dlo_planner.ros.parameters import ENTRIES
 from msg_helpers.poses import pose_from_msg
 

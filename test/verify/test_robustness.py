@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import dlo_planner
 from dlo_planner import (
     Capsule,
     CutOut,
@@ -261,11 +260,3 @@ def test_progress_and_deadline():
     for samples in (0, 30):
         with pytest.raises(DeadlineExceeded, match='deadline'):
             robustness(DIRECT, PLAN, spread, samples=samples, deadline=1e-9)
-
-
-def test_the_old_names_go_on_and_warn():
-    for old, new in (('tolerance', robustness), ('Tolerance', dlo_planner.Robustness)):
-        with pytest.warns(DeprecationWarning, match=f'dlo_planner.{old} is now'):
-            assert getattr(dlo_planner, old) is new
-    with pytest.raises(AttributeError, match='no attribute'):
-        _ = dlo_planner.toleranz

@@ -37,8 +37,10 @@ def _closed():
     pyplot.close('all')
 
 
-def axes_of(figure):
-    """Return the Axes in space, and those of the color bar."""
+def in_space(value, **options):
+    """Return the Axes in space that a value is drawn in, and those of the color bar."""
+    figure = Figure()
+    value.plot(ax=figure.add_subplot(projection='3d'), **options)
     space, = (one for one in figure.axes if one.name == '3d')
     bar = next(one for one in figure.axes if one.get_ylabel() and one is not space)
     return space, bar
@@ -64,7 +66,7 @@ def is_drawn(axes, points):
 
 def test_a_shape_is_drawn_where_it_is_in_the_colors_of_its_bend():
     shape = values()['Shape']
-    axes, bar = axes_of(shape.plot())
+    axes, bar = in_space(shape)
     painted = coloring(shape)
     segments, colors = next(one for one in lines_of(axes) if len(one[0]) == len(shape.s) - 1)
     np.testing.assert_allclose(np.array(segments[:, 0].tolist(), dtype=float),
@@ -76,7 +78,7 @@ def test_a_shape_is_drawn_where_it_is_in_the_colors_of_its_bend():
 
 
 def test_axes_are_equal_and_have_units():
-    axes, _ = axes_of(values()['Shape'].plot())
+    axes, _ = in_space(values()['Shape'])
     extents = np.array([np.ptp(limits) for limits in (
         axes.get_xlim(), axes.get_ylim(), axes.get_zlim())])
     shown = axes._box_aspect  # matplotlib has no public name for it
@@ -86,7 +88,7 @@ def test_axes_are_equal_and_have_units():
 
 
 def test_all_of_it_is_within_the_axes():
-    axes, _ = axes_of(values()['Plan'].plot())
+    axes, _ = in_space(values()['Plan'])
     points = points_of(axes)
     for values_, limits in zip(points.T, (axes.get_xlim(), axes.get_ylim(), axes.get_zlim()),
                                strict=True):
@@ -99,12 +101,12 @@ def test_it_is_seen_from_beside_the_plane_it_lies_in(turn):
     points = np.outer(np.linspace(0, 1, 9), along) + (0, 0, 1)
     view = np.deg2rad(azimuth(points))
     across = abs(np.array([np.cos(view), np.sin(view)]) @ along[:2])
-    assert across == pytest.approx(np.sin(np.deg2rad(25)))
+    assert across == pytest.approx(np.sin(np.deg2rad(35)))
 
 
 def test_gripper_hole_and_way_of_a_plan_are_drawn():
     plan, hole = values()['Plan'], values()['CutOut']
-    axes, bar = axes_of(plan.plot())
+    axes, bar = in_space(plan)
     for gripper in plan.grippers:
         length = 0.09 * plan.shapes[0].s[-1]
         assert is_drawn(axes, [gripper.position + length * gripper.rotation[:, k]
@@ -125,7 +127,7 @@ def test_centers_without_a_direction_are_drawn_too():
     simulator = DirectSimulator(values()['Rod'], n_elements=8, n_terms=4)
     holes = [CutOut(Pose.looking_along((x, 0, 1), (1, 0, 0))) for x in (0.0, 0.3)]
     plan = InverseSimulator(simulator).thread_two(*holes, depths=[0.4, 0.5])
-    axes, _ = axes_of(plan.plot())
+    axes, _ = in_space(plan)
     balls = [np.mean([vertex for face in one._faces for vertex in face], axis=0)
              if hasattr(one, '_faces') else one._vec[:3].mean(axis=1)
              for one in axes.collections if isinstance(one, Poly3DCollection)]
@@ -140,9 +142,9 @@ def test_obstacles_are_drawn_those_of_the_shape_and_further_ones():
     shape = DirectSimulator(rod, n_elements=8, n_terms=4, obstacles=[floor]).track(
         [Pose((0, 0, 1), (0, 0, 0, 1))])[0]
     assert shape.obstacles == (floor,)
-    bare, _ = axes_of(values()['Shape'].plot())
-    own, _ = axes_of(shape.plot())
-    both, _ = axes_of(shape.plot(obstacles=[box, floor]))
+    bare, _ = in_space(values()['Shape'])
+    own, _ = in_space(shape)
+    both, _ = in_space(shape, obstacles=[box, floor])
     count = [sum(isinstance(one, Poly3DCollection) for one in axes.collections)
              for axes in (bare, own, both)]
     assert count == [0, 1, 2]
@@ -151,10 +153,30 @@ def test_obstacles_are_drawn_those_of_the_shape_and_further_ones():
 
 def test_a_motion_shows_the_way_of_its_free_end():
     motion = values()['Motion']
-    axes, bar = axes_of(motion.plot())
+    axes, bar = in_space(motion)
     assert is_drawn(axes, [shape.positions[-1] for shape in motion.shapes])
     assert bar.get_ylabel() == 'time [s]'
-    assert axes_of(motion.plot(color='curvature'))[1].get_ylabel() == 'curvature [1/m]'
+    assert in_space(motion, color='curvature')[1].get_ylabel() == 'curvature [1/m]'
+
+
+@pytest.mark.parametrize(('direction', 'seen'), [
+    ((1, 0, 0.2), ['x [m]', 'z [m]']), ((0, 1, 0.2), ['y [m]', 'z [m]']),
+    ((1, 1, 0.2), ['x [m]', 'y [m]', 'z [m]'])])
+def test_what_is_flat_is_drawn_from_the_side_and_the_figure_is_full(direction, seen):
+    shape = values()['DirectSimulator'].solve(Pose.looking_along((0, 0, 1), direction))
+    figure = shape.plot()
+    axes = figure.axes[0]
+    assert [label.get_text() for label in (axes.xaxis.label, axes.yaxis.label, *(
+        [axes.zaxis.label] if axes.name == '3d' else []))] == seen
+    figure.canvas.draw()
+    drawn = [box for one in figure.axes for axis in one._axis_map.values()
+             if (box := axis.get_tightbbox(figure.canvas.get_renderer())) is not None]
+    width, height = figure.get_size_inches() * figure.dpi
+    covered = [max(getattr(one, high) for one in drawn) - min(getattr(one, low) for one in drawn)
+               for low, high in (('x0', 'x1'), ('y0', 'y1'))]
+    least = 0.55 if axes.name == '3d' else 0.75  # above it is the title
+    assert covered[0] > 0.85 * width and covered[1] > least * height
+    assert min(one.x0 for one in drawn) >= 0 and max(one.x1 for one in drawn) <= width
 
 
 def test_axes_that_are_given_are_drawn_in_from_the_side():
@@ -184,7 +206,7 @@ def test_axes_in_space_are_kept():
 def test_a_limited_rod_has_its_limit_on_the_bar():
     limited = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, max_bend_curvature=0.2)
     shape = DirectSimulator(limited, n_elements=8, n_terms=4).solve(values()['Pose'])
-    axes, bar = axes_of(shape.plot())
+    axes, bar = in_space(shape)
     assert bar.get_ylim()[1] == pytest.approx(0.2)
     assert any(np.isclose(colors[:, :3], ALERT).all(axis=1).any() for _, colors in lines_of(axes))
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The penalties of a task as a function of the gripper's pose, with its derivatives.
 
-A penalty is an object as in `inverse.penalties`, or a function of the shape: of (k,) numbers that
+A penalty is an object as in `plan.goals`, or a function of the shape: of (k,) numbers that
 it returns the sum of the squares counts, a single number counts itself. The slopes of a function
 are differences between shapes that the sensitivities predict.
 """
@@ -18,13 +18,13 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.geometry.so3 import left_jacobian
-from dlo_planner.inverse.penalty import Residuals
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose, displaced
+from dlo_planner.plan.goals import Residuals
 from dlo_planner.progress import Progress
 
-# An object as in `inverse.penalties`, whose `slopes` may be missing, or a function of a Shape.
+# An object as in `plan.goals`, whose `slopes` may be missing, or a function of a Shape.
 Penalty: TypeAlias = Residuals | Callable[[Shape], ArrayLike]
 
 _STEP = 0.1         # rad, and of the length: that step

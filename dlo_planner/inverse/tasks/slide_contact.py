@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import ArrayLike
 
-from dlo_planner.deprecated import renamed_fields
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.contact.hold_and_slide import CONDITIONS, slide_contact
 from dlo_planner.inverse.solvers.contact.straight import slide_straight
@@ -22,7 +21,6 @@ from dlo_planner.plan.plan import Plan
 _MODES = {'aligned': slide_contact, 'straight': slide_straight}
 
 
-@renamed_fields(way='mode')
 @dataclass(frozen=True, eq=False, repr=False)
 class SlideContact(Task):
     """Slide along one contact; `InverseSimulator.slide_contact` says what the attributes mean.

@@ -3,13 +3,20 @@
 """Thread the free end through one cut-out."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 from numpy.typing import ArrayLike
 
+from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.solvers.threading.deepest import deepest
-from dlo_planner.inverse.solvers.threading.one_cutout import thread, trim_to_clearance
+from dlo_planner.inverse.solvers.threading.one_cutout import (
+    NO_WAY,
+    certificate,
+    thread,
+    trim_to_clearance,
+)
 from dlo_planner.inverse.solvers.threading.through_depths import Threading
 from dlo_planner.inverse.task import Task, depths_on, depths_or_none
 from dlo_planner.model.arrays import Floats
@@ -66,8 +73,14 @@ class Thread(Task):
         depths, demands = depths_on(context.rod.length, self.depths), context.demands
 
         def planned(depths: Floats) -> Plan:
-            return thread(context.without_obstacles, Threading(
-                self.cutout, depths, context.start, context.initial, demands, self.method))
+            try:
+                return thread(context.without_obstacles, Threading(
+                    self.cutout, depths, context.start, context.initial, demands, self.method))
+            except Infeasible as error:
+                if error.constraint in NO_WAY:
+                    error.prove = partial(certificate, context.without_obstacles, self.cutout,
+                                          depths)
+                raise
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:

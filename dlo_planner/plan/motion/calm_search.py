@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from dlo_planner.blas import one_thread
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible
@@ -185,6 +186,7 @@ class CalmSearch:
         return [in_motion(simulator, self.plan, timed, self._first, self.obstacles,
                           self.progress, touched=False) for simulator in self._simulators]
 
+    @one_thread()
     def assessed(self, calm: Calm) -> Calm:
         """Return Calm with its error estimate and mode margin, or those that time was left for."""
         timed, motions = calm.timed, calm.motions
@@ -273,6 +275,7 @@ class Calm:
     status: str = DEADLINE
 
 
+@one_thread()
 def quickest(searches: Sequence[CalmSearch]) -> Calm:
     """Return the quickest calm motion that one of several searches finds, for plans of one task.
 

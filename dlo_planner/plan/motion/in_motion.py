@@ -9,7 +9,6 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from dlo_planner.deprecated import renamed_fields
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
@@ -35,7 +34,6 @@ _FEWEST, _MOST = 150, 20_000  # instants of a run
 _AT_ONCE = 1e-9       # of a plan's time
 
 
-@renamed_fields(miss='position_error')
 @dataclass(frozen=True, eq=False, repr=False)
 class InMotion(Value):
     """Results of the dynamic simulation of a motion from rest to rest; worst values, SI units.

@@ -24,7 +24,7 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.dynamics import first_shape, run
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.stepper import Stepper, TimePoint, begin
+from dlo_planner.direct.stepper import Stepper, TimePoint
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd
@@ -133,8 +133,8 @@ class _Later:
     def at(self, place: float) -> Pose:
         return self.guide.at(self.begin + place)
 
-    def twist(self, place: float) -> Any:
-        return self.guide.twist(self.begin + place)
+    def along(self, places: Floats) -> Any:
+        return self.guide.along(self.begin + places)
 
 
 def _instants(feed: Feed, u: Floats) -> int:
@@ -171,7 +171,7 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
     first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), cut, None)
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, cut.s, one) for one in velocity.T])
-    return stepper, begin(stepper, first, velocity)
+    return stepper, stepper.begin(first, velocity)
 
 
 def _aside(pose: Pose, one: Pose, other: Pose, part: float) -> Pose:

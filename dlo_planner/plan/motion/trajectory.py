@@ -4,19 +4,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from os import PathLike
+from typing import Any
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
+from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.value import brief, put
+from dlo_planner.pictured import Reported
+from dlo_planner.plan.leg import Leg
 from dlo_planner.plan.motion.calm_search import ROOM, CalmSearch, quickest
 from dlo_planner.plan.motion.in_motion import InMotion, watched
 from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.motion.shift import Shift
 from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.motion.timed_path import TimedPath, fastest_law
 from dlo_planner.plan.passing import means_to_touch
@@ -27,10 +34,12 @@ from dlo_planner.progress import OnProgress, Progress
 _TOLERANCE = 1e-3   # m, where no hole has a size
 _SAME = 1e-9        # of the length
 _TRIED = 2          # laws of a plan, of several that are compared
+_LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
+_SHIFT = ('knots', 'coefficients')
 NOT_SIMULATED = 'not simulated'  # status where the tolerance is infinite
 
 
-class Trajectory(TimedPath):
+class Trajectory(TimedPath, Reported):
     """A Plan as the gripper's motion in time, which is validated, published and executed.
 
     The path runs through the plan's poses (`plan.path`), with stops at its corners and dwells.
@@ -119,6 +128,15 @@ class Trajectory(TimedPath):
         calm = search.assessed(quickest([search]))
         put(self, motion=calm.motion, mode_margin=calm.mode_margin, status=calm.status,
             **{name: getattr(calm.timed, name) for name in ('laws', 'starts', 'duration')})
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the trajectory, as npz or JSON (see `Plan.save`)."""
+        save(path, trajectory_arrays(self), 'Trajectory')
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Trajectory:
+        """Return the Trajectory saved at `path`; raise InvalidTask if there is none."""
+        return load(path, trajectory_of, 'Trajectory')
 
     def __repr__(self) -> str:
         miss = '' if self.motion is None else f'miss {self.motion.position_error:.2g} m'
@@ -209,3 +227,42 @@ def _tolerance(tolerance: float | None, plan: Plan) -> float:
     rooms = plan.clearances[:, :, 0]
     rooms = rooms[np.isfinite(rooms) & (rooms > 0)]
     return float(ROOM * rooms.min()) if rooms.size else _TOLERANCE
+
+
+def trajectory_arrays(trajectory: Trajectory) -> dict[str, Any]:
+    """Return a dict of arrays that hold all of a Trajectory."""
+    arrays = {'times': trajectory.path.times, 'limits': trajectory.limits.sizes,
+              'tolerance': trajectory.tolerance, 'mode_margin': trajectory.mode_margin,
+              'status': trajectory.status, 'legs': len(trajectory.laws)}
+    if trajectory.motion is not None:
+        arrays |= {f'motion/{item.name}': getattr(trajectory.motion, item.name)
+                   for item in fields(InMotion)}
+    for k, (leg, law) in enumerate(zip(trajectory.path.legs, trajectory.laws, strict=True)):
+        arrays |= {f'{k}/leg/{name}': getattr(leg, name) for name in _LEG}
+        if law is not None:
+            arrays |= {f'{k}/law/{name}': getattr(law, name) for name in _LAW}
+            if law.shift is not None:
+                arrays |= {f'{k}/shift/{name}': getattr(law.shift, name) for name in _SHIFT}
+    return arrays
+
+
+def trajectory_of(arrays: Mapping[str, Any]) -> Trajectory:
+    """Return the Trajectory of the arrays of `trajectory_arrays`."""
+    legs, laws = [], []
+    for k in range(int(arrays['legs'])):
+        law, shift = under(f'{k}/law', arrays), under(f'{k}/shift', arrays)
+        legs.append(Leg(**under(f'{k}/leg', arrays)))
+        laws.append(TimeLaw(**law, shift=Shift(**shift) if shift else None) if law else None)
+    motion = {name: array.item() for name, array in under('motion', arrays).items()}
+    limits = dict(zip([item.name for item in fields(Limits)], arrays['limits'].ravel().tolist(),
+                      strict=True))
+    return restored(
+        GripperPath(arrays['times'], tuple(legs)), tuple(laws), Limits(**limits),
+        float(arrays['tolerance']), InMotion(**motion) if motion else None,
+        float(arrays['mode_margin']), str(arrays['status']))
+
+
+def under(mark: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arrays whose names begin with `mark` and a slash, by what follows it."""
+    mark += '/'
+    return {name[len(mark):]: array for name, array in arrays.items() if name.startswith(mark)}

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Passings of a threading that are found many in one call, as long as nothing is in doubt."""
 
+from dlo_planner.inverse.solvers.conditions import Aligned
 from dlo_planner.inverse.solvers.continuation.following import Passing
-from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.model.arrays import Floats
 
 _AT_ONCE = 32  # that are found in one call

@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.solvers.conditions import Aligned, TwoPoints
 from dlo_planner.inverse.solvers.continuation.following import Passing
 from dlo_planner.inverse.solvers.continuation.quick import gets_there, thinned
 from dlo_planner.inverse.solvers.continuation.route import Route, motion, picked, sweep
 from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes
 from dlo_planner.inverse.solvers.hanging.start_candidates import with_free_end
-from dlo_planner.inverse.solvers.points.one_point import Aligned
-from dlo_planner.inverse.solvers.points.two_points import TwoPoints
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between

@@ -22,9 +22,9 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.solvers.conditions import aligned_shape
 from dlo_planner.inverse.solvers.hanging.marching import hanging
 from dlo_planner.inverse.solvers.hanging.start_candidates import start_candidates, with_free_end
-from dlo_planner.inverse.solvers.points.one_point import aligned_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
@@ -143,12 +143,12 @@ class _Insertion:
         depth, carried = stop
         outside = self.simulator.with_rod(self._rod(stop))
         guess = with_free_end(outside, self.end)
-        shape = aligned_shape(outside, guess, outside.rod.length, self.bore.normal,
+        found = aligned_shape(outside, guess, outside.rod.length, self.bore.normal,
                               guess.gripper.rotation)
-        if shape is None:
+        if found is None:
             raise builder.refusal('equilibrium', depth - reached,
                                   'no equilibrium is free of force at the mouth')
-        shape = shape.moved(self.bore.center - shape.positions[-1])
+        shape = found.shape.moved(self.bore.center - found.shape.positions[-1])
         if depth or carried:
             # the bore holds the end, which makes the shape more stable; without a mass at the mouth
             # that takes no force. It also bears the weight of a mass along its axis.

@@ -11,13 +11,14 @@ import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.solvers.conditions import Aligned
 from dlo_planner.inverse.solvers.continuation.following import Rolls
 from dlo_planner.inverse.solvers.continuation.quick import (
     gets_there,
     grid_nodes,
     quick_simulator,
 )
-from dlo_planner.inverse.solvers.continuation.route import Route, find_route
+from dlo_planner.inverse.solvers.continuation.route import Route, find_route, sweep
 from dlo_planner.inverse.solvers.hanging.sphere import Crossings, HangingShapes, hanging_shapes
 from dlo_planner.inverse.solvers.hanging.start_candidates import (
     Candidate,
@@ -25,7 +26,6 @@ from dlo_planner.inverse.solvers.hanging.start_candidates import (
     start_candidates,
     with_free_end,
 )
-from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.inverse.solvers.threading.through_depths import Threading, thread_from
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
@@ -116,6 +116,35 @@ def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterato
     # narrower than its mesh
     if route is None or route.complete:
         yield from ((begin, None) for begin in candidates)
+
+
+def certificate(simulator: DirectSimulator, cutout: CutOut, depths: Floats) -> str:
+    """Return in words at which depths (n,), m, stable shapes pass a cut-out, as `Infeasible` does.
+
+    The shapes are those of a quick simulator, in all directions of the free end.
+    """
+    quick = quick_simulator(simulator)
+    shapes = hanging_shapes(quick.surroundings, grid_nodes(quick))
+    if shapes is None:
+        return ''
+    aligned = Aligned(quick, cutout.normal)
+    looked_at = np.unique(np.linspace(depths[0], depths[-1], _CURVES))
+    layers = [aligned.crossings(shapes, depth) for depth in looked_at]
+    stable = np.array([len(layer) > 0 for layer in layers])
+    reached = len(sweep(layers, np.zeros(len(layers[0])), quick.rod.length)[0])
+    begin = (f'of {len(shapes.stability)} shapes in which the DLO hangs, {looked_at.size} depths '
+             'looked at: ')
+    if not stable.any():
+        return f'{begin}no stable one is along the normal at any depth'
+    ends = looked_at[stable][[0, -1]]
+    if not stable[0]:
+        return (f'{begin}no stable one is along the normal at depth {looked_at[0]:.4g} m, where '
+                f'the plan begins; some are between {ends[0]:.4g} and {ends[1]:.4g} m')
+    if reached < looked_at.size:
+        none = '' if stable[reached] else ', where there is none'
+        return (f'{begin}stable ones are along the normal from depth {looked_at[0]:.4g} m on, but '
+                f'none leads from {looked_at[reached - 1]:.4g} to {looked_at[reached]:.4g} m{none}')
+    return f'{begin}stable ones are along the normal at each, in reach of each other'
 
 
 def _route(simulator: DirectSimulator, shapes: HangingShapes, task: Threading) -> Route | None:

@@ -14,14 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.penalties import Through
+from dlo_planner.inverse.nearest_goals import nearest_goals
 from dlo_planner.inverse.solvers.continuation.quick import quick_simulator, thinned
 from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
-from dlo_planner.inverse.solvers.points.aims import Aimed, Aims
-from dlo_planner.inverse.solvers.points.nearest import Near, nearest_within
-from dlo_planner.inverse.solvers.points.nearest_hanging import nearest_hanging
 from dlo_planner.inverse.solvers.threading.one_cutout import thread
 from dlo_planner.inverse.solvers.threading.through_depths import Threading
 from dlo_planner.model.arrays import Floats
@@ -30,6 +28,8 @@ from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
+from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
+from dlo_planner.plan.goals import Through
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import waypoint_at
 
@@ -135,10 +135,9 @@ def _thread(simulator: DirectSimulator, task: CutoutSequence) -> Plan:
     begin = thread(simulator, Threading(
         task.cutouts[0], np.zeros(1), task.start, None,
         PlanRequirements(demands.speeds, demands.progress.silent())))
-    near, depth = Near(begin.shapes[0]), 0.0
+    shape, depth = begin.shapes[0], 0.0
     for target in task.depths:
-        near, depth = _follow(simulator, task, near, depth, target)
-        shape = near.shape
+        shape, depth = _follow(simulator, task, shape, depth, target)
         if depth < target:
             raise builder.refusal('equilibrium', target - depth, 'no stable shape was found that '
                                   f'is nearest to the centers beyond depth {depth:g} m')
@@ -161,7 +160,7 @@ def _thread(simulator: DirectSimulator, task: CutoutSequence) -> Plan:
     return builder.finished()
 
 
-def _aims(task: CutoutSequence, depth: float, length: float, gripper: Pose) -> Aims:
+def _goals(task: CutoutSequence, depth: float, length: float, gripper: Pose) -> GoalTable:
     """Return what the DLO should be like at a depth, m, after the gripper was at a Pose."""
     share = np.clip((depth - task.apart) / (_BLEND * length) + 1, 0, 1)
     share = share**2 * (3 - 2 * share)
@@ -172,48 +171,36 @@ def _aims(task: CutoutSequence, depth: float, length: float, gripper: Pose) -> A
         # and has to count in full before a third one does.
         second = share[1] * max(_FREE, min(1.0, share[2] / _SOON))
         weights[1] = task.weights[1] * (1.0 if share[1] == 1 else second)
-    return Aims(length - depth, task.centers, weights, np.array(task.cutouts[0].normal),
-                _FREE * float(1 - share[1]) * length, np.array(gripper.rotation), _FREE * length)
+    further, rotation = len(weights) - 1, np.array(gripper.rotation)
+    return GoalTable(
+        np.array([POSITION, DIRECTION, *[THROUGH] * further, ROLL]),
+        np.full(further + 3, length - depth),
+        np.vstack([task.centers[0], task.cutouts[0].normal, task.centers[1:], rotation[:, 0]]),
+        np.tile(rotation, (further + 3, 1, 1)),
+        np.array([weights[0], _FREE * float(1 - share[1]) * length, *weights[1:], _FREE * length]))
 
 
-def _follow(simulator: DirectSimulator, task: CutoutSequence, near: Near, depth: float,
-            goal: float) -> tuple[Near, float]:
+def _follow(simulator: DirectSimulator, task: CutoutSequence, shape: Shape, depth: float,
+            goal: float) -> tuple[Shape, float]:
     """Return the Shape nearest to the centers at the depth `goal`, and how far it came, m.
 
-    Parameters
-    ----------
-    near : Near
-        Shape at `depth`, m.
+    The nearest shape may be far from the one at `depth`, m: then the DLO goes towards it by one
+    step.
     """
     length = simulator.rod.length
     step = _LONGEST_STEP * length
     while True:
         task.demands.progress.check()
         target = min(goal, depth + step)
-        nearest = _nearest(simulator, _aims(task, target, length, near.shape.gripper), near,
-                           target - depth)
+        part = (target - depth) / length
+        nearest = nearest_goals(simulator, _goals(task, target, length, shape.gripper), shape,
+                                _PART * largest_turn(part), _PART * largest_shift(part) * length)
         if nearest is not None:
-            near, depth = nearest, target
+            shape, depth = nearest, target
             if depth == goal:
                 break
         elif step > _SHORTEST_STEP * length and target > depth:
             step /= 2
         else:
             break
-    return near, depth
-
-
-def _nearest(simulator: DirectSimulator, aims: Aims, near: Near, step: float) -> Near | None:
-    """Return the Shape that follows another one after a step in depth (m), or None.
-
-    The nearest shape may be far from the present one: then the DLO goes towards it by one step.
-    """
-    mesh, length = near.shape.state.mesh, near.shape.s[-1]
-    turn = _PART * largest_turn(step / length)
-    shift = _PART * largest_shift(step / length) * length
-    if simulator.method == 'newton' and mesh is not None and mesh.hangs:
-        shape = nearest_hanging(mesh, aims, near.shape, turn, shift)
-        if (shape is None or simulator.accuracy is None
-                or simulator.discretization(shape.gripper, shape) is mesh):
-            return None if shape is None else Near(shape)
-    return nearest_within(simulator, Aimed(aims), near, turn, shift)
+    return shape, depth

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.solvers.conditions import Aligned
 from dlo_planner.inverse.solvers.continuation.ahead import Ahead
 from dlo_planner.inverse.solvers.continuation.even_rolls import EvenRolls, even_rolls
 from dlo_planner.inverse.solvers.continuation.following import (
@@ -26,7 +27,6 @@ from dlo_planner.inverse.solvers.continuation.following import (
 )
 from dlo_planner.inverse.solvers.continuation.quick import thinned
 from dlo_planner.inverse.solvers.hanging.start_candidates import Candidate, is_axisymmetric
-from dlo_planner.inverse.solvers.points.one_point import Aligned
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut

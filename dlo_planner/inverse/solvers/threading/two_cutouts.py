@@ -18,6 +18,7 @@ import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.solvers.conditions import Aligned, TwoPoints
 from dlo_planner.inverse.solvers.continuation.ahead import Ahead
 from dlo_planner.inverse.solvers.continuation.following import (
     Condition,
@@ -30,8 +31,6 @@ from dlo_planner.inverse.solvers.continuation.following import (
 from dlo_planner.inverse.solvers.continuation.quick import grid_nodes, quick_simulator
 from dlo_planner.inverse.solvers.continuation.route import Route
 from dlo_planner.inverse.solvers.hanging.sphere import HangingShapes, hanging_shapes
-from dlo_planner.inverse.solvers.points.one_point import Aligned
-from dlo_planner.inverse.solvers.points.two_points import TwoPoints
 from dlo_planner.inverse.solvers.threading.changes import Change, Pair, at_the_second, other_changes
 from dlo_planner.inverse.solvers.threading.one_cutout import NO_WAY, first_choice
 from dlo_planner.inverse.solvers.threading.through_depths import Threading

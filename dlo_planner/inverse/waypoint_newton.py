@@ -1,0 +1,537 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Equilibrium and goals in one Newton system, of a DLO that hangs freely: the waypoint solver.
+
+Unknowns: the strains q, a turn and a shift of the gripper. Equations: the gradient of the potential
+vanishes, and so do the residuals of the goals (`plan.goal_rows`); with as many independent ones as
+unknowns that is Newton's method, what they leave free stays as it is. The Hessian is the direct
+simulator's, so an inverse solve costs about as much as a direct one (paper, section 5.2).
+
+One waypoint may leave the gripper a roll, for a straight round DLO may roll about the gripper's
+axis, a bent weightless one about the direction in which it passes. It stays as it was since a
+reference, about the mean of both axes.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.sensitivity import node_twists, twists_inside
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import NO_NODES, TOLERANCE, hanging_shape
+from dlo_planner.energy.potential import evaluate, project, unknowns_of
+from dlo_planner.energy.problem import (
+    Configuration,
+    Problem,
+    new_configuration,
+    unknown_count,
+    with_gripper,
+)
+from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.record import copy, put_sum, scaled_by
+from dlo_planner.geometry.so3 import (
+    inner,
+    matrix,
+    put_matrix,
+    put_vector,
+    rotation_and_chord,
+    rotation_vector,
+    times,
+    times_transposed,
+)
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.convergence import residual_of
+from dlo_planner.minimize.hessian import (
+    Hessian,
+    assemble,
+    assembled_definite,
+    at_once,
+    factorize,
+    largest_turn,
+    new_hessian,
+    safe_shift,
+    solve,
+)
+from dlo_planner.minimize.kkt import add_to
+from dlo_planner.minimize.lanczos import lowest_mode
+from dlo_planner.minimize.newton import WELL_STABLE, largest_turn_between
+from dlo_planner.minimize.riccati import answer_to_turn
+from dlo_planner.minimize.solve import outputs
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.pose import pose_of
+from dlo_planner.model.value import freeze
+from dlo_planner.plan.goal_rows import (
+    POSITION,
+    ROLL,
+    GoalTable,
+    element_at,
+    fill_residuals,
+    fill_rows,
+    goals_at,
+)
+
+_LARGEST_TURN = 0.6  # rad per step, of the gripper and of any node
+_LARGEST_SHIFT = 0.5  # of the length per step, of the gripper
+_HALVINGS = 8
+_LEAVES = 5.0        # 1/rad: of a misfit, what an old factorization leaves per rad turned since
+_OLD = 1e-4          # rad, turned since: an older factorization tells nothing of stability
+_PER_TURN = 100.0    # change of an eigenvalue per rad, at most
+_FREE = 1e-14        # of the squares of all rows: what no goal tells stays as it is
+_EXACT = 1e-10       # rad, and of the length: what goals may miss
+_MAX_ITERATIONS = 60
+_ORIGIN = np.zeros(3)
+freeze(_ORIGIN)
+
+
+@kernel
+def free_axis(reference: Floats, direction: Floats) -> Floats:
+    """Return the axis (3,) about which the gripper shall not turn: its own and a direction's mean.
+
+    Both bodies' free rotations have a part about it, so the condition is regular unless the
+    gripper points against the direction; then it is the gripper's own axis.
+    """
+    axis = np.empty(3)
+    for i in range(3):
+        axis[i] = reference[i, 0] + direction[i]
+    size = np.sqrt(inner(axis, axis))
+    for i in range(3):
+        axis[i] = axis[i] / size if size > 0.1 else reference[i, 0]
+    return axis
+
+
+@kernel
+def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, origin: Floats,
+                tolerance: float, exact: float, max_iterations: int) -> Any:
+    """Find an equilibrium that has goals.
+
+    Args:
+        system: Problem without obstacles, far end, plasticity; the gripper starts in its `base`
+        q: (m, 3) scaled unknowns to start from
+        nodes: (N + 1,) arc lengths, m, read-only
+        goals: g of them, all of weights of 1/rad and 1 / length, or 0
+        origin: (3,) position of the gripper; moved, m
+        tolerance, exact: of the residual, and of what the goals miss
+        max_iterations: Newton steps at most
+
+    Returns:
+        state, positions from the gripper; base (3, 3); arc lengths of the goals (g,), m; residual,
+        stability (smallest eigenvalue of the Hessian), iterations, converged
+    """
+    length, count = nodes[nodes.size - 1], goals.kind.size
+    here = with_gripper(system, system.base.copy(), system.origin)
+    there = with_gripper(system, system.base.copy(), system.origin)
+    state, trial = new_configuration(here), new_configuration(here)
+    hessian, m = new_hessian(here), q.shape[0]
+    load, answers = np.empty((m, 3)), np.empty((4, m, 3))
+    missed, new_missed = np.empty(3 * count), np.empty(3 * count)
+    where, new_where = np.empty(count), np.empty(count)
+    places, new_places = np.empty((count, 3, 3)), np.empty((count, 3, 3))
+    twists, rows = np.zeros((count, 6, 7)), np.empty((3 * count, 7))
+    shift, step6 = np.empty(3), np.empty(6)
+    state.q[:] = q
+    evaluate(here, state)
+    _go_to_first(goals, nodes, here, state, origin)
+    _miss(here, state, goals, nodes, origin, missed, where, places)
+    merit = residual_of(here, state) + _size(missed)
+    converged, iterations, negative, since = False, 0, 1, np.inf  # rad turned since factorized
+    while True:
+        residual = residual_of(here, state)
+        converged = residual < tolerance and _size(missed) < exact
+        if converged and negative == 0 and since < _OLD:
+            break
+        # near the end the factorization before is as good
+        fresh = converged or negative > 0 or not _LEAVES * since * merit < tolerance
+        if fresh:
+            negative, since = 0, 0.0
+            if not assembled_definite(here, state, hessian, 0.0):
+                negative = factorize(here, hessian, 0.0)
+        if converged or iterations >= max_iterations:
+            break
+        iterations += 1
+        _answers(here, state, hessian, fresh, load, answers)
+        _fill_twists(here, state, answers, nodes, goals, where, twists)
+        fill_rows(goals, length, here.base, where, places, twists, rows)
+        if not _least_squares(rows, missed, length, step6):
+            break
+        step = answers[3]
+        for column in range(3):
+            add_to(step, step6[column], answers[column])
+        turned = np.sqrt(inner(step6[:3], step6[:3]))
+        shifted = np.sqrt(inner(step6[3:], step6[3:]))
+        size = max(turned, largest_turn(here, hessian, step))
+        if not np.isfinite(size + shifted):
+            break
+        portion = min(1.0, _LARGEST_TURN / max(size, 1e-300),
+                      _LARGEST_SHIFT * length / max(shifted, 1e-300))
+        accepted = False
+        for _ in range(_HALVINGS):
+            turn_by(here.base, portion * step6[:3], there.base)
+            put_sum(state.q, portion, step, trial.q)
+            for i in range(3):
+                shift[i] = origin[i] + portion * step6[3 + i]
+            evaluate(there, trial)
+            _miss(there, trial, goals, nodes, shift, new_missed, new_where, new_places)
+            new_merit = residual_of(there, trial) + _size(new_missed)
+            if new_merit < merit * (1 - 0.1 * portion) or new_merit < tolerance:
+                accepted = True
+                break
+            portion *= 0.5
+        if accepted:
+            since += size
+            merit = new_merit
+            origin[:] = shift
+            missed, new_missed = new_missed, missed
+            where, new_where = new_where, where
+            places, new_places = new_places, places
+            state, trial = trial, state
+            here, there = there, here
+        elif fresh:
+            break
+        else:  # the Hessian has changed by too much
+            since = np.inf
+    stability = _stability_near(here, state, hessian, negative, since)
+    return state, here.base, where, residual, stability, iterations, converged
+
+
+@kernel
+def _miss(system: Problem, state: Configuration, goals: GoalTable, nodes: Floats, origin: Floats,
+          missed: Floats, where: Floats, places: Floats) -> None:
+    fill_residuals(goals, nodes, system.lengths, state.strains, state.rotations, state.positions,
+                   origin, system.base, missed, where, places)
+
+
+@kernel
+def _size(missed: Floats) -> float:
+    total = 0.0
+    for i in range(missed.size):
+        total += missed[i] * missed[i]
+    size: float = np.sqrt(total)
+    return size
+
+
+@kernel
+def _go_to_first(goals: GoalTable, nodes: Floats, system: Problem, state: Configuration,
+                 origin: Floats) -> None:
+    """Move the gripper so that a first goal is kept that is a place."""
+    if goals.kind[0] != POSITION or not goals.weight[0] > 0.0:
+        return
+    frame, point = np.empty((3, 3)), np.empty(3)
+    e = element_at(nodes, min(goals.s[0], nodes[nodes.size - 1]))
+    point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                 (goals.s[0] - nodes[e]) / system.lengths[e], frame, point)
+    for i in range(3):
+        origin[i] = goals.target[0, i] - point[i]
+
+
+@kernel
+def _answers(system: Problem, state: Configuration, hessian: Hessian, fresh: bool, load: Floats,
+             answers: Floats) -> None:
+    """Fill answers (4, m, 3): changes of the equilibrium per gripper rotation about x, y, z.
+
+    Those are known where the Hessian is not `fresh`. The fourth is Newton's step in a gripper that
+    rests. `load` (m, 3) is for use here.
+    """
+    copy(state.gradient, load)
+    scaled_by(-1.0, load)
+    solve(system, hessian, load, answers[3])
+    for column in range(3 if fresh else 0):
+        if at_once(system):
+            answer_to_turn(hessian, column, answers[column])
+        else:
+            project(system.basis, -hessian.cross[:, :, column], load)
+            solve(system, hessian, load, answers[column])
+
+
+@kernel
+def _fill_twists(system: Problem, state: Configuration, answers: Floats, nodes: Floats,
+                 goals: GoalTable, where: Floats, twists: Floats) -> None:
+    """Fill twists (g, 6, 7) at the goals: by turns and shifts of the gripper, and Newton's step."""
+    at_nodes = node_twists(system, state, answers, 4)
+    for g in range(where.size):
+        if goals.kind[g] == ROLL:
+            continue
+        s = min(where[g], nodes[nodes.size - 1])
+        e = element_at(nodes, s)
+        twist = twists_inside(system, state, answers, 4, at_nodes[e], e,
+                              (s - nodes[e]) / system.lengths[e])
+        for i in range(6):
+            for j in range(3):
+                twists[g, i, j] = twist[i, j]
+                twists[g, i, 3 + j] = 1.0 if i == 3 + j else 0.0
+            twists[g, i, 6] = twist[i, 3] - (1.0 if i == 3 else 0.0)  # it began as a shift
+
+
+@kernel
+def _least_squares(rows: Floats, missed: Floats, length: float, out: Floats) -> bool:
+    """Fill out (6,): the motion of the gripper after which least is missed, to first order.
+
+    Args:
+        rows: (n, 7), of turns, shifts and the step of the strains, which is made in any case
+        missed: (n,)
+        length: a shift by it counts as a turn of 1 rad, m
+    """
+    square, scale = np.zeros((6, 6)), np.ones(6)
+    scale[3:] = length
+    trace = 0.0
+    for i in range(6):
+        out[i] = 0.0
+        for k in range(missed.size):
+            out[i] -= scale[i] * rows[k, i] * (missed[k] + rows[k, 6])
+        for j in range(i + 1):
+            for k in range(missed.size):
+                square[i, j] += scale[i] * rows[k, i] * scale[j] * rows[k, j]
+        trace += square[i, i]
+    if not trace > 0.0:
+        return False
+    for i in range(6):  # Cholesky
+        square[i, i] += _FREE * trace
+        for j in range(i + 1):
+            for k in range(j):
+                square[i, j] -= square[i, k] * square[j, k]
+            if j < i:
+                square[i, j] /= square[j, j]
+        square[i, i] = np.sqrt(max(square[i, i], _FREE * trace))
+    for i in range(6):
+        for k in range(i):
+            out[i] -= square[i, k] * out[k]
+        out[i] /= square[i, i]
+    for i in range(5, -1, -1):
+        for k in range(i + 1, 6):
+            out[i] -= square[k, i] * out[k]
+        out[i] /= square[i, i]
+    for i in range(6):
+        out[i] *= scale[i]
+    return True
+
+
+@kernel
+def _stability_near(system: Problem, state: Configuration, hessian: Hessian, negative: int,
+                    since: float) -> Any:
+    """Return the smallest eigenvalue of the Hessian, factorized with `negative` eigenvalues.
+
+    Where the DLO has turned `since`, in rad, that is of the shape before, which tells a stable one.
+    """
+    stability = -np.inf
+    if since > 0.0:
+        stability, _ = lowest_mode(system, hessian, 0.0, 1e-4)
+    if not stability > WELL_STABLE + _PER_TURN * since:
+        if since > 0.0:
+            assemble(system, state, hessian)
+            negative = factorize(system, hessian, 0.0)
+        shift = safe_shift(system, hessian, 1e-3) if negative > 0 else 0.0
+        stability, _ = lowest_mode(system, hessian, shift, 1e-4)
+    return stability
+
+
+@kernel
+def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats, origin: Floats,
+                 ahead: Floats, nodes: Floats, goals: GoalTable, s: Floats, free: Floats,
+                 most: Floats, least: float, watched: Ints, tolerance: float, exact: float,
+                 max_iterations: int) -> Any:
+    """Find equilibria that have goals at one set of arc lengths after another.
+
+    A shape at which the gripper or the DLO might leap, or that is hardly stable, ends the search:
+    who called it looks closer. One set of arc lengths, without limits, is the search for one shape.
+
+    Parameters
+    ----------
+    system, nodes, tolerance, exact, max_iterations
+        As of `solve_goals`.
+    bases, strains : ndarray, shapes (2, 3, 3) and (2, N, 3)
+        Rotations of the gripper before the last one and last, and strains there, 1/m; read-only.
+    frames, origin : ndarray, shapes (N + 1, 3, 3) and (3,)
+        Of the last one's nodes, and its position, m; read-only.
+    ahead : ndarray, shape (k,)
+        How many times the change before each search begins ahead.
+    goals : GoalTable
+        Goals of the first search. A ROLL counts since the shape before, in further ones.
+    s : ndarray, shape (k, g)
+        Arc lengths of the goals, m.
+    free : ndarray, shape (3,)
+        Direction about which a DLO that has the goals may roll, see `free_axis`.
+    most : ndarray, shape (3, k)
+        By how much the gripper may turn (rad) and move (m), and nodes may turn beside that (rad).
+    least : float
+        Stability with which nothing is in doubt.
+    watched : ndarray, shape (j,)
+        Nodes at which turns are looked at.
+
+    Returns
+    -------
+    tuple
+        How many were found; of each what `solve.solve_free` returns but the last number, as
+        arrays, in a gripper at the origin; bases (k, 3, 3); where the goals are (k, g), m; axes
+        (k, 3, 3) and position (k, 3), m, of the first goal.
+    """
+    count, n = s.shape[0], strains.shape[1]
+    all_strains, all_frames = np.empty((count, n, 3)), np.empty((count, n + 1, 3, 3))
+    positions, wrenches = np.empty((count, n + 1, 3)), np.empty((count, 6))
+    numbers, grippers, where = np.empty((5, count)), np.empty((count, 3, 3)), np.empty(s.shape)
+    axes, places = np.empty((count, 3, 3)), np.empty((count, 3))
+    base, before = bases[1].copy(), bases[0].copy()
+    u, earlier, known = strains[1].copy(), strains[0].copy(), frames.copy()
+    now, place, q, found = origin.copy(), origin.copy(), np.empty((unknown_count(system), 3)), 0
+    for k in range(count):
+        wanted = goals_at(goals, s[k].copy())
+        for g in range(wanted.kind.size if k else 0):
+            if wanted.kind[g] == ROLL:
+                wanted.target[g] = free_axis(base, free)
+                wanted.frame[g] = base
+        here, begin = with_gripper(system, base.copy(), system.origin), u.copy()
+        _go_ahead(before, earlier, ahead[k], here.base, begin)
+        unknowns_of(here, begin, q)
+        state, after, there, residual, stability, iterations, converged = solve_goals(
+            here, q, nodes, wanted, place, tolerance, exact, max_iterations)
+        if not converged or not stability > least:
+            break
+        after = orthonormal(after)
+        elastic, energy = outputs(here, state, wrenches[k])
+        at = min(there[0], nodes[nodes.size - 1])
+        e = element_at(nodes, at)
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
+                     (at - nodes[e]) / system.lengths[e], axes[k], places[k])
+        if goals.kind[0] != POSITION:  # the first goal is where the gripper's position counts from
+            for i in range(3):
+                place[i] = -places[k, i]
+        angle = _angle(base, after)
+        if (angle > most[0, k] or _distance(now, place) > most[1, k] or largest_turn_between(
+                known, state.rotations, base, after, watched) > most[2, k] + angle):
+            break
+        all_strains[k], all_frames[k], positions[k] = (state.strains, state.rotations,
+                                                       state.positions)
+        grippers[k], where[k] = after, there
+        numbers[0, k], numbers[1, k], numbers[2, k], numbers[3, k], numbers[4, k] = (
+            elastic, energy, residual, stability, iterations)
+        before, base, now = base, after, place.copy()
+        earlier, u, known = u, all_strains[k].copy(), all_frames[k].copy()
+        found += 1
+    return (found, (all_strains, all_frames, positions, wrenches, numbers), grippers, where, axes,
+            places)
+
+
+@kernel
+def _go_ahead(earlier_base: Floats, earlier: Floats, ahead: float, base: Floats,
+              strains: Floats) -> None:
+    """Go on with base (3, 3) and strains (N, 3), 1/m, as they have changed since earlier ones.
+
+    Args:
+        earlier_base, earlier: (3, 3), (N, 3)
+        ahead: how many times that change; as it was where the base would turn far
+    """
+    if ahead <= 0.0:
+        return
+    turn = np.empty(3)
+    put_vector(rotation_vector(times_transposed(matrix(base), matrix(earlier_base))), turn)
+    turn *= ahead
+    if not np.sqrt(inner(turn, turn)) < _LARGEST_TURN:
+        return
+    turn_by(base.copy(), turn, base)
+    for e in range(strains.shape[0]):
+        for i in range(3):
+            strains[e, i] += ahead * (strains[e, i] - earlier[e, i])
+
+
+@kernel
+def turn_by(base: Floats, turn: Floats, out: Floats) -> None:
+    """Fill out (3, 3) = exp(turn^) base."""
+    rotation, _ = rotation_and_chord(turn[0], turn[1], turn[2], 1.0)
+    put_matrix(times(rotation, matrix(base)), out)
+
+
+@kernel
+def orthonormal(rotation: Floats) -> Floats:
+    """Return the rotation (3, 3) nearest to one that is it but for rounding (Newton's method)."""
+    out = 1.5 * rotation
+    for i in range(3):
+        for j in range(3):
+            drift = 0.0
+            for k in range(3):
+                drift += rotation[k, i] * rotation[k, j]
+            for k in range(3):
+                out[k, j] -= 0.5 * rotation[k, i] * drift
+    return out
+
+
+@kernel
+def _angle(base: Floats, after: Floats) -> float:
+    """Return the angle in rad between two rotations (3, 3)."""
+    turn = np.empty(3)
+    put_vector(rotation_vector(times_transposed(matrix(after), matrix(base))), turn)
+    angle: float = np.sqrt(inner(turn, turn))
+    return angle
+
+
+@kernel
+def _distance(one: Floats, other: Floats) -> float:
+    total = 0.0
+    for i in range(3):
+        total += (one[i] - other[i]) ** 2
+    distance: float = np.sqrt(total)
+    return distance
+
+
+class Found(NamedTuple):
+    """What `follow` finds.
+
+    Attributes
+    ----------
+    shape : Shape
+        In a gripper at the origin.
+    where : ndarray, shape (g,)
+        Arc lengths of the goals, m; beyond L where the DLO ends before.
+    axes, place : ndarray, shapes (3, 3) and (3,)
+        Axes and position of the DLO at the first goal, m.
+    """
+
+    shape: Shape
+    where: Floats
+    axes: Floats
+    place: Floats
+
+
+def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free: Floats, *,
+           trend: tuple[Shape, float] | None = None, further: Sequence[float] = (),
+           origin: Floats = _ORIGIN, most: Floats | None = None, least: float = -np.inf
+           ) -> list[Found]:
+    """Return the shapes that have goals at some sets of arc lengths, until one is in doubt.
+
+    Parameters
+    ----------
+    mesh : Discretization
+        It hangs freely.
+    shape : Shape
+        Shape near the first one.
+    goals, free, most, least
+        As of `follow_goals`; without limits by default.
+    s : ndarray, shape (k, g)
+        Arc lengths, m.
+    trend : (Shape, float) or None, optional
+        The Shape before `shape`, and how many times the change since then the search begins ahead.
+    further : sequence of float, optional
+        The same of the further searches.
+    origin : ndarray, shape (3,), optional
+        Position of the gripper, m.
+    """
+    begin = mesh.start_from(shape)
+    earlier, ahead = trend or (shape, 0.0)
+    if trend is None or not mesh.has_nodes(earlier.s):
+        earlier, ahead = shape, 0.0
+    before = begin if earlier is shape else earlier.element_strains
+    frames = shape.frames if mesh.has_nodes(shape.s) else np.zeros((mesh.s.size, 3, 3))
+    pair = np.array([earlier.gripper.rotation, shape.gripper.rotation]), np.array([before, begin])
+    freeze(pair)
+    limits = np.full((3, len(s)), np.inf) if most is None else most
+    count, found, bases, where, axes, places = follow_goals(
+        mesh.static, *pair, frames, origin, np.array([ahead, *further], dtype=float), mesh.s, goals,
+        s, free, limits, least, NO_NODES if most is None else mesh.sampled, TOLERANCE, _EXACT,
+        _MAX_ITERATIONS)
+    strains, rotations, positions, wrenches, numbers = found
+    out = []
+    for k in range(count):
+        elastic, energy, residual, stability, iterations = numbers[:, k].tolist()
+        out.append(Found(hanging_shape(mesh, pose_of(_ORIGIN, bases[k]), (
+            strains[k], rotations[k], positions[k], wrenches[k], elastic, energy, residual,
+            stability, int(iterations), 0)), where[k], axes[k], places[k]))
+    return out

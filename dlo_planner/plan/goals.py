@@ -1,0 +1,421 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Goals, or penalties: what a shape should be like. The sum of the squares of residuals counts.
+
+Each has  residuals(shape) -> (k,)  and  slopes(shape, sensitivity) -> (k, 6), derivatives by
+rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of the shape. Where
+`ARC_LENGTHS` names attributes, they may not be beyond the DLO's length. `Plan.goals` says them for
+each waypoint.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
+from dlo_planner.energy.scene import Scene, build_scene
+from dlo_planner.errors import InvalidTask
+from dlo_planner.geometry.kinematics import nearest_place
+from dlo_planner.geometry.so3 import left_jacobian, turn_between
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import direction, instance, items, number, vector
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.value import Value, put
+from dlo_planner.plan.nearest import nearest
+
+_POINTS = 9  # of a stretch, at which its tangent is looked at, evenly
+
+
+class Weighted(Protocol):
+    """A penalty with a weight."""
+
+    @property
+    def weight(self) -> float:
+        """Its weight."""
+
+
+class Residuals(Protocol):
+    """A penalty: the sum of the squares of its residuals."""
+
+    def residuals(self, shape: Shape) -> Floats:
+        """Return (k,)."""
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (k, 6), derivatives by rotation (rad) and displacement (m) of the gripper."""
+
+
+def length_of(penalty: Value, name: str) -> float:
+    """Return an attribute that must not be negative, or raise InvalidTask."""
+    return number(f'{type(penalty).__name__}.{name}', getattr(penalty, name), minimum=0)
+
+
+def weight_of(penalty: Weighted) -> float:
+    """Return the weight of a penalty, or raise InvalidTask."""
+    return number(f'{type(penalty).__name__}.weight', penalty.weight, above=0)
+
+
+def judged(shape: Shape, *sensitivity: Sensitivity) -> None:
+    """Raise InvalidTask unless these are a Shape and, if given, its Sensitivity."""
+    instance('shape', shape, Shape)
+    for one in sensitivity:
+        if instance('sensitivity', one, Sensitivity).shape.s.size != shape.s.size:
+            raise InvalidTask(f'shape = {shape!r}: expected the one of the sensitivity')
+
+
+def cross_matrix(v: Floats) -> Floats:
+    """Return the matrix (3, 3) of turn x v, the change of a vector v (3,) by a rotation `turn`."""
+    x, y, z = v.tolist()
+    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PositionAt(Value):
+    """The DLO's point at arc length s (m) lies at `target` (3,) m; weight 1/m."""
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('s',)
+
+    s: float
+    target: Floats
+    weight: float = 1.0
+
+    if TYPE_CHECKING:  # what may be given, here and below
+        def __init__(self, s: float, target: ArrayLike, weight: float = 1.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        put(self, s=length_of(self, 's'), target=vector('PositionAt.target', self.target, 3),
+            weight=weight_of(self))
+        super().__post_init__()
+
+    def residuals(self, shape: Shape) -> Floats:
+        """Return (3,)."""
+        judged(shape)
+        return self.weight * (shape.frame_at(self.s)[1] - self.target)
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (3, 6)."""
+        judged(shape, sensitivity)
+        slopes: Floats = self.weight * sensitivity.at(self.s)[3:]
+        return slopes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DirectionAt(Value):
+    """The DLO's tangent at arc length s (m) is along `direction` (3,); weight 1/rad."""
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('s',)
+
+    s: float
+    direction: Floats
+    weight: float = 1.0
+
+    if TYPE_CHECKING:
+        def __init__(self, s: float, direction: ArrayLike,
+                     weight: float = 1.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        put(self, s=length_of(self, 's'), weight=weight_of(self),
+            direction=direction('DirectionAt.direction', self.direction))
+        super().__post_init__()
+
+    def residuals(self, shape: Shape) -> Floats:
+        """Return (3,): the difference of two unit vectors."""
+        judged(shape)
+        return self.weight * (shape.frame_at(self.s)[0][:, 0] - self.direction)
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (3, 6)."""
+        judged(shape, sensitivity)
+        tangent = shape.frame_at(self.s)[0][:, 0]
+        slopes: Floats = self.weight * (cross_matrix(tangent) @ sensitivity.at(self.s)[:3])
+        return slopes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrameAt(Value):
+    """The DLO's frame at arc length s (m) is a pose, as that of a plug in its socket.
+
+    Attributes
+    ----------
+    s : float
+        Arc length, m.
+    pose : Pose
+        Where the frame should be: the x axis along the DLO.
+    weight : float
+        Weight in 1/m of displacement and 1/rad of rotation.
+    """
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('s',)
+
+    s: float
+    pose: Pose
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        instance('FrameAt.pose', self.pose, Pose)
+        put(self, s=length_of(self, 's'), weight=weight_of(self))
+        super().__post_init__()
+
+    def residuals(self, shape: Shape) -> Floats:
+        """Return (6,): a rotation vector before a displacement."""
+        judged(shape)
+        axes, position = shape.frame_at(self.s)
+        return self.weight * np.concatenate([turn_between(self.pose.rotation, axes),
+                                             position - self.pose.position])
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (6, 6)."""
+        judged(shape, sensitivity)
+        slopes: Floats = self.weight * sensitivity.at(self.s)
+        turn = turn_between(self.pose.rotation, shape.frame_at(self.s)[0])
+        slopes[:3] = np.linalg.solve(left_jacobian(turn), slopes[:3])
+        return slopes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GripperNear(Value):
+    """The gripper stays near a pose. With a small weight it makes an ambiguous answer unique.
+
+    Attributes
+    ----------
+    pose : Pose
+    weight : float
+        Weight in 1/m of displacement and 1/rad of rotation.
+    """
+
+    pose: Pose
+    weight: float = 1e-3
+
+    def __post_init__(self) -> None:
+        instance('GripperNear.pose', self.pose, Pose)
+        put(self, weight=weight_of(self))
+        super().__post_init__()
+
+    def residuals(self, shape: Shape) -> Floats:
+        """Return (6,)."""
+        judged(shape)
+        turn = turn_between(self.pose.rotation, shape.gripper.rotation)
+        away = shape.gripper.position - self.pose.position
+        return self.weight * np.concatenate([turn, away])
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (6, 6); the rotation's to first order about the pose."""
+        judged(shape, sensitivity)
+        return self.weight * np.eye(6)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Through(Value):
+    """The DLO passes a point at any arc length; a DLO that ends before it is extended straight.
+
+    Attributes
+    ----------
+    point : ndarray, shape (3,)
+        Point in m.
+    after : float
+        Arc length beyond which it should pass there, m.
+    weight : float
+        Weight in 1/m.
+    """
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('after',)
+
+    point: Floats
+    after: float = 0.0
+    weight: float = 1.0
+
+    if TYPE_CHECKING:
+        def __init__(self, point: ArrayLike, after: float = 0.0,
+                     weight: float = 1.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        put(self, point=vector('Through.point', self.point, 3), after=length_of(self, 'after'),
+            weight=weight_of(self))
+        super().__post_init__()
+
+    def passage(self, shape: Shape) -> float:
+        """Return the arc length nearest to the point, m; beyond L where the DLO ends before it."""
+        judged(shape)
+        return self._nearest(shape)[0]
+
+    def residuals(self, shape: Shape) -> Floats:
+        """Return (3,)."""
+        judged(shape)
+        off: Floats = self._nearest(shape)[1][0]
+        return self.weight * off
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (3, 6); the nearest arc length changes too."""
+        judged(shape, sensitivity)
+        s, (off, tangent, turn) = self._nearest(shape)
+        beyond = max(s - float(shape.s[-1]), 0.0)
+        by_twist = sensitivity.at(s - beyond)
+        turned = cross_matrix(tangent) @ by_twist[:3]        # change of the tangent, (3, 6)
+        moved = by_twist[3:] + beyond * turned
+        if self.after < s:
+            along = (tangent @ moved + off @ turned) / (1 + off @ turn)
+            moved = moved - np.outer(tangent, along)
+        slopes: Floats = self.weight * moved
+        return slopes
+
+    def _nearest(self, shape: Shape) -> tuple[float, Floats]:
+        """Return the arc length of the passage, and what `nearest_place` fills, (3, 3)."""
+        place = np.empty((3, 3))
+        s = nearest_place(shape.s, *shape.for_kernels, np.array(self.point), self.after, place)
+        return float(s), place
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AwayFrom(Value):
+    """The DLO's surface keeps a distance from obstacles (of the simulator or not).
+
+    Attributes
+    ----------
+    obstacles : tuple of obstacle
+        Plane, Sphere, Capsule, Cylinder, Box or Sheet, in any number.
+    distance : float
+        Distance in m.
+    radius : float
+        Radius of the DLO, m.
+    weight : float
+        Weight in 1/m.
+    """
+
+    obstacles: tuple[Obstacle, ...]
+    distance: float
+    radius: float = 0.0
+    weight: float = 1.0
+
+    if TYPE_CHECKING:
+        def __init__(self, obstacles: Iterable[Obstacle], distance: float,
+                     radius: float = 0.0, weight: float = 1.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        put(self, obstacles=items('AwayFrom.obstacles', self.obstacles, OBSTACLES, least=1),
+            distance=length_of(self, 'distance'), radius=length_of(self, 'radius'),
+            weight=weight_of(self))
+        super().__post_init__()
+
+    @cached_property
+    def _scene(self) -> Scene:
+        scene: Scene = build_scene(self.obstacles, self.radius)
+        return scene
+
+    def residuals(self, shape: Shape) -> Floats:
+        """Return by how much the distance is too small, one number per body."""
+        judged(shape)
+        gaps = np.array([gap for gap, _, _ in nearest(self._scene, shape)])
+        missing: Floats = self.weight * np.maximum(self.distance - gaps, 0.0)
+        return missing
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (bodies, 6); to first order the same point stays the nearest."""
+        judged(shape, sensitivity)
+        return np.array([-self.weight * (normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
+                         for gap, s, normal in nearest(self._scene, shape)]).reshape(-1, 6)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BentAtMost(Value):
+    """The DLO is nowhere bent more sharply than this.
+
+    Attributes
+    ----------
+    curvature : float
+        Curvature in 1/m, the inverse of the bend radius.
+    weight : float
+        Weight in m.
+    """
+
+    curvature: float
+    weight: float = 1.0
+
+    def __post_init__(self) -> None:
+        put(self, curvature=length_of(self, 'curvature'), weight=weight_of(self))
+        super().__post_init__()
+
+    def residuals(self, shape: Shape) -> Floats:
+        """Return (N,): the excess of each element, so that squares add up to the mean square."""
+        judged(shape)
+        excess = np.hypot(*shape.element_strains[:, 1:].T) - self.curvature
+        share = self.weight * np.sqrt(np.diff(shape.s) / shape.s[-1])
+        residuals: Floats = share * np.maximum(excess, 0.0)
+        return residuals
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (N, 6)."""
+        judged(shape, sensitivity)
+        bend = shape.element_strains[:, 1:]
+        size = np.hypot(*bend.T)
+        share = np.sqrt(np.diff(shape.s) / shape.s[-1]) * (size > self.curvature)
+        rows = np.einsum('ej,ejk->ek', bend, sensitivity.strains[:, 1:])
+        slopes: Floats = self.weight * (share / np.maximum(size, 1e-300))[:, None] * rows
+        return slopes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KeepTangent(Value):
+    """The DLO's tangent keeps a direction on a stretch: the root mean square of its deviation.
+
+    Attributes
+    ----------
+    begin : float
+        Arc length where the stretch begins, m.
+    end : float
+        Arc length where the stretch ends, m.
+    direction : ndarray, shape (3,)
+        Direction of the tangent, of any length but zero.
+    weight : float
+        Weight in 1/rad.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    """
+
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('begin', 'end')
+
+    begin: float
+    end: float
+    direction: Floats
+    weight: float = 1.0
+
+    if TYPE_CHECKING:  # what may be given
+        def __init__(self, begin: float, end: float, direction: ArrayLike,
+                     weight: float = 1.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        begin, end = length_of(self, 'begin'), length_of(self, 'end')
+        if end < begin:
+            raise InvalidTask(f'KeepTangent.end = {end:g}: expected at least begin = {begin:g}')
+        put(self, begin=begin, end=end, direction=direction('KeepTangent.direction',
+                                                            self.direction),
+            weight=weight_of(self))
+        super().__post_init__()
+
+    def residuals(self, shape: Shape) -> Floats:
+        """Return (27,): differences of unit vectors, 3 at each of 9 points."""
+        judged(shape)
+        return self._share * np.ravel([shape.frame_at(s)[0][:, 0] - self.direction
+                                       for s in self._points])
+
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (27, 6), by rotation (rad) and displacement (m) of the gripper."""
+        judged(shape, sensitivity)
+        return self._share * np.vstack([
+            cross_matrix(shape.frame_at(s)[0][:, 0]) @ sensitivity.at(s)[:3]
+            for s in self._points])
+
+    @property
+    def _points(self) -> Floats:
+        return np.linspace(self.begin, self.end, _POINTS)
+
+    @property
+    def _share(self) -> float:
+        return self.weight / float(np.sqrt(_POINTS))

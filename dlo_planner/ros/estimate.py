@@ -1,0 +1,412 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What is seen of the DLO: an estimate of it, by which motions are corrected, or the parameters."""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
+from dlo_planner.execute.beginning import blending_as
+from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.execute.judge import (
+    aimed_anew,
+    disagreement,
+    in_motion,
+    kept_out,
+    lag_of,
+    unexplained,
+)
+from dlo_planner.identify.correction import Correction
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.observing import Observing, Swing, deviation
+from dlo_planner.identify.steering import Steered
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import Pose
+from dlo_planner.ros.drive import room_of
+from dlo_planner.ros.inputs import OneFrame, named, pose_in
+from dlo_planner.ros.managed import LATEST, REQUEST, Gate
+from dlo_planner.ros.scene import Scene
+from dlo_planner.ros.state import Made, State
+from dlo_planner.ros.status import Parts
+from dlo_planner.view.dlo_items import drawn_radius
+from msg_helpers.clouds import points_from_cloud
+from msg_helpers.markers import estimate_markers
+
+_REMEMBERED = 500    # gripper poses, until a first cloud comes
+_LONGEST_AGE = 1.0  # s, after which what was seen of the DLO says nothing of it now
+
+
+class Camera:
+    """Hears points of the DLO, and where its cut-out is seen.
+
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node.
+    parts : Parts
+    seeing, identifying : object
+        Callback groups: clouds that come quicker than they are looked at starve no service.
+    set_parameters : callable
+        Takes rclpy Parameters, sets all or none, returns a SetParametersResult.
+    """
+
+    def __init__(self, node: Gate, parts: Parts, seeing: Any, identifying: Any,
+                 set_parameters: Callable[..., Any]) -> None:
+        self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
+        self._reporter, self._picture, self._frames = parts.reporter, parts.picture, parts.frames
+        self._set, self._lock, self._turn = set_parameters, Lock(), Lock()
+        # (stamp, Pose of the tool frame)
+        self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
+        # Scene, Observing of its DLO or None, State.resets
+        self._at: tuple[Scene | None, Observing | None, int] = None, None, 0
+        self._identified: Estimate | None = None  # of which the parameters are being made
+        # running plan, when, the last Correction
+        self._corrected: tuple[Made | None, float, Correction | None] = None, -np.inf, None
+        # the plan whose motion is expected, by whom, State.resets
+        self._moves_by: tuple[Made | None, Observing | None, int] = None, None, -1
+        self._seen = -np.inf, np.nan  # stamp, deviation from the plan
+        # center of the cut-out that was seen, as stated; stamp
+        self._hole: tuple[Floats | None, float] = None, -np.inf
+        node.create_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST,
+                                 callback_group=seeing)
+        node.create_subscription(PoseStamped, '~/observed_cutout', self._on_cutout, REQUEST,
+                                 callback_group=seeing)
+        node.create_service(Trigger, '~/identify', self._on_identify, callback_group=identifying)
+
+    def gripper(self, pose: Pose, stamp: Time) -> float:
+        """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan.
+
+        Parameters
+        ----------
+        pose : Pose
+        stamp : Time
+            builtin_interfaces/Time.
+        """
+        seconds, (scene, observing, _) = _seconds(stamp), self._at
+        self._grippers.append((seconds, pose))
+        if observing is not None and scene is not None:
+            observing.gripper(seconds, pose.compose(scene.tool))
+        when, off = self._seen
+        return off if abs(seconds - when) <= _LONGEST_AGE else np.nan
+
+    def observing(self, stamp: Time) -> Observing | None:
+        """Return what observes the DLO, None where it was not looked at shortly before a stamp."""
+        observing = self._observing_of(self._store.state)
+        if observing is None:
+            return None
+        age = abs(_seconds(stamp) - observing.looked)
+        return observing if age <= max(_LONGEST_AGE, 2 * observing.seeing.period) else None
+
+    # ---- looks ------------------------------------------------------------------------------
+
+    def _on_points(self, msg: PointCloud2) -> None:
+        with self._turn, self._reporter.answering(
+                'observed_points', counter='clouds refused', told=False):
+            self._health.count('clouds received')
+            state, stamp = self._store.state, _seconds(msg.header.stamp)
+            observing = self._observing_of(state)
+            if observing is None or not observing.due(stamp):
+                return
+            points = points_in(state.scene, msg, 'observed_points', self._frames)
+            try:
+                estimate = self._look(observing, stamp, points)
+            finally:  # what no equilibrium explains is a disagreement as well
+                if observing.doubted and state.looking is None:
+                    self._store.change(lambda now: now.stopped(
+                        Cause.LOOKS_DISAGREE, disagreement(observing)))
+            self._health.estimated(estimate)
+            self._draw(state, estimate, points, msg.header.stamp)
+            if state.executing:
+                self._compare(state, stamp, points, observing)
+                if state.looking is not None:  # the closed loop sees to the rest
+                    return
+                if observing.doubted:
+                    return
+                self._correct(state, stamp, observing, estimate)
+            else:
+                self._expect(state, observing)
+
+    def _on_cutout(self, msg: PoseStamped) -> None:
+        """Take in where the cut-out of the plan is seen; one that is seen for another begins anew.
+
+        What was seen of the DLO is forgotten with it: the camera's error is one of both.
+        """
+        with self._turn, self._reporter.answering('observed_cutout', told=False):
+            state, stamp = self._store.state, _seconds(msg.header.stamp)
+            seen = pose_in(state.scene, msg, 'observed_cutout', self._frames).position
+            observing, stated = self._observing_of(state), cutout_of(state)
+            if observing is None or stated is None:
+                return
+            if not observing.seeing.cutout:
+                raise Refused(Cause.INVALID_PARAMETER, 'observe.cutout = 0: expected how well the '
+                              'place of the cut-out is known, m, or it has no effect where it is '
+                              'seen')
+            known, when = self._hole
+            if known is not None and (known != stated).any():
+                observing.reset()
+            elif abs(stamp - when) < observing.seeing.period:
+                return
+            self._hole = stated, stamp
+            observing.hole(stated, seen)
+
+    def _look(self, observing: Observing, stamp: float, points: Floats) -> Estimate:
+        try:
+            return observing.look(stamp, points)
+        except InvalidTask as error:
+            raise Refused(Cause.INVALID_POINTS, str(error)) from None
+
+    def _draw(self, state: State, estimate: Estimate, points: Floats, stamp: Time) -> None:
+        """Show the DLO as it is estimated."""
+        if state.gripper is not None:
+            shape, scene = estimate.shape(state.gripper), state.scene
+            if shape.converged:
+                self._picture.show('estimate', lambda: (estimate_markers(
+                    shape, drawn_radius(scene.direct.rod), points, scene.frame_id, stamp),))
+
+    def _observing_of(self, state: State) -> Observing | None:
+        """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""
+        scene = state.scene
+        with self._lock:
+            known, observing, resets = self._at
+            kept = state.executing and state.looking is not None  # by the closed loop
+            if known is None or not kept and (known.seeing, known.tool, known.direct.rod) != (
+                    scene.seeing, scene.tool, scene.direct.rod):
+                observing = observing_of(scene, list(self._grippers), self._identified)
+                self._identified = None
+            elif resets != state.resets and observing is not None:
+                observing.reset()
+            self._at = known if kept else scene, observing, state.resets
+            return observing
+
+    def _expect(self, state: State, observing: Observing) -> None:
+        """Have the DLO expected as inertia bends it in the motion that was proved."""
+        made, proof = state.made, state.proof
+        known = made, observing, state.resets
+        if known == self._moves_by or made is None or proof is None or not proof.safe:
+            return
+        self._moves_by = known
+        assert proof.report is not None and proof.report.trajectory is not None  # it is safe
+        with suppress(NotConverged):  # then it is expected at rest, and sways as it may
+            observing.moves(Swing.of(
+                proof.report.trajectory, made.scene.direct.elastic().without_obstacles(),
+                made.plan.shapes[0]), self._time_at)
+
+    def _time_at(self, stamp: float) -> float:
+        """Return the time of the motion, s, at a stamp; at rest after its end."""
+        execution = self._store.state.execution
+        if execution is None or self._store.state.running is not self._moves_by[0]:
+            return -np.inf
+        return execution.done_at(stamp) if execution.active else np.inf
+
+    def _compare(self, state: State, stamp: float, points: Floats, observing: Observing) -> None:
+        """Remember how far the DLO is from its plan; in a closed loop, from its estimate."""
+        running, execution = state.running, state.execution
+        assert running is not None and execution is not None
+        if state.looking is not None:
+            self._seen = stamp, observing.off
+        elif execution.phase == 'running':
+            done = execution.done_at(stamp)
+            time = float(execution.way.progress([done])[0])
+            self._seen = stamp, deviation(running.plan, time, points)
+
+    # ---- corrections ------------------------------------------------------------------------
+
+    def _correct(self, state: State, stamp: float, observing: Observing,
+                 estimate: Estimate) -> None:
+        """Aim the rest of what is executed anew, if that is wanted, due and sure."""
+        scene, execution, made = state.scene, state.execution, state.running
+        assert execution is not None and made is not None
+        plan, (running, when, before) = made.plan, self._corrected
+        if running is not made:
+            when, before = -np.inf, None
+        if not scene.seeing.correct or execution.phase != 'running' or (
+                abs(stamp - when) < scene.seeing.correction_period):
+            return
+        way = execution.way
+        trajectory = way.trajectory if isinstance(way, Steered) else way
+        fresh = Steered.of(trajectory, plan.shapes[-1])
+        steered = fresh
+        if isinstance(way, Steered):
+            blending = blending_as(way, fresh.windows, execution.free)
+            if blending is None:
+                return
+            steered = blending
+        reached = steered.reached(plan.times)
+        if execution.free + steered.windows.sum() > steered.trajectory.duration:
+            return  # it would come too late
+        seeing = scene.seeing
+        aimed = aimed_anew(scene.inverse, estimate, plan, steered, execution.free, reached, before,
+                           seeing.largest_correction, lag_of(seeing, execution.horizon),
+                           unexplained(observing, scene.limits.linear_speed))
+        found, reason = aimed.correction, named(aimed.doubts, state.bodies)
+        self._corrected = made, stamp, found if found.converged else None
+        entry = next((time for time, passes in zip(reached, plan.via_points, strict=True)
+                      if passes), -np.inf)
+        left, moving = entry - execution.done, in_motion(execution)
+        bound = aimed.bound_before if reason else aimed.bound
+        if left > 0:
+            self._health.expected(bound + moving)
+        room = room_of(made)
+        barred = '' if room is None else kept_out(bound, room, left, moving)
+        if barred:
+            self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
+        elif not reason:
+            after = self._store.change(lambda now: now.steered(execution.way, lambda done: (
+                steered.corrected(done, found, reached[found.first:])))).execution
+            if after is None or after.way is way:
+                reason = (after and after.refusal) or 'it came when the motion had ended'
+        self._health.corrected(found, barred or reason)
+
+    # ---- identification ---------------------------------------------------------------------
+
+    def _on_identify(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._turn, self._reporter.answering('identify', answer=response) as outcome:
+            state = self._store.state
+            if state.executing:
+                raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or '
+                              '~/cancel')
+            observing = self._observing_of(state)
+            estimate = None if observing is None else observing.estimate
+            if observing is None or estimate is None or not estimate.looks:
+                raise Refused(Cause.NOTHING_SEEN, 'nothing of the DLO was seen since ~/reset: '
+                              'expected points on ~/observed_points, and spread.* above 0')
+            wrong = unexplained(observing)
+            if wrong:
+                raise Refused(Cause.INVALID_POINTS, f'{wrong}; let the DLO hang freely, and call '
+                              '~/reset')
+            changed = identified(estimate, dict(state.values))
+            self._identified = estimate
+            result = self._set([Parameter(name, value=value) for name, value in changed.items()])
+            if not result.successful:
+                self._identified = None
+                raise Refused(Cause.INVALID_PARAMETER, result.reason)
+            self._observing_of(self._store.state)  # from now on; what was told stays told
+            outcome.message = told(estimate)
+            outcome.values = {name: str(value) for name, value in changed.items()}
+        return response
+
+
+def cutout_of(state: State) -> Floats | None:
+    """Return the center of the one cut-out of what is executed or planned, None: there is none."""
+    made = state.running if state.executing else state.made
+    centers = [] if made is None else [one[0] for some in made.plan.via_points for one in some]
+    if not centers or any((center != centers[0]).any() for center in centers):
+        return None
+    return centers[0]
+
+
+def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
+                 known: Estimate | None) -> Observing | None:
+    """Return a new Observing, None where the DLO cannot be observed or nothing is uncertain.
+
+    Parameters
+    ----------
+    scene : Scene
+    grippers : list
+        (stamp, Pose of the tool frame) that are known.
+    known : Estimate or None
+        Estimate of which the scene was made, or None.
+    """
+    try:
+        made = Observing(scene.direct, scene.seeing, known)
+    except InvalidTask:
+        return None
+    for stamp, pose in grippers:
+        made.gripper(stamp, pose.compose(scene.tool))
+    return made
+
+
+def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Floats:
+    """Return the points (n, 3), m, of a PointCloud2 in the scene's frame.
+
+    Raises
+    ------
+    Refused
+        Naming the field, its value, and what would be right.
+    """
+    origin = frames.origin(msg.header, scene.frame_id, name)
+    try:
+        points = points_from_cloud(msg, name)
+    except DloPlannerError as error:
+        raise Refused(Cause.INVALID_POINTS, str(error)) from None
+    if origin is not None:
+        points = points @ origin.rotation.T + origin.position
+    result: Floats = points[np.linalg.norm(points, axis=1) <= scene.reach]
+    return result
+
+
+def _seconds(stamp: Time) -> float:
+    return float(stamp.sec + 1e-9 * stamp.nanosec)
+
+
+_MOST_POISSON = 0.5
+_SECTIONS = 'youngs_modulus', 'density'
+_STIFFNESSES = 'bending_stiffness', 'mass_per_length'
+
+
+def identified(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters (name -> value) that change by an Estimate.
+
+    Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Estimate of the DLO that `values` describe.
+    values : dict
+        dict of all parameters, see `ros.parameters`.
+    """
+    uncertain, z = estimate.uncertain, estimate.mean
+    (twist, bend, _), mass = uncertain.factors(z)
+    terms = uncertain.terms(z)
+    sized = values['rod.section'] != 'stiffness'
+    stiffness, weight = (f'rod.{name}' for name in (_SECTIONS if sized else _STIFFNESSES))
+    out = {stiffness: _times(values[stiffness], bend), weight: _times(values[weight], mass),
+           'rod.tip_mass': values['rod.tip_mass'] * mass,
+           'rod.length': float(values['rod.length'] + uncertain.part(z, 'length', 1)[0]),
+           'rod.natural_curvature': (np.array(values['rod.natural_curvature'])
+                                     + terms[0]).tolist(),
+           'rod.natural_curvature_terms': _sum(values['rod.natural_curvature_terms'], terms[1:])}
+    if sized:
+        ratio = (1 + values['rod.poisson_ratio']) * bend / twist - 1
+        out['rod.poisson_ratio'] = float(min(ratio, _MOST_POISSON))
+    else:
+        out['rod.torsional_stiffness'] = float(values['rod.torsional_stiffness'] * twist)
+    tool = Pose(values['tool.position'], values['tool.orientation']).compose(
+        estimate.gripper_offset)
+    return out | {'tool.position': tool.position.tolist(),
+                  'tool.orientation': tool.quaternion.tolist()}
+
+
+def told(estimate: Estimate) -> str:
+    """Return in a sentence what an Estimate says: the numbers that were told by what was seen."""
+    values, deviations = estimate.values, estimate.deviations
+    prior = dict(zip(estimate.names, estimate.uncertain.deviations.tolist(), strict=True))
+    said = [f'{name} {values[name]:+.3g} +- {deviations[name]:.1g}' for name in estimate.names
+            if deviations[name] < 0.7 * prior[name]]
+    return (f'{estimate.looks} looks, points {1e3 * estimate.misfit:.2g} mm off, '
+            f'{estimate.outliers:.0%} of them outliers: {", ".join(said) or "nothing told"}')
+
+
+def _times(value: Any, factor: float) -> Any:
+    return [float(factor * part) for part in value] if isinstance(value, list) else float(
+        factor * value)
+
+
+def _sum(known: Sequence[float], terms: Floats) -> list[float]:
+    """Return the sum of pairs that follow each other and of rows (n, 2), as pairs in a row."""
+    pairs = np.asarray(known, dtype=float).reshape(-1, 2)
+    out = np.zeros((max(len(pairs), len(terms)), 2))
+    out[:len(pairs)] += pairs
+    out[:len(terms)] += terms
+    return out.ravel().tolist()

@@ -1,0 +1,290 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages that come, in the frame of the scene and within its bounds, or refused by name."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, Quaternion
+from nav_msgs.msg import Goals
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import shown
+from dlo_planner.model.pose import Pose
+from dlo_planner.ros.scene import Scene
+from msg_helpers.obstacles import obstacles_after
+from msg_helpers.poses import header, pose_from_msg, pose_from_stamped, pose_msg
+
+_PATIENCE = 0.1  # s that a transform may come later than a pose
+_LONGEST = 256   # characters of a name: what is longer is neither looked up nor said
+
+
+class OneFrame:
+    """Knows one frame only; also the interface of the others."""
+
+    def origin(self, header: Header, frame_id: str, name: str) -> Pose | None:
+        """Return the Pose of a message's frame in another one; None if it is the same frame.
+
+        Parameters
+        ----------
+        header : Header
+            std_msgs/Header of the message; stamp 0: as it is now.
+        frame_id : str
+            Frame id of the frame in which it is wanted.
+        name : str
+            How the sender knows the message.
+
+        Raises
+        ------
+        Refused
+            Naming the field, its value, and what would be right.
+        """
+        if header.frame_id == frame_id:
+            return None
+        judge_length(header.frame_id, f'{name}.header.frame_id', Cause.INVALID_FRAME)
+        raise _refused(header, frame_id, name, 'tf2_ros is not installed')
+
+    def close(self) -> None:
+        """Listen no more."""
+
+
+class TfFrames(OneFrame):
+    """Knows what tf knows.
+
+    Parameters
+    ----------
+    node : object
+        Rclpy Node that listens to /tf and /tf_static.
+    tf2 : object
+        Module tf2_ros.
+    """
+
+    def __init__(self, node: Any, tf2: Any) -> None:
+        from rclpy.duration import Duration  # noqa: PLC0415
+        from rclpy.time import Time  # noqa: PLC0415
+        self._tf2, self._time, self._patience = tf2, Time, Duration(seconds=_PATIENCE)
+        self._buffer = tf2.Buffer()
+        self._listener = tf2.TransformListener(self._buffer, node)
+
+    def origin(self, header: Header, frame_id: str, name: str) -> Pose | None:
+        """As `OneFrame.origin`."""
+        if header.frame_id == frame_id:
+            return None
+        judge_length(header.frame_id, f'{name}.header.frame_id', Cause.INVALID_FRAME)
+        if not header.frame_id:
+            raise _refused(header, frame_id, name, 'it is empty')
+        try:
+            found = self._buffer.lookup_transform(
+                frame_id, header.frame_id, self._time.from_msg(header.stamp), self._patience)
+        except self._tf2.TransformException as error:
+            raise _refused(header, frame_id, name, f'tf says: {error}') from None
+        at, turn = found.transform.translation, found.transform.rotation
+        return Pose((at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w))
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._listener.unregister()
+
+
+def frames_of(node: Any) -> OneFrame:
+    """Return the Frames of a Node: TfFrames where tf2_ros is installed."""
+    try:
+        import tf2_ros  # noqa: PLC0415
+    except ImportError:
+        return OneFrame()
+    return TfFrames(node, tf2_ros)
+
+
+def judge_length(text: str, name: str, cause: Cause) -> None:
+    """Refuse a name that is too long to be looked up, or said in the log."""
+    if len(text) > _LONGEST:
+        raise Refused(cause, f'{name} has {len(text)} characters: expected {_LONGEST} at most')
+
+
+def _refused(header: Header, frame_id: str, name: str, why: str) -> Refused:
+    return Refused(Cause.INVALID_FRAME, f'{name}.header.frame_id = {shown(header.frame_id)}: '
+                   f'expected {frame_id!r}, or a frame that tf can transform to it ({why})')
+
+
+_ONE = OneFrame()
+_UNIT = 1e-2  # by which the length of a quaternion may be off 1, as for tf2
+_MOST_GOALS = 100
+_MOST_BODIES = 1000
+_MOST_MARKERS = 10_000  # of a message, most of which delete
+_MOST_SAID = 2000  # characters of a text that goes out
+_OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|'
+                       r'\b(?:Box|Sphere|Capsule|Cylinder|Plane|Sheet) (\d+)\b')
+
+
+def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) -> Pose:
+    """Return the Pose of a geometry_msgs/PoseStamped in the scene's frame.
+
+    Parameters
+    ----------
+    scene : Scene
+    msg : PoseStamped
+    name : str
+        How the sender knows the field.
+    frames : OneFrame, optional
+        Frames that know other frames.
+
+    Raises
+    ------
+    Refused
+        Naming the field, its value, and what would be right.
+    """
+    origin = frames.origin(msg.header, scene.frame_id, name)
+    try:
+        pose = pose_from_stamped(msg, msg.header.frame_id, name)
+    except InvalidTask as error:
+        raise Refused(Cause.INVALID_POSE, str(error)) from None
+    _judge_orientation(msg.pose.orientation, f'{name}.pose')
+    if origin is None:
+        judge_distance(pose.position, scene, f'{name}.pose')
+        return pose
+    there = origin.compose(pose)
+    judge_distance(there.position, scene, f'{name} in {scene.frame_id}: pose')
+    return there
+
+
+def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArray, name: str,
+              frames: OneFrame = _ONE) -> dict[tuple[str, int], Any]:
+    """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
+
+    Parameters
+    ----------
+    scene : Scene
+    known : dict
+        Those before.
+    msg : MarkerArray
+    name : str
+        How the sender knows it.
+    frames : OneFrame, optional
+        Frames that know other frames.
+
+    Raises
+    ------
+    Refused
+        Naming marker, field and value; nothing of the message counts then.
+    """
+    if len(msg.markers) > _MOST_MARKERS:
+        raise Refused(Cause.INVALID_OBSTACLES, f'{name}.markers has {len(msg.markers)} entries: '
+                      f'expected {_MOST_MARKERS} at most')
+    for index, marker in enumerate(msg.markers):
+        judge_length(marker.ns, f'{name}.markers[{index}].ns', Cause.INVALID_OBSTACLES)
+    msg = markers_in(scene, msg, name, frames)
+    try:
+        bodies = obstacles_after(dict(known), msg, scene.frame_id, name)
+    except InvalidTask as error:
+        raise Refused(Cause.INVALID_OBSTACLES, str(error)) from None
+    for index, marker in enumerate(msg.markers):
+        if marker.action == Marker.ADD:
+            where = f'{name}.markers[{index}]'
+            _judge_orientation(marker.pose.orientation, f'{where}.pose', Cause.INVALID_OBSTACLES)
+            at, size = marker.pose.position, marker.scale
+            judge_distance([at.x, at.y, at.z], scene, f'{where}.pose', Cause.INVALID_OBSTACLES)
+            if max(size.x, size.y, size.z) > 2 * scene.reach:
+                raise Refused(Cause.INVALID_OBSTACLES, f'{where}.scale = '
+                              f'{[size.x, size.y, size.z]}: expected at most twice '
+                              f'workspace.reach = {scene.reach:g} m')
+    if len(bodies) > _MOST_BODIES:
+        raise Refused(Cause.INVALID_OBSTACLES, f'{name}.markers: {len(bodies)} obstacles with '
+                      f'those that are there: expected {_MOST_BODIES} at most')
+    return bodies
+
+
+def _judge_orientation(q: Quaternion, name: str, cause: Cause = Cause.INVALID_POSE) -> None:
+    quaternion = [q.x, q.y, q.z, q.w]
+    if abs(np.linalg.norm(quaternion) - 1) > _UNIT:
+        raise Refused(cause, f'{name}.orientation = {quaternion}: expected a quaternion x, y, z, w '
+                      f'of length 1, within {_UNIT:g}')
+
+
+def judge_distance(position: Sequence[float] | Floats, scene: Scene, name: str,
+                   cause: Cause = Cause.OUT_OF_REACH) -> None:
+    """Refuse a position that is farther from the origin than workspace.reach."""
+    if np.linalg.norm(position) > scene.reach:
+        raise Refused(cause, f'{name}.position = {[float(x) for x in position]}: expected at most '
+                      f'workspace.reach = {scene.reach:g} m from the origin of {scene.frame_id}')
+
+
+def goals_in(scene: Scene, msg: Goals, name: str, frames: OneFrame = _ONE) -> tuple[Pose, ...]:
+    """Return the Poses of a nav_msgs/Goals; an empty header is that of the message."""
+    if not 1 <= len(msg.goals) <= _MOST_GOALS:
+        raise Refused(Cause.INVALID_GOALS, f'{name}.goals has {len(msg.goals)} poses: expected 1 '
+                      f'to {_MOST_GOALS}')
+    return tuple(pose_in(scene, PoseStamped(
+        header=goal.header if goal.header.frame_id else msg.header, pose=goal.pose),
+        f'{name}.goals[{index}]', frames) for index, goal in enumerate(msg.goals))
+
+
+def markers_in(scene: Scene, msg: MarkerArray, name: str, frames: OneFrame) -> MarkerArray:
+    """Return a visualization_msgs/MarkerArray in the scene's frame.
+
+    Raises
+    ------
+    Refused
+        A frame is not known; a pose that makes no sense is left as it is.
+    """
+    return MarkerArray(markers=[_marker_in(scene, marker, f'{name}.markers[{index}]', frames)
+                                for index, marker in enumerate(msg.markers)])
+
+
+def _marker_in(scene: Scene, marker: Marker, name: str, frames: OneFrame) -> Marker:
+    if marker.action != Marker.ADD:
+        return marker
+    origin = frames.origin(marker.header, scene.frame_id, name)
+    if origin is None:
+        return marker
+    _judge_orientation(marker.pose.orientation, f'{name}.pose', Cause.INVALID_OBSTACLES)
+    try:
+        pose = pose_msg(origin.compose(pose_from_msg(marker.pose)))
+    except InvalidTask:
+        pose = marker.pose
+    return Marker(header=header(scene.frame_id, marker.header.stamp), ns=marker.ns, id=marker.id,
+                  type=marker.type, action=marker.action, pose=pose, scale=marker.scale,
+                  points=marker.points, text=marker.text)
+
+
+def brief_text(text: str, most: int = _MOST_SAID) -> str:
+    """Return a text, shortened if it is long: it goes to logs and to everybody who listens."""
+    return text if len(text) <= most else f'{text[:most]} ... ({len(text)} characters)'
+
+
+def named(text: str, bodies: Mapping[tuple[str, int], Any]) -> str:
+    """Return a text in which obstacles are called as in RViz, 'cell/3', not by their index.
+
+    Parameters
+    ----------
+    text : str
+        Text of an error of the library.
+    bodies : dict
+        (namespace, id) -> obstacle, in the order in which the library has them.
+    """
+    names = [body_name(key) for key in bodies]
+
+    def name(found: re.Match[str]) -> str:
+        index = int(found[1] or found[2])
+        return f'obstacle {names[index]}' if index < len(names) else found[0]
+
+    return _OBSTACLE.sub(name, text)
+
+
+def body_name(key: tuple[str, int]) -> str:
+    """Return how an obstacle is called, of its (namespace, id)."""
+    return f'{key[0]}/{key[1]}'
+
+
+def inside_of(scene: Scene, bodies: Mapping[tuple[str, int], Any], gripper: Pose, name: str) -> str:
+    """Return in words in which obstacle a gripper is, '' if in none."""
+    if not bodies:
+        return ''
+    found, room = scene.solid.min_margin(gripper)
+    return '' if room >= 0 else named(f'{name}: the gripper is {-room:.3g} m inside {found}: '
+                                      'expected a pose outside of all obstacles', bodies)

@@ -1,0 +1,332 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Tasks in, the gripper's trajectory out: one plan at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from threading import Lock
+from time import monotonic
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Goals, Path
+from nav_msgs.srv import GetPlan
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.tasks import threading_of
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.plan import Plan
+from dlo_planner.progress import interrupted_by
+from dlo_planner.ros.inputs import goals_in, judge_distance, pose_in
+from dlo_planner.ros.managed import LATCHED, REQUEST, Gate
+from dlo_planner.ros.picture import markers_of_plan
+from dlo_planner.ros.scene import Scene
+from dlo_planner.ros.state import Made, Proof, State
+from dlo_planner.ros.status import Outcome, Parts, stamp_text
+from dlo_planner.settings.tasks import close_task, open_task, poses_of
+from dlo_planner.settings.threading import Present, Wanted, cutouts_of, plan_task
+from dlo_planner.view.dlo_items import drawn_radius
+from msg_helpers.paths import plan_path
+
+# service -> type of the task that it plans; None: the last one, whatever it is
+_SERVICES = {'plan': None, 'plan_threading': 'Thread', 'plan_insertion': 'Insert',
+             'plan_hold_contact': 'HoldContact', 'plan_slide_contact': 'SlideContact',
+             'plan_sequence': 'ThreadSequence'}
+_BY_DEFAULT: Mapping[str, Any] = {'Thread': {'type': 'Thread'}, 'Insert': {'type': 'Insert'}}
+
+
+class Run:
+    """A plan that is being made, and whether it is still wanted.
+
+    Parameters
+    ----------
+    deadline : float
+        Seconds from now.
+    now : callable, optional
+        Function that returns s, steady.
+    """
+
+    def __init__(self, deadline: float, now: Callable[[], float] = monotonic) -> None:
+        self._now, self._begun, self._deadline = now, now(), deadline
+        self._reason = ''
+
+    def cancel(self, reason: str) -> None:
+        """Let the next `check` end it."""
+        self._reason = reason
+
+    def check(self) -> None:
+        """Raise Refused if it is not wanted any more, or takes too long."""
+        if self._reason:
+            raise Refused(Cause.PLANNING_CANCELED, self._reason)
+        passed = self._now() - self._begun
+        if passed > self._deadline:
+            raise Refused(Cause.PLANNING_DEADLINE, f'no plan was found in {passed:.3g} s: expected '
+                          f'threading.planning_deadline = {self._deadline:g} s at most')
+
+
+class Planning:
+    """Answers planning requests.
+
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node.
+    parts : Parts
+    prove : callable
+        Called when there is a plan to be proved.
+    planning, answering : object
+        Callback groups of the topics and of the services: tasks that come quicker than plans are
+        made starve no service.
+    """
+
+    def __init__(self, node: Gate, parts: Parts, prove: Callable[[], object], planning: Any,
+                 answering: Any) -> None:
+        self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
+        self._reporter, self._picture = parts.reporter, parts.picture
+        self._frames, self._prove = parts.frames, prove
+        self._lock, self._turn, self._ended = Lock(), Lock(), ''
+        self._run: Run | None = None
+        self._out = node.create_publisher(Path, '~/gripper_trajectory', LATCHED)
+        for kind, name, callback in ((String, 'task', self._on_task),
+                                     (PoseStamped, 'task_goal', self._on_goal),
+                                     (Goals, 'task_goals', self._on_goals)):
+            node.create_subscription(kind, f'~/{name}', callback, REQUEST,
+                                     callback_group=planning)
+        for name, kind in _SERVICES.items():
+            node.create_service(GetPlan, f'~/{name}', partial(self._on_plan, name, kind),
+                                callback_group=answering)
+        node.create_service(GetPlan, '~/plan_two_cutouts', self._on_plan_two_cutouts,
+                            callback_group=answering)
+        node.create_service(Trigger, '~/replan', self._on_replan, callback_group=answering)
+
+    def cancel(self, reason: str, for_good: bool = False) -> bool:
+        """End the plan that is being made; return whether there was one.
+
+        Parameters
+        ----------
+        reason : str
+            In words.
+        for_good : bool, optional
+            Whether no other one may begin.
+        """
+        with self._lock:
+            self._ended = reason if for_good else self._ended
+            if self._run is None:
+                return False
+            self._run.cancel(reason)
+            return True
+
+    def allow(self) -> None:
+        """Let plans begin again."""
+        with self._lock:
+            self._ended = ''
+
+    # ---- requests ---------------------------------------------------------------------------
+
+    def _on_task(self, msg: String) -> None:
+        with self._answering('task', None) as outcome:
+            content = open_task(msg.data)
+            state = self._store.change(lambda now: now.opened(content))
+            self._plan(outcome, state, self._closed(state, content, None, 'task'), state.gripper)
+
+    def _on_goal(self, msg: PoseStamped) -> None:
+        with self._answering('task_goal', msg.header.stamp) as outcome:
+            state = self._store.state
+            goal = self._pose(state, msg, 'task_goal')
+            content = state.open_task() or state.scene.task
+            self._plan(outcome, state, self._closed(state, content, goal, 'task_goal'),
+                       state.gripper)
+
+    def _on_goals(self, msg: Goals) -> None:
+        with self._answering('task_goals', msg.header.stamp) as outcome:
+            state = self._store.state
+            goals = goals_in(state.scene, msg, 'task_goals', self._frames)
+            self._plan(outcome, state, through(state.scene, goals), state.gripper)
+
+    def _on_plan(self, name: str, kind: str | None, request: GetPlan.Request,
+                 response: GetPlan.Response) -> GetPlan.Response:
+        """Plan a task; where the frame of `start` or `goal` is empty, it is left out."""
+        with self._answering(name, stamp_of(request.goal, request.start)) as outcome:
+            state = self._store.state
+            start, goal = (self._pose(state, msg, f'{name}.{field}') if msg.header.frame_id
+                           else None for field, msg in (('start', request.start),
+                                                        ('goal', request.goal)))
+            content = state.open_task(kind) or _BY_DEFAULT.get(kind or '')
+            if content is None:
+                raise Refused(Cause.NO_GOAL, f'{name}: no {kind} is known: expected one on ~/task, '
+                              f'or as parameter task, {{type: {kind}, ...}}')
+            response.plan = self._plan(
+                outcome, state, self._closed(state, content, goal, name), state.gripper
+                if start is None else start.compose(state.scene.tool), tolerance_of(request, name))
+        return response
+
+    def _on_plan_two_cutouts(self, request: GetPlan.Request,
+                             response: GetPlan.Response) -> GetPlan.Response:
+        name = 'plan_two_cutouts'
+        with self._answering(name, stamp_of(request.start, request.goal)) as outcome:
+            state = self._store.state
+            goals = [self._pose(state, msg, f'{name}.{field}') for field, msg in (
+                ('start', request.start), ('goal', request.goal))]
+            response.plan = self._plan(outcome, state, through(state.scene, goals),
+                                       state.gripper, tolerance_of(request, name))
+        return response
+
+    def _on_replan(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._answering('replan', answer=response) as outcome:
+            state = self._store.state
+            if state.task is None:
+                raise Refused(Cause.NO_GOAL, 'there is no task yet: send one to ~/task, or its '
+                              'pose to ~/task_goal')
+            self._plan(outcome, state, state.task, state.gripper)
+        return response
+
+    @contextmanager
+    def _answering(self, what: str, stamp: Time | None = None,
+                   answer: Any = None) -> Iterator[Outcome]:
+        with self._turn, self._reporter.answering(what, stamp=stamp, answer=answer,
+                                                  counter='plans refused') as outcome:
+            yield outcome
+
+    def _pose(self, state: State, msg: PoseStamped, name: str) -> Pose:
+        return pose_in(state.scene, msg, name, self._frames)
+
+    def _closed(self, state: State, content: Mapping[str, Any], goal: Pose | None,
+                name: str) -> Task:
+        """Return an open task in its place, which has to be within reach."""
+        task = close_task(content, goal, state.scene.cutout_radius, name)
+        for pose in poses_of(task):
+            judge_distance(pose.position, state.scene, f'{name}: pose')
+        return task
+
+    # ---- the plan ---------------------------------------------------------------------------
+
+    def _plan(self, outcome: Outcome, state: State, task: Task, start: Pose | None,
+              miss: float | None = None) -> Path:
+        """Plan, publish and return the trajectory of the tool frame as a Path.
+
+        Parameters
+        ----------
+        outcome : Outcome
+            Outcome to be filled.
+        state : State
+            State from which it is planned.
+        task : Task
+        start : Pose or None
+            Pose of the gripper now, or None.
+        miss : float or None
+            By how much a waypoint may miss its place, m; None: by any amount.
+        """
+        self._store.change(lambda now: now.asked(task))
+        begun = monotonic()
+        if state.scene.grasped is not None:
+            raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = '
+                          f'{state.scene.grasped.at:g}: expected 0 for a plan: of a DLO that is '
+                          'grasped inside shapes are predicted alone')
+        if state.held_at(begun) is not None:
+            raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held: expected '
+                          'far_end.hold = free, or no pose, for a plan')
+        plan, before = self._made(state, task, start, miss)
+        seconds = monotonic() - begun
+        scene, stamp = state.scene, self._clock.now().to_msg()
+        made = Made(scene, plan, before, stamp, task, outcome.stamp)
+        self._store.change(lambda now: now.planned(made))
+        back = scene.tool.inverse()
+        path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
+                         scene.frame_id, stamp)
+        self._out.publish(path)
+        self._picture.show('plan', lambda: markers_of_plan(
+            plan, cutouts_of(task), drawn_radius(scene.direct.rod), scene.frame_id, stamp))
+        self._health.plan_proved(Proof(plan))  # what was said of the plan before is over
+        self._health.plan_done(plan, seconds, stamp)
+        self._prove()
+        outcome.message = f'{len(plan)} gripper poses'
+        outcome.values = {'task': type(task).__name__, 'plan stamp': stamp_text(stamp),
+                          'waypoints': len(plan), 'seconds': seconds,
+                          'largest miss [m]': float(plan.position_error.max()),
+                          'smallest stability': float(plan.stability.min())}
+        self._reporter.info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
+                            f'largest miss {plan.position_error.max():.1e} m, '
+                            f'smallest stability {plan.stability.min():.2f}')
+        return path
+
+    def _made(self, state: State, task: Task, start: Pose | None,
+              miss: float | None) -> tuple[Plan, Shape | None]:
+        run = Run(state.scene.planning_deadline)
+        with self._lock:
+            if self._ended:
+                raise Refused(Cause.PLANNING_CANCELED, self._ended)
+            self._run = run
+        try:
+            with interrupted_by(run.check):
+                return make_plan(state.scene, task, start, state.shape, miss)
+        finally:
+            with self._lock:
+                self._run = None
+
+
+def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,
+              miss: float | None = None) -> tuple[Plan, Shape | None]:
+    """Return the Plan of a task, and the Shape that it begins with, None: any.
+
+    Parameters
+    ----------
+    scene : Scene
+    task : Task
+    start : Pose or None
+        Pose of the gripper now, or None.
+    shape : Shape or None
+        Shape of the DLO now, or None; it counts if its gripper is at `start`.
+    miss : float, optional
+        By how much a waypoint may miss its place, m.
+
+    Raises
+    ------
+    DloPlannerError
+        Refused, with the reason.
+    """
+    here = shape if shape is not None and start is not None and shape.far_end is None and (
+        _same(shape.gripper, start)) else None
+    wanted = Wanted(scene.waypoints, scene.deepest, scene.limits, scene.standoff,
+                    scene.gripper_clearance, scene.tolerance)
+    plan = plan_task(scene.inverse, task, wanted, Present(start, here), miss=miss)
+    return plan, here if start is not None and _same(plan.grippers[0], start) else None
+
+
+def _same(one: Pose, other: Pose) -> bool:
+    return np.allclose(one.matrix, other.matrix, atol=1e-9)
+
+
+def through(scene: Scene, poses: Sequence[Pose]) -> Task:
+    """Return the task that threads through cut-outs at some Poses, in their order."""
+    return threading_of([CutOut(pose, radius=scene.cutout_radius) for pose in poses])
+
+
+def stamp_of(one: PoseStamped, other: PoseStamped) -> Time:
+    """Return the stamp of a request with two poses: of the first that has one."""
+    stamp: Time = one.header.stamp
+    return stamp if stamp.sec or stamp.nanosec else other.header.stamp
+
+
+def tolerance_of(request: GetPlan.Request, name: str) -> float | None:
+    """Return the tolerance of a request, m; None for 0."""
+    if not 0 <= request.tolerance < np.inf:
+        raise Refused(Cause.INVALID_REQUEST, f'{name}.tolerance = {request.tolerance:g}: expected '
+                      'by how much a waypoint may miss its place, m, or 0 for any amount')
+    return request.tolerance or None
+
+
+def refuse_tolerance(request: GetPlan.Request, name: str) -> None:
+    """Refuse a tolerance of a request that has no use for one."""
+    if request.tolerance != 0:
+        raise Refused(Cause.INVALID_REQUEST, f'{name}.tolerance = {request.tolerance:g}: expected '
+                      '0, nothing is planned')

@@ -1,0 +1,335 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How requests end, and how the node does: ~/status, the log, /diagnostics."""
+
+import traceback
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Lock
+from time import monotonic
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import DloPlannerError
+from dlo_planner.execute.causes import Cause, cause_of
+from dlo_planner.identify.correction import Correction
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.plan.plan import Plan
+from dlo_planner.ros.inputs import OneFrame, brief_text, named
+from dlo_planner.ros.managed import LATCHED, Gate
+from dlo_planner.ros.picture import Picture
+from dlo_planner.ros.state import Proof, Store
+from dlo_planner.verify.report import ValidationReport
+from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
+
+_RECENT = 50      # shapes over which rates and latencies are averaged
+_STALE = 30.0     # s that an error stays the headline
+
+
+_REPORTED = {  # figures of a ValidationReport
+    'position_error': 'largest miss [m]', 'misalignment': 'largest misalignment [rad]',
+    'residual': 'largest residual', 'stability': 'smallest stability',
+    'clearance': 'smallest clearance [m]', 'bend_margin': 'smallest bend margin [1/m]',
+    'contact_force': 'largest contact force [N]',
+    'deviation': 'largest deviation from the plan [m]',
+    'workspace_margin': 'smallest workspace margin [m]',
+    'tolerance': 'tolerance in motion [m]',
+    'max_tracking_error': 'largest miss in motion [m]', 'swing': 'largest swing in motion [m]',
+    'arrival': 'swing at arrival [m]', 'departure': 'swing at departure [m]',
+    'dynamic_clearance': 'smallest clearance in motion [m]',
+    'dynamic_contact_force': 'largest contact force in motion [N]',
+    'dynamic_bend_margin': 'smallest bend margin in motion [1/m]',
+    'contact_lost': 'part of the time without its contact',
+    'insertion_force': 'largest push into the bore, estimated [N]',
+    'largest_friction': 'largest friction looked at',
+    'mode_margin': 'frequency margin', 'duration': 'duration [s]'}
+
+
+def stamp_text(stamp: Time) -> str:
+    """Return a builtin_interfaces/Time as seconds with nine digits."""
+    return f'{stamp.sec}.{stamp.nanosec:09d}'
+
+
+def figures_of(report: ValidationReport | None) -> dict[str, Any]:
+    """Return the figures of a ValidationReport by their names, nan where it says nothing."""
+    return {'not looked at': ', '.join(getattr(report, 'not_looked_at', ())) or 'none',
+            **{text: float(getattr(report, name, np.nan)) for name, text in _REPORTED.items()}}
+
+
+class Health:
+    """Counters, rates, latencies and the last error; safe to use from several threads."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._counts = {'poses received': 0, 'shapes published': 0, 'poses refused': 0,
+                        'plans made': 0, 'plans refused': 0, 'jumps': 0,
+                        'clouds received': 0, 'clouds refused': 0, 'corrections': 0}
+        self._arrivals: deque[float] = deque(maxlen=_RECENT)
+        self._latencies: deque[float] = deque(maxlen=_RECENT)
+        self._values: dict[str, Any] = {}
+        self._shape: Shape | None = None
+        self._error: str | None = None
+        self._error_time = -np.inf
+
+    def count(self, name: str) -> None:
+        """Add one to the counter `name`."""
+        with self._lock:
+            self._counts[name] += 1
+            if name == 'poses received':
+                self._arrivals.append(monotonic())
+
+    def shape_done(self, shape: Shape, seconds: float) -> None:
+        """Take the figures of a published Shape that took `seconds`."""
+        with self._lock:
+            self._counts['shapes published'] += 1
+            self._counts['jumps'] += shape.jumped
+            self._latencies.append(seconds)
+            self._shape = shape  # of which the estimate takes longer than the shape
+
+    def plan_done(self, plan: Plan, seconds: float, stamp: Time) -> None:
+        """Take the figures of a Plan that took `seconds` and is published with a Time `stamp`."""
+        with self._lock:
+            self._counts['plans made'] += 1
+            self._values.update({'plan waypoints': len(plan), 'plan stamp': stamp_text(stamp),
+                                 'plan time [ms]': 1e3 * seconds,
+                                 'plan largest miss [m]': float(plan.position_error.max()),
+                                 'plan smallest clearance [m]': float(plan.clearance.min()),
+                                 'plan smallest bend margin [1/m]': float(plan.bend_margin.min()),
+                                 'plan largest residual': float(plan.residual.max()),
+                                 'plan smallest stability': float(plan.stability.min())})
+
+    def plan_proved(self, proof: Proof) -> None:
+        """Take what a Proof says of the last plan."""
+        report = proof.report
+        with self._lock:
+            self._values['report'] = proof.state
+            self._values['report reason'] = proof.reason or 'none'
+            self._values |= {f'report {name}': value for name, value in figures_of(report).items()}
+
+    def plan_void(self, reason: str) -> None:
+        """Take why the last plan must not be executed any more."""
+        with self._lock:
+            self._values |= {'report': 'void', 'report reason': reason}
+
+    def estimated(self, estimate: Estimate) -> None:
+        """Take the figures of an Estimate."""
+        with self._lock:
+            self._values |= {'estimate looks': estimate.looks,
+                             'estimate misfit [m]': float(estimate.misfit),
+                             'estimate outliers': float(estimate.outliers)}
+
+    def expected(self, miss: float) -> None:
+        """Take by how much the DLO may miss the cut-out in motion (95 %), m."""
+        with self._lock:
+            self._values['miss expected at most [m]'] = miss
+
+    def corrected(self, correction: Correction, reason: str) -> None:
+        """Take a Correction, and why it is not executed or ''."""
+        bound = float(correction.miss.bound.max(initial=0.0))
+        with self._lock:
+            self._counts['corrections'] += not reason
+            self._values |= {'correction': reason or 'executed',
+                             'correction miss bound [m]': bound}
+
+    def failed(self, reason: str) -> None:
+        """Take the reason of a refusal or failure."""
+        with self._lock:
+            self._error = reason
+            self._error_time = monotonic()
+
+    def report(self) -> tuple[bytes, str, dict[str, Any]]:
+        """Return level, message and values for `msg_helpers.diagnostics.diagnostics_msg`."""
+        with self._lock:
+            values: dict[str, Any] = dict(self._counts)
+            if len(self._arrivals) > 1:
+                span = self._arrivals[-1] - self._arrivals[0]
+                values['pose rate [Hz]'] = (len(self._arrivals) - 1) / max(span, 1e-9)
+            if self._latencies:
+                values['latency median [ms]'] = 1e3 * float(np.median(self._latencies))
+                values['latency largest [ms]'] = 1e3 * max(self._latencies)
+            values.update(self._values)
+            shape = self._shape
+        if shape is not None:
+            values |= {'shape residual': shape.residual, 'shape stability': shape.stability,
+                       'shape error estimate [m]': shape.error_estimate,
+                       'shape iterations': shape.iterations}
+        with self._lock:
+            values['last error'] = self._error or 'none'
+            if self._error and monotonic() - self._error_time < _STALE:
+                return WARN, self._error, values
+            residual = values.get('shape residual', 0.0)
+            if not residual < 1e-8:
+                return ERROR, f'last shape did not converge: residual {residual:.3g}', values
+            return OK, 'ready', values
+
+
+_MOST_TRACED = 10_000  # characters of a traceback
+_QUIET = 1.0  # s between lines of the log about the same thing
+
+
+class Throttle:
+    """Lets one line in a second through, of each kind; safe to use from several threads."""
+
+    def __init__(self, quiet: float = _QUIET) -> None:
+        self._quiet, self._lock = quiet, Lock()
+        self._last: dict[object, float] = {}
+
+    def passes(self, key: object, now: float) -> bool:
+        """Whether a line of this kind may be written at `now` s."""
+        with self._lock:
+            if now - self._last.get(key, -np.inf) < self._quiet:
+                return False
+            self._last[key] = now
+            return True
+
+
+class Outcome:
+    """What is said of a request that is done.
+
+    Attributes
+    ----------
+    message : str
+        One line.
+    warning : str
+        What is not as one would wish, though it is done; '': nothing. Added to the message.
+    stamp : Time
+        builtin_interfaces/Time of the request.
+    values : dict
+        What else there is to say, by name.
+    """
+
+    def __init__(self, stamp: Time) -> None:
+        self.message, self.warning, self.stamp = 'done', '', stamp
+        self.values: dict[str, Any] = {}
+
+
+class Reporter:
+    """Tells how requests ended.
+
+    Parameters
+    ----------
+    node : Gate
+        Rclpy Node.
+    store : Store
+    health : Health
+    """
+
+    def __init__(self, node: Gate, store: Store, health: Health) -> None:
+        self._node, self._store, self._health = node, store, health
+        self._log, self._throttle = node.get_logger(), Throttle()
+        self._seen: set[Any] = set()
+        self._out = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
+
+    @contextmanager
+    def answering(self, what: str, *, stamp: Time | None = None, answer: Any = None,
+                  counter: str | None = None, told: bool = True) -> Iterator[Outcome]:
+        """Let no exception out of a callback: refuse with a reason, keep the last good output.
+
+        Parameters
+        ----------
+        what : str
+            Is asked for.
+        stamp : Time, optional
+            builtin_interfaces/Time of the request, None: now.
+        answer : object, optional
+            Trigger response that carries the outcome.
+        counter : str, optional
+            Counter of refusals, in Health.
+        told : bool, optional
+            Whether the outcome goes to ~/status: it was a request.
+
+        Yields
+        ------
+        iterator of Outcome
+            Outcome, to be filled.
+        """
+        stamp = stamp or self._node.get_clock().now().to_msg()
+        outcome = Outcome(stamp)
+        try:
+            yield outcome
+        except Exception as error:  # an exception that leaves a callback ends the node
+            cause, reason = self._refusal(what, error)
+            if counter is not None:
+                self._health.count(counter)
+            self.failed(what, cause, reason)
+            if told:
+                self.tell(what, cause, reason, stamp)
+        else:
+            cause, warning = Cause.DONE, outcome.warning
+            reason = '; '.join(filter(None, (outcome.message, warning)))
+            if warning:
+                self.warn(what, f'{what}: {warning}')
+            if told:
+                self.tell(what, cause, reason, stamp, outcome.values, bool(warning))
+        if answer is not None:
+            answer.success, answer.message = cause == Cause.DONE, reason
+
+    def _refusal(self, what: str, error: Exception) -> tuple[Cause, str]:
+        """Return Cause and reason of an exception; an unknown one is traced once."""
+        cause = cause_of(error)
+        if isinstance(error, DloPlannerError):
+            return cause, named(brief_text(f'{what} refused: {error}'),
+                                self._store.state.bodies)
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        place = type(error).__name__, last.filename, last.lineno
+        if place not in self._seen:
+            self._seen.add(place)
+            self._log.error(brief_text(''.join(traceback.format_exception(error)),
+                                       _MOST_TRACED))
+        return cause, brief_text(f'{what} failed: {type(error).__name__}: {error}')
+
+    def tell(self, what: str, cause: Cause, message: str, stamp: Time | None,
+             values: Mapping[str, object] | None = None, warns: bool = False) -> None:
+        """Publish the outcome of a request on ~/status.
+
+        Parameters
+        ----------
+        what : str
+            Was asked for.
+        cause : Cause
+        message : str
+            One line.
+        stamp : Time or None
+            builtin_interfaces/Time of the request.
+        values : dict, optional
+            dict of what else there is to say.
+        warns : bool, optional
+            Whether it is done, but not as one would wish.
+        """
+        level = ERROR if cause == Cause.INTERNAL else (
+            OK if cause == Cause.DONE and not warns else WARN)
+        self._out.publish(status_msg(
+            f'{self._node.get_name()}: {what}', self._store.state.scene.name, level, message,
+            {'request': what, 'stamp': stamp_text(stamp), 'code': int(cause), 'cause': cause.name,
+             **(values or {})}))
+
+    def failed(self, what: str, cause: Cause, reason: str) -> None:
+        """Take a refusal or failure to diagnostics and, at most once a second, to the log."""
+        self._health.failed(reason)
+        self.warn((what, cause), reason)
+
+    def warn(self, key: object, text: str) -> None:
+        """Write a warning, at most once a second of each kind."""
+        if self._throttle.passes(key, monotonic()):
+            self._log.warning(' '.join(brief_text(text).split()))
+
+    def info(self, text: str) -> None:
+        """Write a line."""
+        self._log.info(' '.join(brief_text(text).split()))
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The one Store, Health, Reporter, Picture and OneFrame of the node."""
+
+    store: Store
+    health: Health
+    reporter: Reporter
+    picture: Picture
+    frames: OneFrame

@@ -1,0 +1,363 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The node in this process: every task of the library, and all that it can be asked for one."""
+
+import importlib
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from nav_msgs.msg import Goals
+from nav_msgs.srv import GetPlan
+from node_inside import GOAL, HERE, state, until
+from planner_process import PATIENCE, ROOT, drain
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import String
+
+import dlo_planner
+from dlo_planner import (
+    Approach,
+    CutOut,
+    Cylinder,
+    DirectSimulator,
+    FarEnd,
+    GraspedInside,
+    HoldContact,
+    Insert,
+    InverseSimulator,
+    Minimize,
+    PointLoad,
+    Pose,
+    PositionAt,
+    Rod,
+    SlideContact,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
+)
+from dlo_planner.execute.causes import Cause
+from dlo_planner.inverse.task import Task
+from dlo_planner.settings.tasks import task_to_yaml
+from msg_helpers.obstacles import obstacles_msg
+from msg_helpers.paths import poses_from_path
+from msg_helpers.poses import pose_stamped_msg
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+DIRECT = DirectSimulator(WIRE, n_elements=64, n_terms=10, basis='chebyshev')
+BAR = Cylinder((0.3, -0.5, 0.8), (0.3, 0.5, 0.8), 0.02, 0.3)
+ON_BAR = Pose((0.3, 0.0, 0.82), (0, 0, 0, 1))
+HOLES = tuple(CutOut(Pose.looking_along((x, 0.0, z), (1.0, 0.0, 0.0)), radius=0.02)
+              for x, z in ((0.0, 1.0), (0.15, 0.99), (0.3, 0.97)))
+START = Pose.looking_along((-1.3, -0.2, 1.0), (1.0, 0.1, 0.0))
+DEPTHS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
+
+
+def approach():
+    plan = InverseSimulator(DIRECT).thread(HOLES[0], depths=DEPTHS)
+    return Approach(HOLES[0], plan.shapes[0], 0.05)
+
+
+TASKS = {
+    Thread: lambda: Thread(HOLES[0], DEPTHS), ThreadTwo: lambda: ThreadTwo(*HOLES[:2], DEPTHS),
+    ThreadSequence: lambda: ThreadSequence(HOLES, depths=DEPTHS),
+    Insert: lambda: Insert(CutOut(HOLES[0].pose, radius=1e-3), DEPTHS[:4], 0.2),
+    Approach: approach, HoldContact: lambda: HoldContact(ON_BAR, 0.5),
+    SlideContact: lambda: SlideContact(ON_BAR, np.linspace(0.45, 0.55, 4)),
+    Minimize: lambda: Minimize(PositionAt(1.0, (0.8, 0.0, 0.8)))}
+
+
+@pytest.fixture
+def tell(inside):
+    """Yield a function that sends a task as text, and returns how that ended."""
+    out = inside.node.create_publisher(String, f'{inside.planner}/task', 10)
+    assert until(out.get_subscription_count)
+
+    def send(task):
+        drain(inside.statuses)
+        out.publish(String(data=task if isinstance(task, str) else task_to_yaml(task)))
+        return inside.status_of('task', PATIENCE)
+
+    yield send
+    inside.node.destroy_publisher(out)
+
+
+@pytest.fixture
+def bar(inside, node):
+    """Put a bar there."""
+    inside._obstacles_out.publish(obstacles_msg([BAR], 'world'))
+    assert until(lambda: state(node).bodies)
+    yield
+    inside._obstacles_out.publish(obstacles_msg([], 'world'))
+    assert until(lambda: not state(node).bodies)
+
+
+def ask(client, name, start=None, goal=None, tolerance=0.0, stamp=0):
+    """Return the poses that a GetPlan service answers, and how that ended."""
+    request = GetPlan.Request(tolerance=tolerance)
+    for field, pose in (('start', start), ('goal', goal)):
+        if pose is not None:
+            setattr(request, field, pose_stamped_msg(pose, 'world'))
+            getattr(request, field).header.stamp.sec = stamp
+    drain(client.statuses)
+    answer, _ = client._call(GetPlan, name, request)
+    return poses_from_path(answer.plan), client.status_of(name)
+
+
+def at_once(client, **values):
+    """Set all of these parameters or none; return the result."""
+    return client._call(SetParametersAtomically, 'set_parameters_atomically',
+                        SetParametersAtomically.Request(parameters=[
+                            Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+                            for name, value in values.items()]))[0].result
+
+
+def test_each_public_task_has_its_way_through_the_node():
+    public = {one for one in vars(dlo_planner.public).values()
+              if isinstance(one, type) and issubclass(one, Task) and one is not Task}
+    assert public == set(TASKS)
+
+
+@pytest.mark.parametrize('kind', TASKS, ids=lambda kind: kind.__name__)
+def test_each_task_is_planned_as_the_library_does(inside, node, tell, bar, kind):
+    task, start = TASKS[kind](), START if kind is Approach else HERE
+    inside.trigger('reset')
+    inside.shape_for(start)
+    code, message, values = tell(task)
+    assert code == 0, message
+    assert values['task'] == kind.__name__
+    made, scene = state(node).made, state(node).scene
+    known = InverseSimulator(scene.direct, workspace=scene.workspace).plan(task, start=start)
+    grippers = made.plan.grippers[-len(known):]
+    np.testing.assert_allclose([pose.matrix for pose in grippers],
+                               [pose.matrix for pose in known.grippers], atol=1e-6)
+    if len(known) == 1:  # there is a way to it
+        assert np.allclose(made.plan.grippers[0].matrix, start.matrix) and len(made.plan) == 2
+
+
+def test_a_proof_ends_with_a_message_of_its_own(inside, node, tell):
+    code, _, values = tell(Thread(HOLES[0], DEPTHS))
+    proof = inside.status_of('proof', PATIENCE)
+    assert (code, proof[0]) == (0, 0) and proof[2]['report'] == 'held'
+    assert proof[2]['plan stamp'] == values['plan stamp']
+    assert proof[2]['stamp'] == values['stamp']
+    assert float(proof[2]['duration [s]']) > 0
+    inside.set_parameters(threading__deadline=0.1)
+    tell(Thread(HOLES[0], DEPTHS))
+    code, message, _ = inside.status_of('proof', PATIENCE)
+    inside.set_parameters(threading__deadline=300.0)
+    assert code == Cause.PROOF_DEADLINE and 'threading.deadline' in message
+
+
+@pytest.mark.parametrize(('text', 'code', 'said'), [
+    ('{type: Thred}', 100, 'expected {type: ..., ...} with a type of Approach, HoldContact'),
+    ('nothing', 100, "got 'nothing'"), ('{type: [', 100, 'task, line 1: expected YAML'),
+    ('{type: Thread, contac: 1}', 100, 'task.contac: expected one of as_deep_as_possible, cutout'),
+    ('{type: HoldContact, s: 0.5}', 100, 'task: expected a pose, of its own or asked for'),
+    ('{type: Insert, bore: {radius: -1}}', 100, 'CutOut.radius = -1'),
+    ('{type: Thread, cutout: {pose: {position: [2e3, 0, 0]}}}', 103, 'workspace.reach = 1000 m'),
+    ('{type: Thread, cutout: {pose: {position: [.nan, 0, 0]}}}', 100, 'Pose.position'),
+    (200_000 * 'x', 100, 'task has 200000 characters: expected 100000 at most')])
+def test_what_is_no_task_is_refused_by_name(inside, tell, text, code, said):
+    came, message, _ = tell(text)
+    assert came == code and said in message
+
+
+def test_a_service_for_each_task_fills_its_pose(inside, node, tell, bar):
+    node._store.change(lambda now: replace(now, tasks={}))
+    inside.shape_for(HERE)
+    for name, kind in (('plan_threading', Thread), ('plan_insertion', Insert)):
+        place = 'cutout' if kind is Thread else 'bore'
+        tell(f'{{type: {kind.__name__}, {place}: {{pose: {{position: [0, 0, 1.1]}}}}}}')
+        poses, (code, message, _) = ask(inside, name, HERE, GOAL)
+        assert code == 0 and len(poses) == 12, message
+        assert type(state(node).task) is kind
+        place = getattr(state(node).task, 'cutout', None) or state(node).task.bore
+        np.testing.assert_allclose(place.pose.matrix, GOAL.matrix, atol=1e-12)
+    for name, text, count in (
+            ('plan_hold_contact', '{type: HoldContact, s: 0.5}', 2),
+            ('plan_slide_contact', '{type: SlideContact, lengths: [0.45, 0.5]}', 2)):
+        assert ask(inside, name, HERE, ON_BAR)[1][0] == Cause.NO_GOAL
+        assert inside.set_parameters(task=text)[0].successful
+        poses, (code, message, _) = ask(inside, name, HERE, ON_BAR)
+        assert code == 0 and len(poses) == count, message
+        again, _ = ask(inside, 'plan', goal=ON_BAR)  # from where the gripper is
+        assert np.allclose([pose.matrix for pose in again], [pose.matrix for pose in poses])
+    assert not inside.set_parameters(task='{type: Thred}')[0].successful
+    inside.set_parameters(task='{type: Thread}')
+
+
+def test_cutouts_move_together_and_any_number_is_passed(inside, node, tell):
+    assert tell(TASKS[ThreadSequence]())[0] == 0
+    goal = Pose.looking_along((0.0, 0.5, 1.0), (1.0, 0.0, 0.0))
+    poses, (code, message, _) = ask(inside, 'plan_sequence', HERE, goal)
+    assert code == 0 and poses, message
+    for one, other in zip(state(node).task.cutouts, HOLES, strict=True):
+        np.testing.assert_allclose(one.center, other.center + (0.0, 0.5, 0.0), atol=1e-12)
+    goals = Goals(goals=[pose_stamped_msg(hole.pose, 'world') for hole in HOLES])
+    inside._goals_out.publish(goals)
+    assert inside.status_of('task_goals', PATIENCE)[0] == 0
+    assert [type(state(node).task), len(state(node).task.cutouts)] == [ThreadSequence, 3]
+
+
+def test_a_tolerance_is_kept_or_refused(inside, node, tell):
+    assert tell(TASKS[ThreadSequence]())[0] == 0
+    worst = float(state(node).made.plan.position_error.max())
+    poses, (code, _, _) = ask(inside, 'plan', HERE, tolerance=2 * worst)
+    assert code == 0 and poses
+    poses, (code, message, values) = ask(inside, 'plan', HERE, tolerance=0.5 * worst, stamp=77)
+    assert code == Cause.INFEASIBLE and not poses and 'tolerance' in message
+    assert values['stamp'] == '77.000000000'
+    for name in ('plan', 'plan_threading', 'plan_two_cutouts'):
+        _, (code, message, _) = ask(inside, name, GOAL, GOAL, tolerance=float('nan'))
+        assert code == 100 and f'{name}.tolerance = nan' in message
+    _, (code, message, _) = ask(inside, 'predict_shape', HERE, tolerance=0.1)
+    assert code == 100 and 'predict_shape.tolerance = 0.1: expected 0' in message
+
+
+@pytest.fixture
+def wrenches(inside):
+    """Yield a dict of the wrenches that came last, by topic."""
+    came = {}
+    made = [inside.node.create_subscription(
+        WrenchStamped, f'{inside.planner}/{name}', lambda msg, name=name: came.update({name: msg}),
+        qos_profile_sensor_data) for name in ('gripper_wrench', 'far_end_wrench')]
+    yield came
+    for one in made:
+        inside.node.destroy_subscription(one)
+
+
+def row(msg):
+    return np.array([getattr(part, axis) for part in (msg.wrench.force, msg.wrench.torque)
+                     for axis in 'xyz'])
+
+
+def test_the_wrench_of_the_dlo_is_that_at_the_tool(inside, node, wrenches):
+    inside.set_parameters(tool__position=[0.0, 0.0, 0.1])
+    try:
+        level = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
+        assert until(lambda: inside.shape_for(level) and 'gripper_wrench' in wrenches)
+        weight = WIRE.mass_per_length * 9.81
+        shape = DIRECT.solve(Pose((0.0, 0.0, 1.1), (0, 0, 0, 1)))
+        x = float(np.mean(0.5 * (shape.positions[1:, 0] + shape.positions[:-1, 0])))
+        # weight pulls down, at the center of mass, about the tool's origin
+        expected = [0.0, 0.0, -weight, 0.0, weight * x, 0.0]
+        np.testing.assert_allclose(row(wrenches['gripper_wrench']), expected, rtol=1e-4,
+                                   atol=1e-9)
+        assert wrenches['gripper_wrench'].header.frame_id == 'tool0'
+        assert 'far_end_wrench' not in wrenches
+    finally:
+        inside.set_parameters(tool__position=[0.0, 0.0, 0.0])
+
+
+def test_a_far_end_is_held_while_its_poses_come(inside, node, wrenches, capfd):
+    there = Pose((0.8, 0.0, 0.9), (0, 0, 0, 1))
+    level = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
+    out = inside.node.create_publisher(PoseStamped, f'{inside.planner}/far_end_pose', 1)
+    assert until(out.get_subscription_count)
+    assert 'far_end.hold = free' in ask(inside, 'predict_shape', level, there)[1][1]
+    assert inside.set_parameters(far_end__hold='clamped', far_end__timeout=60.0)[0].successful
+    assert not inside.set_parameters(far_end__hold='glued')[0].successful
+    try:
+        inside.shape_for(level)
+        poses, _ = ask(inside, 'predict_shape', level, there)
+        known = DIRECT.solve(level, far_end=FarEnd(there))
+        np.testing.assert_allclose([pose.position for pose in poses], known.positions, atol=1e-6)
+        out.publish(pose_stamped_msg(there, 'world', inside.node.get_clock().now().to_msg()))
+        assert until(lambda: state(node).far_end is not None)
+        path, _ = inside.shape_for(level)
+        np.testing.assert_allclose(poses_from_path(path)[-1].position, there.position, atol=1e-6)
+        assert until(lambda: inside.shape_for(level) and 'far_end_wrench' in wrenches)
+        np.testing.assert_allclose(row(wrenches['far_end_wrench']), -known.far_wrench, rtol=1e-3,
+                                   atol=1e-5)
+        assert ask(inside, 'plan_threading', HERE, GOAL)[1][0] == Cause.FAR_END_HELD
+        # what does not come any more holds no more
+        assert inside.set_parameters(far_end__timeout=1e-3)[0].successful
+        path, _ = inside.shape_for(level)
+        np.testing.assert_allclose(poses_from_path(path)[-1].position, DIRECT.solve(
+            level).positions[-1], atol=1e-6)
+        assert 'far_end_pose: the last one is older' in capfd.readouterr().err
+    finally:
+        inside.set_parameters(far_end__hold='free', far_end__timeout=0.5)
+        inside.node.destroy_publisher(out)
+        inside.trigger('reset')
+
+
+@pytest.mark.parametrize(('values', 'simulator'), [
+    ({'rod__grasped_at': 0.4}, GraspedInside(WIRE, 0.4, n_elements=64, n_terms=10,
+                                             basis='chebyshev')),
+    ({'rod__point_loads': [0.5, 0.0, 0.02, 0.0]}, DirectSimulator(
+        WIRE, n_elements=64, n_terms=10, basis='chebyshev',
+        point_loads=[PointLoad((0.0, 0.02, 0.0), s=0.5)])),
+    ({'rod__point_masses': [0.5, 0.004], 'rod__plug__length': 0.02, 'rod__plug__mass': 0.002,
+      'rod__plug__radius': 0.003}, DirectSimulator(dlo_planner.with_plug(Rod.circular(
+          1.0, 1.5e-3, 8960.0, 110e9, 0.34, point_masses=((0.5, 0.004),), damping=(0.5, 0.0)),
+          0.02, 0.002, radius=0.003), n_elements=64, n_terms=10, basis='chebyshev'))])
+def test_what_loads_the_dlo_is_stated_by_parameters(inside, node, values, simulator):
+    before = {name: state(node).values[name.replace('__', '.')] for name in values}
+    assert at_once(inside, **values).successful
+    try:
+        path, _ = inside.shape_for(HERE)
+        np.testing.assert_allclose([pose.position for pose in poses_from_path(path)],
+                                   simulator.solve(HERE).positions, atol=1e-6)
+        code = ask(inside, 'plan_threading', HERE, GOAL)[1][0]
+        assert code == (Cause.INVALID_PARAMETER if 'rod__grasped_at' in values else 0)
+    finally:
+        assert at_once(inside, **before).successful
+
+
+PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
+LINES = re.findall(r'^    ros2 (topic pub --once|service call) (\S+) (\S+) "(.*)"$', PAGE, re.M)
+
+
+def of_type(name):
+    """Return the class of a type, 'package/msg/Name' or 'package/Name'."""
+    package, *kind, name = name.split('/')
+    return getattr(importlib.import_module('.'.join([package, *(kind or ['msg'])])), name)
+
+
+def fill(message, values):
+    """Fill a message as the command `ros2` does."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            fill(getattr(message, name), value)
+        elif isinstance(value, list):
+            kind = of_type(message.get_fields_and_field_types()[name][len('sequence<'):-1])
+            setattr(message, name, [fill(kind(), one) for one in value])
+        else:
+            setattr(message, name, type(getattr(message, name))(value))
+    return message
+
+
+def test_the_commands_of_the_page_are_answered(inside, node):
+    """Each does what it says, one after the other, from where the gripper is."""
+    assert len(LINES) == 15
+    inside.trigger('reset')
+    for how, name, type_name, text in LINES:
+        drain(inside.statuses)
+        kind = of_type(type_name)
+        if 'far_end' in name or 'predict_shape' in name:
+            inside.set_parameters(far_end__hold='clamped')
+        if how == 'service call':
+            answer, _ = inside._call(kind, name.removeprefix(f'{inside.planner}/'), fill(
+                kind.Request(), yaml.safe_load(text)))
+            assert answer.plan.poses, inside.status_of(name.rsplit('/', 1)[1])
+            continue
+        message = fill(kind(), yaml.safe_load(text))
+        out = inside.node.create_publisher(kind, name, 10)
+        assert until(out.get_subscription_count)
+        out.publish(message)
+        if name.endswith('/task'):
+            code, said, _ = inside.status_of('task', PATIENCE)
+            assert code == 0, said
+        elif name.endswith('/obstacles'):
+            assert until(lambda: state(node).bodies)
+        else:
+            assert until(lambda: state(node).pose is not None)
+    inside.set_parameters(far_end__hold='free', task='{type: Thread}')
+    inside._obstacles_out.publish(obstacles_msg([], 'world'))
+    assert until(lambda: not state(node).bodies)
