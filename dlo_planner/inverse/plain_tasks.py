@@ -94,8 +94,9 @@ def write_value(path: str | PathLike[str], value: Value | Mapping[str, Any]) -> 
 
 def read_value(path: str | PathLike[str], kind: type[Value]) -> Value:
     """Return the value of a class that `write_value` wrote; raise InvalidTask."""
+    file = readable(path)
     try:
-        content = json.loads(readable(path).read_text(encoding='utf-8'))
+        content = json.loads(file.read_text(encoding='utf-8'))
         value = from_plain(kind.__name__, _not_finite(content))
     except (OSError, ValueError, RecursionError) as error:
         raise InvalidTask(f'path = {shown(str(path))}: expected a JSON file that holds a '
