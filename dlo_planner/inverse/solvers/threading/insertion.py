@@ -32,10 +32,9 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.rod import Rod, before
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
-from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import gripper_motion, refusal_for_leap
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import waypoint_at
+from dlo_planner.plan.waypoint import Holes, waypoint_at
 
 _ELEMENTS = 64
 _PACE = 0.1       # rad plus part of the length: a longer step is examined, or made in parts
@@ -73,7 +72,7 @@ class _Insertion:
                  demands: PlanRequirements) -> None:
         self.simulator, self.bore, self.demands = simulator, bore, demands
         self.end = np.array(end, order='C')
-        self.sheet = sheet_of(bore, simulator.rod.length, demands.obstacles)
+        self.holes = Holes([bore], simulator.rod.length, demands.obstacles, demands.surface)
 
     def plan(self, depths: Floats) -> Plan:
         """Return the Plan; raise Infeasible."""
@@ -87,7 +86,7 @@ class _Insertion:
                 shape = self._shape(stop, builder, stops[index - 1][0])
                 self._check_step(stops[index - 1], stop, shape, builder)
             waypoint = waypoint_at(shape, self.bore.center, shape.s[-1], self.bore.normal)
-            builder.add(waypoint.with_clearances([self.bore], [self.sheet], self.demands.surface))
+            builder.add(self.holes.passed(waypoint))
         return builder.finished()
 
     def _stops(self, depths: Floats) -> list[_Stop]:

@@ -26,12 +26,11 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
-from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.goals import Through
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import waypoint_at
+from dlo_planner.plan.waypoint import Holes, waypoint_at
 
 _BLEND = 0.25         # of the length: from there on a cut-out ahead counts
 _LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
@@ -130,7 +129,7 @@ def _rolled(simulator: DirectSimulator, task: CutoutSequence) -> Iterator[Pose |
 def _thread(simulator: DirectSimulator, task: CutoutSequence) -> Plan:
     """Return the Plan that begins with the roll of `task.start`."""
     length, demands, centers = simulator.rod.length, task.demands, task.centers
-    sheets = [sheet_of(cutout, length, demands.obstacles) for cutout in task.cutouts]
+    holes = Holes(task.cutouts, length, demands.obstacles, demands.surface)
     builder = PlanBuilder(task.depths, demands)
     begin = thread(simulator, Threading(
         task.cutouts[0], np.zeros(1), task.start, None,
@@ -156,7 +155,7 @@ def _thread(simulator: DirectSimulator, task: CutoutSequence) -> Plan:
             if along <= 0:
                 raise builder.refusal('direction', -along, f'the DLO would pass cut-out {k} '
                                       'against its direction')
-        builder.add(waypoint.with_clearances(task.cutouts, sheets, demands.surface))
+        builder.add(holes.passed(waypoint))
     return builder.finished()
 
 

@@ -32,10 +32,9 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
-from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_turn
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import waypoint_of
+from dlo_planner.plan.waypoint import Holes, waypoint_of
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
@@ -98,7 +97,7 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
     """
     length, cutout, demands = simulator.rod.length, task.cutout, task.demands
     builder = PlanBuilder(task.depths, demands, initial=task.initial)
-    sheet = sheet_of(cutout, length, demands.obstacles)
+    holes = Holes([cutout], length, demands.obstacles, demands.surface)
     aligned = Aligned(simulator, cutout.normal, task.method)
     may_roll = not is_axisymmetric(simulator.rod) and not isinstance(route, EvenRolls)
     guess, reference, depth = begin
@@ -126,7 +125,7 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
         passings.append(last)
         waypoint = waypoint_of(last.shape, cutout.center, length - target, cutout.normal,
                                last.known)
-        builder.add(waypoint.with_clearances([cutout], [sheet], demands.surface))
+        builder.add(holes.passed(waypoint))
     plan = builder.finished()
     return _evenly(simulator, task, begin, plan, passings) if jerks else plan
 

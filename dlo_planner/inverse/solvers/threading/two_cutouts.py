@@ -39,9 +39,8 @@ from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
-from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import waypoint_of
+from dlo_planner.plan.waypoint import Holes, waypoint_of
 
 _GUESSES = 9
 _DEMANDED = 4  # changes that are tried where a demand refuses them
@@ -250,8 +249,7 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
         The Step to each waypoint, by its index.
     """
     length, builder = simulator.rod.length, PlanBuilder(task.depths, task.demands)
-    cutouts = [task.first, task.second]
-    sheets = [sheet_of(cutout, length, task.demands.obstacles) for cutout in cutouts]
+    holes = Holes([task.first, task.second], length, task.demands.obstacles, task.demands.surface)
     before = None
     for index, depth in enumerate(task.depths):
         # without a step: those back from the change ended before this depth
@@ -267,7 +265,7 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
                                passing.known)
         if second is not None:
             waypoint = waypoint.with_via_point(task.second.center, second)
-        builder.add(waypoint.with_clearances(cutouts, sheets, task.demands.surface))
+        builder.add(holes.passed(waypoint))
         before = passing
     return builder.finished()
 
