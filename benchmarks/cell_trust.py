@@ -4,11 +4,13 @@
 
 python -m benchmarks.cell_trust [--cases nominal slip ...] [--seeds 0:100] [--jobs 2]
                                 [--output trust.json]
+python -m benchmarks.cell_trust --judge trust.json [trust_2.json ...]
 
 Each seed is a task of its own (hole and start), a DLO, gripper, sheet and damping of its own that
 differ from what is stated, and its own moment and direction of what happens, see
 `dlo_planner.cell.cases`. The driver is the same in all cases and is not told which it is: it knows
 the standard deviations of what is unknown and of a camera without second cable or blind spells.
+Below the table stands what the runs show of each claim, by Clopper and Pearson's bounds with 95 %.
 """
 
 import argparse
@@ -24,6 +26,7 @@ from traceback import format_exc
 from typing import Any
 
 import numpy as np
+from scipy.stats import beta
 
 from benchmarks import report
 from dlo_planner.cell.camera import BAD
@@ -126,6 +129,48 @@ def table(found: list[dict[str, Any]]) -> str:
                           for (name, phase, cause), count in sorted(causes.items()))
 
 
+def claims(found: list[dict[str, Any]]) -> list[tuple[str, int, int, float, bool]]:
+    """Return claims: words, runs that are so, all runs, the part wanted, whether at least that."""
+    judged = [one for one in found if one['covered'] is not None]
+    right = [one for one in found if one['case'] == 'nominal']
+    out = [('the bound covers the miss, all cases', sum(one['covered'] for one in judged),
+            len(judged), 0.95, True),
+           ('rammed, all cases', sum(one['rammed'] for one in found), len(found), 0.0, False)]
+    if right:
+        out += [('clean where nothing is wrong', sum(one['clean'] for one in right), len(right),
+                 0.99, True),
+                ('refused where nothing is wrong', sum(bool(one['refused']) for one in right),
+                 len(right), 0.05, False)]
+    return out
+
+
+def verdict(count: int, runs: int, wanted: float, at_least: bool) -> tuple[str, float]:
+    """Return 'shown', 'not shown' or 'wrong', and the bound of the part with 95 %.
+
+    That nothing ever happens cannot be shown: there the word is 'none seen'.
+    """
+    of_it = runs - count if at_least else count  # what should be rare
+    rare = 1 - wanted if at_least else wanted
+    if not runs:
+        return 'not shown', np.nan
+    most = float(beta.ppf(0.95, of_it + 1, runs - of_it)) if of_it < runs else 1.0
+    least = float(beta.ppf(0.05, of_it, runs - of_it + 1)) if of_it else 0.0
+    word = 'wrong' if least > rare else 'shown' if most <= rare else (
+        'not shown' if rare or of_it else 'none seen')
+    return word, 1 - most if at_least else most
+
+
+def shown(found: list[dict[str, Any]]) -> str:
+    """Return in a line for each claim what the runs show of it."""
+    lines = []
+    for words, count, runs, wanted, at_least in claims(found):
+        word, bound = verdict(count, runs, wanted, at_least)
+        side, other = ('least', 'at least') if at_least else ('most', 'at most')
+        lines.append(f'* {words}: {count} of {runs}, at {side} {bound:.1%} with 95 %; wanted '
+                     f'{other} {wanted:.0%}: {word}')
+    return '\n'.join(lines)
+
+
 def all_driven(names: list[str], seeds: range, jobs: int) -> Iterator[dict[str, Any]]:
     """Yield what comes of all cases and seeds, as they are done."""
     if jobs == 1:
@@ -139,8 +184,10 @@ def all_driven(names: list[str], seeds: range, jobs: int) -> Iterator[dict[str, 
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run what was asked for; return 1 if anything was rammed, or a run ended in an error."""
+    """Run what was asked for, or judge what was; return the exit code of `told`."""
     options = _parser().parse_args(arguments)
+    if options.judge:
+        return told([one for path in options.judge for one in json.loads(path.read_text())['runs']])
     seeds, began, found = range(*map(int, options.seeds.split(':'))), perf_counter(), []
     for one in all_driven(options.cases, seeds, options.jobs):
         found.append(one)
@@ -149,8 +196,15 @@ def main(arguments: list[str] | None = None) -> int:
         if options.output:
             options.output.write_text(json.dumps({'machine': report.machine(), 'runs': sorted(
                 found, key=lambda run: (run['case'], run['seed']))}, indent=1, allow_nan=False))
+    return told(found)
+
+
+def told(found: list[dict[str, Any]]) -> int:
+    """Print the table and what it shows; return 1 if a claim is wrong, or a run was an error."""
     print(table(found))
-    return int(any(one['rammed'] or one['error'] for one in found))
+    print(shown(found))
+    wrong = any(verdict(*one[1:])[0] == 'wrong' for one in claims(found))
+    return int(wrong or any(one['rammed'] or one['error'] for one in found))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -160,6 +214,7 @@ def _parser() -> argparse.ArgumentParser:
                         metavar='CASE', help=f'of {", ".join(CASES)}; default: all')
     parser.add_argument('--seeds', default='0:100', help='from:to (default: %(default)s)')
     parser.add_argument('--jobs', type=int, default=2, help='processes (default: %(default)s)')
+    parser.add_argument('--judge', nargs='+', type=Path, help='outputs, instead of runs')
     parser.add_argument('--output', type=Path, help='JSON, rewritten after each run')
     return parser
 

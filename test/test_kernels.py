@@ -38,6 +38,7 @@ from dlo_planner import (
 from dlo_planner.direct.sensitivity import (
     Sensitivity,
     _strains_by,
+    add_slip,
     gripper_answers,
     node_twists,
     twists_inside,
@@ -54,17 +55,14 @@ from dlo_planner.inverse.nearest_goals import _nearest_goals
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
 from dlo_planner.kernels.linking import kernel_of
-from dlo_planner.minimize.bearing import correction
-from dlo_planner.minimize.contact_forces import move_multipliers
+from dlo_planner.minimize.active_set import update_active_set
+from dlo_planner.minimize.contact_solver import predictor_corrector, solve_contact
+from dlo_planner.minimize.contact_table import kkt_residual, touching, update_friction
 from dlo_planner.minimize.convergence import gradient_noise
 from dlo_planner.minimize.expected_error import foresee, resampled_means
-from dlo_planner.minimize.friction import with_friction
 from dlo_planner.minimize.newton import led, newton_descent
-from dlo_planner.minimize.resting import bear_on, touch_down
-from dlo_planner.minimize.sliding import add_sliding
+from dlo_planner.minimize.semismooth import correction, update_multipliers
 from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_free_rods
-from dlo_planner.minimize.touching import touching, truth
-from dlo_planner.minimize.watching import watching
 from dlo_planner.plan import curve_distance, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
 from dlo_planner.plan.motion.oscillators import turned, vibrated
@@ -73,12 +71,13 @@ from dlo_planner.verify import response
 _KINDS = 3
 KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
-           watching, with_friction, led, gradient_noise, touching, truth, move_multipliers,
-           add_sliding, gripper_answers, curve_distance.element_rooms, curve_distance._distances,
-           workspace._distances, _strains_by, response._moved, looking._points_at, turned, vibrated,
-           nearest_place, follow_goals, solve_free_rods, touch_down, bear_on,
-           correction, solve_between_grips, foresee, resampled_means, equidistribute, node_twists,
-           twists_inside, fill_residuals, fill_rows, _nearest_goals]
+           update_active_set, update_friction, led, gradient_noise, touching, kkt_residual,
+           update_multipliers, add_slip, gripper_answers, curve_distance.element_rooms,
+           curve_distance._distances, workspace._distances, _strains_by, response._moved,
+           looking._points_at, turned, vibrated, nearest_place, follow_goals, solve_free_rods,
+           solve_contact, predictor_corrector, correction, solve_between_grips, foresee,
+           resampled_means, equidistribute, node_twists, twists_inside, fill_residuals, fill_rows,
+           _nearest_goals]
 
 
 def use_everything():

@@ -16,11 +16,13 @@ from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import Unknowns
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, Infeasible, InvalidTask
-from dlo_planner.execute.guards import Heard
+from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.verify.uncertainty import Uncertainty
@@ -31,6 +33,9 @@ _LOOKING = 0.05     # s of computing that an image takes
 _CORRECTING = 0.3   # s of computing that a correction takes, in which the gripper goes on
 _PLANNING = 2.0     # s of computing that a plan takes, in which the gripper stands
 _LEAST_OUTLIERS = 0.02  # part of the points: even a good camera sees some
+_TICKS = 2          # periods of control between two commands: 50 in a second, as of the node
+_HORIZON = 1.0      # s of the coming motion that the robot is told, as by the node
+_GUARDS = Guards(path_shape=0.05)  # as of the node
 _VARIATION = 0.03   # 1/m: no DLO is bent quite evenly
 
 
@@ -73,7 +78,7 @@ class Looking:
         return cls(Seeing(spread, **{
             'noise': camera.noise, 'bias': camera.bias,
             'outliers': max(camera.outliers, _LEAST_OUTLIERS), 'cutout': unknowns.hole_position,
-            'stamps': abs(camera.stamp_error), 'period': 0.1, **seeing}), limits)
+            'stamps': abs(camera.stamp_error), **seeing}), limits)
 
     def __call__(self, task: Task) -> Command:
         """Return the command for a Task."""
@@ -89,6 +94,8 @@ class _Looking:
         See `ThreadingLoop`.
     busy
         Seconds of computing that the last call stands for.
+    ahead
+        What the robot is told by the last call of the coming time: stamps, s, and poses; or None.
     """
 
     def __init__(self, driver: Looking, task: Task) -> None:
@@ -98,10 +105,13 @@ class _Looking:
             Threading(InverseSimulator(simulator), task.cutout,
                       np.linspace(0, task.depth, _WAYPOINTS), _STANDOFF * task.rod.length,
                       driver.limits or Limits()),
-            self._observing, task.start, look=driver.look, period=PERIOD)
+            self._observing, task.start, guards=_GUARDS, look=driver.look, period=_TICKS * PERIOD,
+            horizon=_HORIZON)
         self._cutout = task.cutout
         self._coming: deque[tuple[float, Image]] = deque()
-        self.busy = 0.0
+        self.busy, self._count, self._pose = 0.0, 0, task.start
+        self.ahead: tuple[Floats, list[Pose]] | None = None
+        self._told: object = None
         self._aiming: tuple[float, Any, Any] | None = None  # when it is done: work, result
 
     @property
@@ -115,7 +125,7 @@ class _Looking:
         return f'{self._loop.phase.value} {self._loop.tries}'
 
     def __call__(self, images: Sequence[Image], time: float, gripper: Pose) -> Pose | None:
-        loop, self.busy = self._loop, 0.0
+        loop, self.busy, self.ahead = self._loop, 0.0, None
         self._observing.gripper(time, gripper)
         loop.gripper(Heard(gripper, time, 0.0, self._observing.off, time))
         self._coming.extend((time + _LOOKING, image) for image in images)
@@ -124,7 +134,11 @@ class _Looking:
         if self._aiming is not None and self._aiming[0] <= time:
             loop.finish(*self._aiming[1:])
             self._aiming = None
+        self._count += 1
+        if self._count % _TICKS != 1:
+            return self._pose
         pose = loop.tick(time)
+        self._tell(loop.execution or loop.last)
         if loop.phase is Phase.STOP:
             raise Infeasible(f'{loop.cause.name}: {loop.reason}', 0, 'miss', 0.0)
         work = loop.work
@@ -138,7 +152,17 @@ class _Looking:
                 loop.finish(work, result)
             else:
                 self._aiming = time + _CORRECTING, work, result
+        if pose is not None:
+            self._pose = pose
         return pose
+
+    def _tell(self, execution: Execution | None) -> None:
+        """Have the robot told what is new of the coming time."""
+        if execution is None or execution.ahead is None or execution.ahead is self._told:
+            return
+        assert execution.stamp is not None  # it has begun
+        self._told = execution.ahead
+        self.ahead = execution.stamp + execution.ahead.times, execution.ahead.poses
 
     def _look(self, image: Image) -> None:
         if not self._observing.due(image.stamp):

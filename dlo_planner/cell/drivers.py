@@ -9,10 +9,11 @@ returns the pose of the gripper at the end of the period, or None when it is don
 `Infeasible`, `NotConverged` or `DeadlineExceeded`. For a bench on several processes a driver has to
 be picklable.
 
-A command may have three attributes, which are read after each call: `promised`, the largest miss
+A command may have four attributes, which are read after each call: `promised`, the largest miss
 that it expects, m; `busy`, the time that the call would take a real machine, s, for which the
 robot is told its last pose on, and only then what the call returned; `phase`, a word for what it is
-at.
+at; `ahead`, stamps (n,) in s and n Poses, which the robot follows from then on instead of what it
+returns, or None.
 """
 
 from collections.abc import Callable, Sequence

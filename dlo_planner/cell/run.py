@@ -276,6 +276,9 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
             break
         if pose is None:
             break
+        ahead = getattr(command, 'ahead', None)
+        if ahead is not None:
+            robot.follow_ahead(*ahead)
         robot.follow(pose)
         driven.poses.append(robot.moved(plant.time, PERIOD))
         try:

@@ -16,8 +16,8 @@ from dlo_planner.energy.contact import without_hinge as without_hinge_of_contact
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Problem, bending_energy, new_configuration
 from dlo_planner.energy.terms import hinged
+from dlo_planner.minimize.contact_solver import constrained_newton
 from dlo_planner.minimize.convergence import Minimum
-from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.model.arrays import Floats
 
 _LENGTH = 1e-13     # of the DLO's

@@ -27,8 +27,8 @@ from dlo_planner.energy.scene import Scene, build_scene, translated
 from dlo_planner.energy.terms import potential, stored
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_table import touching, with_contacts
 from dlo_planner.minimize.convergence import gradient_noise
-from dlo_planner.minimize.touching import touching, touching_system
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import figure, integer, results
 from dlo_planner.model.pose import Pose
@@ -303,7 +303,7 @@ def standing(system: Problem, base: Floats, origin: Floats, spring: float, node:
               element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
               normal: Floats, shear: Floats) -> Any:
     """Return the same Problem in another gripper, with ContactSet of read-only arrays."""
-    held = touching_system(system, ContactSet(
+    held = with_contacts(system, ContactSet(
         spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(), fraction.copy(),
         anchor - origin, normal.copy(), shear.copy(), spring),
         translated(system.effects.contact.scene, origin))
@@ -329,7 +329,7 @@ def halved(system: Problem, base: Floats, origin: Floats, spring: float, node: F
             beyond = 1 if fraction[c] > 0.5 else 0
             places[c] += beyond
             fractions[c] = 2.0 * fraction[c] - beyond
-    held = touching_system(system, ContactSet(
+    held = with_contacts(system, ContactSet(
         spring, force, places, obstacle.copy(), multiplier.copy(), fractions,
         anchor - slid - origin, normal.copy(), shear.copy(), spring),
         translated(system.effects.contact.scene, origin))

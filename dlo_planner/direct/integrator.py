@@ -35,10 +35,11 @@ from dlo_planner.energy.terms import KKTBorder, Structure, Terms, potential, sto
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_solver import COARSER, solve_contact
+from dlo_planner.minimize.contact_table import with_contacts
 from dlo_planner.minimize.convergence import SETTLED, decrement_of, is_stationary
 from dlo_planner.minimize.hessian import LEAST_SHIFT, assembled_definite, new_hessian, safe_shift
 from dlo_planner.minimize.lanczos import lowest_mode
-from dlo_planner.minimize.multipliers import COARSER
 from dlo_planner.minimize.newton import (
     HELD_NEUTRAL,
     NEUTRAL,
@@ -49,8 +50,6 @@ from dlo_planner.minimize.newton import (
     next_to,
     thorough,
 )
-from dlo_planner.minimize.resting import touch_down
-from dlo_planner.minimize.touching import touching_system
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
 PAST = 2  # rows before that of now: places of the nodes alone, which tell how exact a step is
@@ -518,7 +517,7 @@ def _with_contacts(contact, system, buffer, row, memory, options):
         options.spring, buffer.node_forces[memory].copy(), buffer.point_of[begin:end, 0].copy(),
         buffer.point_of[begin:end, 1].copy(), buffer.points[begin:end, 0].copy(),
         buffer.points[begin:end, 1].copy(), vectors[0], vectors[1], vectors[2], options.spring)
-    return touching_system(system, contacts, translated(contact.scene, origin))
+    return with_contacts(system, contacts, translated(contact.scene, origin))
 
 
 @kernel
@@ -556,7 +555,7 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
         for i in range(3):
             previous[k, i] = buffer.nodes[0, memory, k, i] - origin[i]
             previous[k, 3 + i] = buffer.frames[memory, k, i, 0]
-    state, residual, stability, iterations, _, loaded, violation = touch_down(
+    state, residual, stability, iterations, _, loaded, violation = solve_contact(
         problem, q, COARSER * options.tolerance, options.ctol, options.maxiter, check, previous)
     return state, residual, stability, iterations, loaded, violation
 

@@ -37,9 +37,9 @@ from dlo_planner.energy.plastic import PlasticSection
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
+from dlo_planner.minimize.contact_solver import constrained_newton, firm
 from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.minimize.hessian import Hessian
-from dlo_planner.minimize.multipliers import constrained_newton, firm
 from dlo_planner.minimize.newton import HELD_NEUTRAL
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import integer, results, shown

@@ -27,11 +27,20 @@ from dlo_planner.energy.problem import (
 )
 from dlo_planner.energy.terms import constraint_jacobian, constraint_value, row_count
 from dlo_planner.errors import InvalidTask
-from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element
+from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.hessian import Hessian, assemble, factorize, new_hessian, solve_held
-from dlo_planner.minimize.multipliers import firm
-from dlo_planner.minimize.sliding import add_sliding
+from dlo_planner.minimize.contact_solver import firm
+from dlo_planner.minimize.contact_table import touching
+from dlo_planner.minimize.dense import decomposed, substituted
+from dlo_planner.minimize.hessian import (
+    Hessian,
+    assemble,
+    factorize,
+    new_hessian,
+    solve,
+    solve_held,
+)
+from dlo_planner.minimize.semismooth import linearize_contact_law, unit_load
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import Rod
@@ -79,7 +88,7 @@ class Sensitivity:
         self._system = system
         self._state, self._answers, self._hessian = gripper_answers(self._system, q)
         if any(np.any(contact.friction) for contact in shape.contacts):
-            add_sliding(self._system, self._state, self._hessian, self._answers)
+            add_slip(self._system, self._state, self._hessian, self._answers)
 
     def at(self, s: float) -> Floats:
         """Return (6, 6): rotation and displacement of the frame at `s` (m) by those of the gripper.
@@ -304,3 +313,50 @@ def _carry_on(system: Problem, state: Configuration, answers: Floats, columns: i
         for i in range(6):
             out[i, column] += (part[i, 0] * value[0] + part[i, 1] * value[1]
                                + part[i, 2] * value[2])
+
+
+@kernel
+def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: Floats) -> None:
+    """Complete the `answers` (6, m, 3) to the gripper's twists by what slides: T follows mu N.
+
+    Args:
+        hessian: of `system` at `state`, factorized; with the springs of friction alone, which know
+            nothing of the forces that the limits depend on
+    """
+    contacts, k = system.effects.contact.contacts, system.effects.contact.contacts.stiffness
+    table = touching(system.effects.contact.scene, contacts, system.lengths, state)
+    first = np.arange(0, 3 * table.gap.size, 3)
+    axes, laws = np.zeros((first.size * 3, 3)), np.zeros((first.size * 3, 3))
+    linearize_contact_law(system, state, table, first, axes, laws)
+    slides = np.flatnonzero(laws[1::3, 0] > 0.0)
+    size = slides.size
+    across, response = np.empty((size, *state.q.shape)), np.empty((size, *state.q.shape))
+    matrix, change, load = np.eye(size), np.empty((6, size)), np.empty_like(state.q)
+    rotation, x = np.empty((3, 3)), np.empty(3)
+    for p in range(size):
+        a = slides[p]
+        e, fraction = table.element[a], table.fraction[a]
+        unit_load(system, state, hessian, e, fraction, table.arm[a], axes[3 * a], across[p])
+        unit_load(system, state, hessian, e, fraction, np.zeros(3), axes[3 * a + 1], load)
+        solve(system, hessian, load, response[p])
+        response[p] *= laws[3 * a + 1, 2]
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
+                     rotation, x)
+        x += table.arm[a]
+        normal = axes[3 * a]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            change[i, p] = x[j] * normal[m] - x[m] * normal[j]  # turned with the gripper
+            change[3 + i, p] = normal[i]
+        for i in range(6):
+            change[i, p] = -k * (change[i, p] + np.sum(across[p] * answers[i]))
+    for p in range(size):
+        for r in range(size):
+            matrix[p, r] -= k * np.sum(across[p] * response[r])
+    order = np.empty(size, dtype=np.int64)
+    if decomposed(matrix, order) == 0:
+        return
+    for i in range(6):
+        substituted(matrix, order, change[i])
+        for p in range(size):
+            answers[i] -= change[i, p] * response[p]

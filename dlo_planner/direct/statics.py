@@ -22,8 +22,8 @@ from dlo_planner.energy.terms import stored
 from dlo_planner.geometry.so3 import jacobians, matrix, plus, put_vector, transposed_applied, vector
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.classic import search
+from dlo_planner.minimize.contact_solver import constrained_newton
 from dlo_planner.minimize.convergence import CONVERGED, Minimum, is_stationary
-from dlo_planner.minimize.multipliers import constrained_newton
 from dlo_planner.minimize.newton import HELD_NEUTRAL, NEUTRAL, newton
 from dlo_planner.minimize.solve import solve_between_grips, solve_free
 from dlo_planner.model.arrays import Floats, Ints

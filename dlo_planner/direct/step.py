@@ -53,11 +53,14 @@ from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.scene import Scene
 from dlo_planner.geometry.so3 import partway
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.bearing import correction
+from dlo_planner.minimize.contact_solver import (
+    COARSER,
+    carried_newton,
+    predictor_corrector,
+)
 from dlo_planner.minimize.convergence import TOUCHING, as_rounded
-from dlo_planner.minimize.multipliers import COARSER, carried_newton
 from dlo_planner.minimize.newton import HELD_NEUTRAL, led
-from dlo_planner.minimize.resting import bear_on
+from dlo_planner.minimize.semismooth import correction
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd, held_rows
@@ -522,7 +525,7 @@ def _borne_on(system: Problem, begin: Floats, start: Floats, strains: Floats, po
     Args:
         begin: (3, 3) rotation of the gripper before; start: (3,) its position, m
         strains: (N, 3), positions: (N + 1, 3), tangents: (N + 1, 3) before, 1/m and m, world
-        tolerance, exact, max_iterations: as of `resting.bear_on`
+        tolerance, exact, max_iterations: as of `predictor_corrector`
         system; base, and all after it: as of `contact.halved`, base and origin after the step
 
     Returns
@@ -539,7 +542,7 @@ def _borne_on(system: Problem, begin: Floats, start: Floats, strains: Floats, po
         for k in range(positions.shape[0]):
             previous[k, i] = positions[k, i] - origin[i]
             previous[k, 3 + i] = tangents[k, i]
-    goes_on, state, residual, stability, steps, kicks, loaded, violation = bear_on(
+    goes_on, state, residual, stability, steps, kicks, loaded, violation = predictor_corrector(
         now, begin.copy(), slid, strains.copy(), shift, tolerance, exact, max_iterations, previous)
     if not goes_on:  # Configuration and Problem may be unfinished, and of different contacts
         loaded, state = now, new_configuration(now)
@@ -554,7 +557,7 @@ def _corrected(system: Problem, strains: Floats, positions: Floats, base: Floats
                spring: float, node: Floats, element: Ints, obstacle: Ints, multiplier: Floats,
                fraction: Floats, anchor: Floats, normal: Floats, shear: Floats,
                slid: Floats) -> Any:
-    """Return `minimize.bearing.correction`, m, of a DLO held by a gripper; see `_borne_on`."""
+    """Return `minimize.semismooth.correction`, m, of a DLO held by a gripper; see `_borne_on`."""
     away = positions.copy()
     for k in range(away.shape[0]):
         for i in range(3):

@@ -125,7 +125,8 @@ class Execution:
         """Whether it is not at its end."""
         return self.phase in ACTIVE
 
-    def stop(self, cause: Cause, reason: str, at_once: bool = False) -> 'Execution':
+    def stop(self, cause: Cause, reason: str, at_once: bool = False,
+             lasting: float = 0.0) -> 'Execution':
         """Return the execution that decelerates, for the first reason that was given.
 
         Parameters
@@ -135,6 +136,8 @@ class Execution:
             In words.
         at_once : bool, optional
             Whether the last command is the end.
+        lasting : float, optional
+            Seconds in which it decelerates at least, so that the DLO swings less.
         """
         if self.phase not in ('running', 'settling', 'waiting'):
             return self
@@ -143,7 +146,7 @@ class Execution:
             return replace(named, phase='stopped')
         lead = int(np.ceil(_LEAD / self.period - 1e-9)) if self.horizon else 0
         return replace(named, phase='stopping', pace=tuple(map(float, decelerate(
-            self.way, self.done, self.kept, self.period, lead, self.rising))))
+            self.way, self.done, self.kept, self.period, lead, self.rising, lasting))))
 
     @property
     def alone(self) -> bool:

@@ -6,13 +6,14 @@ The same in a closed loop and where a motion is corrected that begins without on
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from dlo_planner.execute.execution import Execution
-from dlo_planner.identify.correction import Correction
+from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.observing import Observing
+from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.identify.steering import Steered
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats, Ints
@@ -26,6 +27,7 @@ _ANSWER = 2.0  # a DLO moves by less than so many times a jerk of its gripper
 _ERRORS = 5.0  # standard deviations by which points may be off on the mean
 _MORE = 0.2    # of the points, by which more may be none of the DLO's than are expected
 _SOME = 0.95   # of them
+_COMPUTING = 0.3  # s that a correction takes to be computed
 _STOPPING = 3.0  # s before the entry, at which a motion can still come to rest in front of it
 _WAYPOINTS = 5   # whose miss is predicted, evenly from the entry to the depth
 
@@ -182,3 +184,63 @@ def bound_of(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now:
     for k, pose in zip(chosen, way.poses(reached[chosen]), strict=True):
         grippers[k] = pose
     return estimate.miss(replace(plan, grippers=tuple(grippers)), chosen, seen).together
+
+
+class Aimed(NamedTuple):
+    """A Correction, and what is expected with it and without it.
+
+    Attributes
+    ----------
+    correction : Correction
+    doubts : str
+        Why it must not be executed, '' if it may.
+    bound, bound_before : float
+        Bound of the miss with 95 %, m, at rest: with the correction, and with what is executed now.
+    """
+
+    correction: Correction
+    doubts: str
+    bound: float
+    bound_before: float
+
+
+def aimed_anew(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: Steered,
+               free: float, reached: Floats, before: Correction | None, largest: float,
+               lag: float, against: str = '') -> Aimed:
+    """Return the rest of a motion, Aimed anew for an estimate: in the closed loop and without it.
+
+    Parameters
+    ----------
+    inverse : InverseSimulator
+        Of the DLO as stated, with its workspace and obstacles.
+    estimate : Estimate
+    plan : Plan
+        In poses to be commanded.
+    way : Steered
+        The motion.
+    free : float
+        From which time of the motion on it may be changed, s.
+    reached : ndarray, shape (n,)
+        Times of the motion at which the plan's waypoints are reached, s.
+    before : Correction or None
+        The Correction before.
+    largest : float
+        By how much a correction may move the gripper, m.
+    lag : float
+        Seconds from a look until the motion is changed by it, see `lag_of`.
+    against : str, optional
+        What else speaks against it, as that the DLO is not the one that is estimated.
+    """
+    first = int(np.searchsorted(reached, free))
+    known = before if before is not None and before.converged else None
+    found = correct(estimate, plan, first, known)
+    return Aimed(found, against or doubts(found, inverse, largest), *(
+        bound_of(estimate, plan, one, reached, free, lag)
+        for one in (way.corrected(free, found, reached[first:]), way)))
+
+
+def lag_of(seeing: Seeing, horizon: float) -> float:
+    """Return the seconds from a look until a motion is changed by it; inf: it is not corrected."""
+    if not seeing.correct:
+        return np.inf
+    return seeing.period + seeing.correction_period + _COMPUTING + horizon

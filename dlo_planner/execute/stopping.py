@@ -31,7 +31,7 @@ Rising = tuple[int, int]  # periods since time began to run, periods until it ru
 
 
 def decelerate(way: TimedPath | Steered, done: float, limits: Limits, period: float,
-               lead: int = 0, rising: Rising | None = None) -> Floats:
+               lead: int = 0, rising: Rising | None = None, lasting: float = 0.0) -> Floats:
     """Return the times along a way, s, one for each coming period, on which it comes to rest.
 
     Parameters
@@ -46,12 +46,14 @@ def decelerate(way: TimedPath | Steered, done: float, limits: Limits, period: fl
         Periods in which it goes on as it does.
     rising : tuple of int, optional
         Where time along the way does not run evenly yet: since when, and until when, in periods.
+    lasting : float, optional
+        Seconds that it takes at least.
     """
     def rate(since: Floats, steps: int) -> Floats:
         begun = _smooth((since + rising[0]) / rising[1]) if rising else 1.0
         return begun * (1 - _smooth((since - lead) / steps))
 
-    return _shortest(way, done, limits, period, rate, lead)
+    return _shortest(way, done, limits, period, rate, lead, lasting)
 
 
 def accelerate(way: TimedPath | Steered, done: float, limits: Limits, period: float) -> Floats:
@@ -60,18 +62,21 @@ def accelerate(way: TimedPath | Steered, done: float, limits: Limits, period: fl
 
 
 def _shortest(way: TimedPath | Steered, done: float, limits: Limits, period: float,
-              rate: Callable[[Floats, int], Floats], lead: int) -> Floats:
-    """Return the times along a way in the shortest change of its rate that keeps the limits."""
+              rate: Callable[[Floats, int], Floats], lead: int, least: float = 0.0) -> Floats:
+    """Return the times along a way in the shortest change of its rate that keeps the limits.
+
+    It takes `least` s at least.
+    """
     speeds = np.linalg.norm(way.at([done])[1].reshape(2, 3), axis=1)
     guess = float((_GUESSED * speeds / limits.sizes[1]).max())
-    steps, found = max(_SHORTEST, int(np.ceil(guess / period))), []
+    steps, found = max(_SHORTEST, int(np.ceil(max(guess, least) / period))), []
     while True:
         since = np.arange(-_SEEN, lead + steps + _SEEN)[:, None] + _NODES
         times = period * np.append(0.0, np.cumsum(rate(since, steps) @ _WEIGHTS))
         times += done - times[_SEEN]
         part = used(way.poses(times), limits, period)
         found.append((part, times[_SEEN + 1:_SEEN + 1 + lead + steps]))
-        if part <= 1 or steps * period > _LONGEST:
+        if part <= 1 or steps * period > max(_LONGEST, least):
             return min(found, key=lambda one: one[0])[1] if part > 1 else found[-1][1]
         steps = int(np.ceil(steps * np.clip(np.sqrt(part), _LEAST, _MOST)))
 

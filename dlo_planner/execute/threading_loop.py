@@ -4,9 +4,9 @@
 
 It looks at rest, plans for the estimated DLO, goes calmly to the standoff, looks again and enters.
 On the way it looks and corrects a few times a second. Where looks come to disagree it stops, goes
-back to the standoff and tries again. It knows no clock, no message and no thread: who drives it
-hands in what is measured, does its `work` (plans, which take seconds) wherever that suits, and asks
-for the command of each period (`tick`).
+back to the standoff and tries again. Where the DLO swings it takes that away. It knows no clock, no
+message and no thread: who drives it hands in what is measured, does its `work` (plans, which take
+seconds) wherever that suits, and asks for the command of each period (`tick`).
 """
 
 from __future__ import annotations
@@ -21,16 +21,26 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.execute.calming import Calming
 from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.judge import bound_of, doubts, looked_at, obstacles_around
+from dlo_planner.execute.judge import (
+    Aimed,
+    aimed_anew,
+    bound_of,
+    in_motion,
+    lag_of,
+    obstacles_around,
+    unexplained,
+)
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
-from dlo_planner.identify.correction import Correction, correct
+from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.memory import way_between
 from dlo_planner.identify.observing import Observing, Swing
 from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.vibration import STATED, FreeVibration
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks import Approach, Thread
 from dlo_planner.model.arrays import Floats
@@ -39,6 +49,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.assembly import build_plan, concatenate, truncate
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import Plan, PlanStatus
 from dlo_planner.plan.waypoint import Waypoint
 
@@ -47,10 +58,17 @@ _LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of th
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _MOTION = 0.95      # of the limits
 _MOVED = 1e-4       # m, or of unit vectors: the gripper has left the standoff
-_BACK = 12          # poses on the way back to the standoff
+_BACK = 12, 24, 48  # poses on the way back to the standoff: as many as keep to the way there
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
 _ASIDE = 0.02, 0.1  # m, rad: a gripper that is farther from where it stood was moved
-_COMPUTING = 0.3    # s that a correction takes to be computed
+_CALM_STOP = 2.0    # slowest periods in which a motion comes to rest, where there is room
+_OF_THE_WAY = 0.3   # to the entry, on which it comes to rest where it can: it may swing ahead
+_FOLLOWED = 0.3     # s after the last command until the gripper is at rest
+_SWINGS = 0.6       # of the swing that is tolerated, from which on it is taken away
+_TOLD = 2.0         # times as large a swing tells of the delay
+_SEEING, _AGAIN = 1.5, 0.25  # s, in which a swing is looked at, until it is tried again
+_LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing was seen
+_CALMINGS = 6       # in one look
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
 
 
@@ -131,7 +149,7 @@ class _Motion(NamedTuple):
     @property
     def steered(self) -> Steered:
         """The motion in poses to be commanded, which can be corrected."""
-        return Steered.of(self.trajectory, self.there, self.estimate.gripper_offset.inverse())
+        return _steered(self.trajectory, self.estimate, self.there)
 
     @property
     def bound(self) -> float:
@@ -142,6 +160,10 @@ class _Motion(NamedTuple):
     def departure(self) -> float:
         """By how much the DLO still swings at its end, m."""
         return np.nan if self.trajectory.motion is None else self.trajectory.motion.departure
+
+
+def _steered(trajectory: Trajectory, estimate: Estimate, there: Shape) -> Steered:
+    return Steered.of(trajectory, there, estimate.gripper_offset.inverse())
 
 
 @dataclass(frozen=True)
@@ -194,33 +216,63 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
         through, grippers=tuple(estimate.commanded(pose) for pose in through.grippers),
         via_points=tuple(tuple((stated, s, normal) for _, s, normal in passes)
                          for passes in through.via_points))
-    alone = estimate.miss(commanded, looked_at(through)).together
-    tolerance = max(_LEAST_FOR_MOTION * task.room, 0.5 * (task.room - alone))
+
+    def bound_in(way: Steered) -> float:
+        reached = way.reached(whole.times[-len(through):])
+        return bound_of(estimate, commanded, way, reached, 0.0, lag)
+
+    # a calmer motion is slower, and so corrected the better
+    at_most = bound_in(_steered(Trajectory(whole, task.motion_limits, tolerance=np.inf), estimate,
+                                whole.shapes[-1]))
+    tolerance = max(_LEAST_FOR_MOTION * task.room, 0.5 * (task.room - at_most))
     trajectory = _trajectory(task, whole, tolerance)
     motion = _Motion(estimate, trajectory, whole.shapes[-1],
                      swing_of(trajectory, estimate, whole))
-    entry = motion.steered
-    reached = entry.reached(whole.times[-len(through):])
-    bound = bound_of(estimate, commanded, entry, reached, 0.0, lag)
+    bound = bound_in(motion.steered)
     return _Entry(estimate, bound, whole, commanded, None if bound > most else motion)
 
 
 def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose], known: Shape) -> _Motion:
-    """Return the motion through measured poses; the DLO hangs, and leaves the hole freely.
+    """Return the motion through many measured poses; the DLO hangs, and leaves the hole freely.
 
     `known` is its Shape near the first of them.
+
+    Raises
+    ------
+    Infeasible
+        The DLO would come into what it has to stay clear of.
     """
-    shapes = estimate.simulator.track([estimate.actual(pose) for pose in poses], initial=known)
-    return _motion(task, estimate, build_plan(
-        [Waypoint(shape) for shape in shapes], np.zeros(len(shapes)), task.limits.sizes[0],
-        PlanStatus.COMPLETE))
+    for count in _BACK:
+        some = _evenly(poses, count)
+        shapes = estimate.simulator.track([estimate.actual(pose) for pose in some], initial=known)
+        plan = build_plan([Waypoint(shape) for shape in shapes], np.zeros(len(shapes)),
+                          task.limits.sizes[0], PlanStatus.COMPLETE)
+        off = _off(GripperPath.of(plan), [estimate.actual(pose) for pose in poses],
+                   float(known.s[-1]))
+        if off <= _LEAST_FOR_MOTION * task.room:
+            return _motion(task, estimate, plan)
+    raise Infeasible(f'the way back leaves the way there by {off:.3g} m: expected '
+                     f'{_LEAST_FOR_MOTION * task.room:.3g} m at most', 0, 'clearance', off)
 
 
-def _evenly(poses: Sequence[Pose]) -> list[Pose]:
-    """Return _BACK of many poses, about as far from each other: bends that are short take long."""
+def _evenly(poses: Sequence[Pose], count: int) -> list[Pose]:
+    """Return so many of many poses, about as far from each other: short bends take long."""
     way = np.cumsum([0.0, *(way_between(*pair) for pair in pairwise(poses))])
-    chosen = np.searchsorted(way, np.linspace(0.0, way[-1], _BACK)).clip(0, len(poses) - 1)
+    chosen = np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, len(poses) - 1)
     return [poses[k] for k in np.unique(chosen)]
+
+
+def _off(path: GripperPath, poses: Sequence[Pose], length: float) -> float:
+    """Return how far a path leaves Poses, m: of the gripper, or of what is a length (m) ahead."""
+    def ahead(position: Floats, rotation: Floats) -> Floats:
+        return np.concatenate([position[..., None, :], position[..., None, :] + length
+                               * np.swapaxes(rotation[..., :2], -1, -2)], axis=-2)
+
+    on_it = ahead(*path.at(np.linspace(path.times[0], path.times[-1], 2 * _TRIED)))
+    wanted = ahead(np.array([pose.position for pose in poses]),
+                   np.array([pose.rotation for pose in poses]))
+    apart = np.linalg.norm(wanted[:, None] - on_it, axis=3).max(axis=2)
+    return float(apart.min(axis=1).max())
 
 
 def _trajectory(task: Threading, plan: Plan, tolerance: float) -> Trajectory:
@@ -242,56 +294,6 @@ def _motion(task: Threading, estimate: Estimate, plan: Plan) -> _Motion:
 def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:
     """Return how inertia bends the estimated DLO in a motion along a Plan of true poses."""
     return Swing.of(trajectory, estimate.simulator, plan.shapes[0])
-
-
-class Aimed(NamedTuple):
-    """A Correction, and what is expected with it and without it.
-
-    Attributes
-    ----------
-    correction : Correction
-    doubts : str
-        Why it must not be executed, '' if it may.
-    bound, bound_before : float
-        Bound of the miss with 95 %, m, at rest: with the correction, and with what is executed now.
-    """
-
-    correction: Correction
-    doubts: str
-    bound: float
-    bound_before: float
-
-
-def aimed_anew(task: Threading, estimate: Estimate, plan: Plan, way: Steered, free: float,
-               reached: Floats, before: Correction | None, largest: float,
-               lag: float) -> Aimed:
-    """Return the rest of a threading, Aimed anew for an estimate.
-
-    Parameters
-    ----------
-    task : Threading
-    estimate : Estimate
-    plan : Plan
-        The threading, in poses to be commanded.
-    way : Steered
-        The motion.
-    free : float
-        From which time of the motion on it may be changed, s.
-    reached : ndarray, shape (n,)
-        Times of the motion at which the plan's waypoints are reached, s.
-    before : Correction or None
-        The Correction before.
-    largest : float
-        By how much a correction may move the gripper, m.
-    lag : float
-        See `way_in`.
-    """
-    first = int(np.searchsorted(reached, free))
-    known = before if before is not None and before.converged else None
-    found = correct(estimate, plan, first, known)
-    return Aimed(found, doubts(found, task.inverse, largest), *(
-        bound_of(estimate, plan, one, reached, free, lag)
-        for one in (way.corrected(free, found, reached[first:]), way)))
 
 
 class ThreadingLoop:
@@ -351,9 +353,7 @@ class ThreadingLoop:
         self._execution_of = partial(
             Execution, limits=limits or task.limits, back=self._tool.inverse(), frame_id=frame_id,
             period=period, horizon=horizon, guards=self._guards)
-        seeing = observing.seeing
-        self._lag = (seeing.period + seeing.correction_period + _COMPUTING + horizon
-                     if seeing.correct else np.inf)
+        self._lag = lag_of(observing.seeing, horizon)
         self._heard: Heard | None = None
         self._enabled: Enabled | None = None
         self.execution: Execution | None = None
@@ -367,6 +367,12 @@ class ThreadingLoop:
         self._ended = np.inf  # stamp at which the last motion began, had it gone on evenly
         self._left = 0.0  # m of swing that the motion to the standoff leaves
         self._stands = here  # where the gripper does while nothing is executed
+        self._shaken = False  # whether the DLO may swing, so that it is no use to look at it
+        self._rests = self._sees = -np.inf  # stamps: since it does, and when that is looked at
+        self._factor = STATED  # what is known of the frequencies of the DLO
+        self._delay = 0.0  # s, from a command until the DLO is seen to answer
+        self._calmed: Calming | None = None  # the last calming of this look
+        self._calmings = 0
         self._misses = False  # whether that is why it last turned back
         self.promised, self.cause, self.reason = np.nan, Cause.DONE, ''
 
@@ -476,22 +482,62 @@ class ThreadingLoop:
         phase = self.phase
         if phase is Phase.LOOK:
             self._look(time)
+            if self.phase is Phase.CALM:  # what was computed is for now
+                self._move(time, now)
         elif phase is Phase.PLAN:
             self._plan(time, self._done)
-        elif phase in (Phase.GO, Phase.ENTER, Phase.RETREAT):
+        elif phase in (Phase.GO, Phase.ENTER, Phase.CALM, Phase.RETREAT):
             self._move(time, now)
 
     def _look(self, time: float) -> None:
         """Go on looking, anew where looks disagree, it swings, or nothing was seen all the time."""
-        loop = self._loop
+        loop, observing = self._loop, self.observing
+        if self._shaken:
+            self._to(self._swinging(time), time)
+            return
         since = loop.calm if loop.since is not None else time
-        unseen = time - since >= loop.look and self.observing.seen < since
-        swings = time - since >= loop.look and self.observing.swing > self._task.tolerance
-        doubted = self.observing.doubted or swings
+        unseen = time - since >= loop.look and observing.seen < since
+        swings = time - since >= loop.look and observing.swing > self._task.tolerance
+        doubted = observing.doubted or swings
         loop = loop.advanced(time, doubted=doubted or unseen)
         if doubted:
-            self.observing.reopen(loop.calm)
+            self._rest(time)
         self._to(loop, time)
+
+    def _rest(self, since: float) -> None:
+        """Look only at how the DLO swings, from a time (s) on, since which the gripper stands."""
+        self._shaken, self._rests, self._sees = True, since, since + _SEEING
+        self.observing.reopen(np.inf)
+
+    def _swinging(self, time: float) -> ClosedLoop:
+        """Return the state in which the swing of the DLO is seen, taken away, or over."""
+        loop, most = self._loop.advanced(time, doubted=True), self._task.tolerance
+        if loop.phase is Phase.STOP or time < self._sees:
+            return loop
+        seen = self.observing.vibration(self._measured, self._rests, self._factor)
+        if seen is None and time < self._rests + _LONGEST_SEEING:  # not enough of it is seen
+            self._sees = time + _AGAIN
+            return loop
+        if seen is not None:
+            self._factor = seen.factor
+            if seen.amplitude > _SWINGS * most and self._calmings < _CALMINGS:
+                self.execution = self._execution_of(self._calming(seen, time))
+                return loop.calming(time)
+            if seen.amplitude > most:  # it has to come to rest by itself
+                self._rests, self._sees = time, time + _SEEING
+                return loop
+        self._shaken = False
+        self.observing.reopen(time)
+        return replace(loop, doubted=time)
+
+    def _calming(self, seen: FreeVibration, time: float) -> Steered:
+        """Return the motion that takes a vibration away; the last one tells of the delay."""
+        last, self._calmings = self._calmed, self._calmings + 1
+        if last is not None and last.before.amplitude > _TOLD * _SWINGS * self._task.tolerance:
+            self._delay = last.delay(seen)
+        self._calmed = Calming.of(seen, time, self._delay, self._here, self._task.motion_limits,
+                                  self._execution_of.keywords['period'])
+        return self._calmed.way
 
     def _plan(self, time: float, done: Any) -> None:
         task, estimate = self._task, self.observing.estimate
@@ -569,7 +615,21 @@ class ThreadingLoop:
             self._to(loop, time)
             self._work = self._done = None
             assert self.execution is not None
-            self.execution = self.execution.stop(Cause.MISS_EXPECTED, 'it goes back')
+            self.execution = self.execution.stop(Cause.MISS_EXPECTED, 'it goes back',
+                                                 lasting=self._gently(self.execution))
+
+    def _gently(self, execution: Execution) -> float:
+        """Return in how many s it may come to rest: the DLO swings the less, the longer it takes.
+
+        Before the hole on a part of the way there, in it at once.
+        """
+        way = execution.way
+        assert isinstance(way, Steered)
+        longest = _CALM_STOP * float(way.windows[0])
+        if self.phase is Phase.RETREAT and not self._loop.at_standoff:
+            return longest
+        left = float(self._reached(way)[0]) - execution.done
+        return min(longest, 2 * _OF_THE_WAY * max(left, 0.0))  # it goes half as far as it would
 
     def _stopped(self, time: float, execution: Execution) -> None:
         """Find the way back to the standoff, or look where the gripper is; or that is the end."""
@@ -582,7 +642,7 @@ class ThreadingLoop:
             off = [np.linalg.norm(pose.position - self._here.position)
                    for pose in execution.way.poses(times)]
             since = float(times[int(np.argmin(off))])  # it may be held back by the limits
-            poses = [self._here, *_evenly(execution.way.poses(np.linspace(since, 0.0, _TRIED)))[1:]]
+            poses = [self._here, *execution.way.poses(np.linspace(since, 0.0, _TRIED))[1:]]
             progress = float(execution.way.progress([execution.done])[0])
             known = self._entry.whole.shapes[min(int(np.searchsorted(
                 self._entry.whole.times, progress)), len(self._entry.whole) - 1)]
@@ -592,9 +652,15 @@ class ThreadingLoop:
     def _to(self, loop: ClosedLoop, time: float) -> None:
         """Take the next state of the strategy."""
         before, self._loop = self._loop, loop
-        if loop.tries > before.tries and loop.phase is not Phase.RETREAT or (
-                before.phase is Phase.RETREAT and loop.phase is Phase.LOOK):
-            self.observing.reopen()
+        if loop.phase is Phase.LOOK and before.phase is Phase.PLAN:
+            self._calmed, self._calmings = None, 0
+            if loop.tries > before.tries:
+                self._rest(time)
+        elif loop.phase is Phase.LOOK and before.phase is Phase.RETREAT:
+            self._calmed, self._calmings = None, 0
+            self._rest(time + _FOLLOWED)
+        elif loop.phase is Phase.LOOK and before.phase is Phase.CALM:
+            self._rest(time + _FOLLOWED)
         if loop.phase is not Phase.STOP or before.phase is Phase.STOP:
             return
         if before.phase is Phase.LOOK:
@@ -646,8 +712,7 @@ class ThreadingLoop:
             self.aimed, self.refusal = aimed, refusal
             if not self._before_entry(execution):
                 return None
-            moves = 0.0 if entry.motion is None else entry.motion.bound
-            bound = self._left + moves + (
+            bound = self._left + in_motion(execution) + (
                 aimed.bound if corrected.way is not way else aimed.bound_before)
             self.promised = max(self.promised, bound)
             return bound
@@ -656,8 +721,10 @@ class ThreadingLoop:
             self._loop = self._loop.with_correction(time)
             first = int(np.searchsorted(self._reached(way), execution.free))
             if first < len(entry.commanded):
-                self._work = partial(aimed_anew, self._task, self.observing.estimate,
-                                     entry.commanded, way, execution.free, self._reached(way),
-                                     self._correction, self.observing.seeing.largest_correction,
-                                     self._lag)
+                observing = self.observing
+                self._work = partial(
+                    aimed_anew, self._task.inverse, observing.estimate, entry.commanded, way,
+                    execution.free, self._reached(way), self._correction,
+                    observing.seeing.largest_correction, self._lag,
+                    unexplained(observing, self._task.limits.linear_speed))
         return None

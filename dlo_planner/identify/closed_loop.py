@@ -7,7 +7,7 @@ the next phase. Look, plan anew for the estimated DLO, go to the standoff, look 
 predicted miss is too large a part of the room, and enter only if the miss is inside the room with
 95 %. Where looks do not agree with each other, or the miss grows beyond the room before the entry,
 stop, go back before the sheet, and try again a few times. A look at rest begins anew as long as
-what is seen does not agree: the DLO swings, or has slipped.
+what is seen does not agree: the DLO swings, or has slipped. A swing is taken away by the gripper.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ class Phase(Enum):
     PLAN = 'plan'    # make a plan, or at the standoff a correction, for the estimated DLO
     GO = 'go'        # go to the standoff, with corrections
     ENTER = 'enter'  # go through the cut-out, with corrections
+    CALM = 'calm'    # move a little, so that the DLO swings no more
     RETREAT = 'retreat'  # stop, and from behind the standoff go back to it
     DONE = 'done'
     STOP = 'stop'    # stand still: the miss is not inside the room with 95 %, or looks disagree
@@ -144,7 +145,7 @@ class ClosedLoop(Value):
             the entry, where it may still turn back.
         finished : bool, optional
             Whether the phase is done: the plan made, the standoff reached, the DLO at its depth,
-            the gripper back (a LOOK ends by its duration).
+            the gripper back, or at rest again (a LOOK ends by its duration).
         doubted : bool, optional
             Whether the last looks do not agree with the estimate (`Estimate.agrees`), or nothing
             was seen. What they came to disagree about has to be open again in what follows.
@@ -168,6 +169,8 @@ class ClosedLoop(Value):
             if doubted:
                 return replace(state, doubted=time + state.pause)
             return state._to(Phase.PLAN, time) if time - state.calm >= state.look else state
+        if state.phase is Phase.CALM:  # `since` stays: patience is of all looks together
+            return replace(state, phase=Phase.LOOK, doubted=time) if finished else state
         if doubted and state.phase is not Phase.RETREAT:
             return state._doubting(time)
         if state.phase is Phase.ENTER:
@@ -184,6 +187,10 @@ class ClosedLoop(Value):
             raise InvalidTask(f'bound = None: expected the predicted miss at the standoff, phase '
                               f'{state.phase.value!r}')
         return replace(state, at_standoff=True)._at_standoff(time, bound)
+
+    def calming(self, time: float) -> ClosedLoop:
+        """Return the state that takes a swing away at `time` (s), from LOOK; it looks anew then."""
+        return replace(self, phase=Phase.CALM, doubted=number('time', time))
 
     def _doubting(self, time: float) -> ClosedLoop:
         """Return the state that tries again: in motion it stops and goes back first."""

@@ -19,7 +19,7 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.looking import Own
-from dlo_planner.identify.memory import RobotError
+from dlo_planner.identify.memory import Memory, RobotError
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.smoothing import Search, estimate_of, memory_of
 from dlo_planner.model.checks import array, instance, integer, number, vector
@@ -202,7 +202,8 @@ class Observer(Value):
         """Return the Estimate in which the DLO may have moved in the gripper, as where it slips.
 
         What is known of the DLO stays; the gripper's offset becomes as uncertain as stated here,
-        beyond the prior, and what earlier looks tell of it is forgotten.
+        beyond the prior, and what earlier looks tell of it is forgotten. How well they agreed is
+        not: `Estimate.inflation` stays.
 
         Parameters
         ----------
@@ -225,7 +226,11 @@ class Observer(Value):
             covariance[columns] = 0.0
             covariance[:, columns] = 0.0
             covariance[columns, columns] = self.uncertain.deviations[columns]**2 + slip**2
-        return replace(estimate, covariance=covariance, _memory=None)
+        unit = self.uncertain.deviations
+        memory = replace(Memory.of(estimate.mean / unit, covariance / np.outer(unit, unit),
+                                   self.robot.acting.size),
+                         consistency=memory_of(self, estimate).consistency)
+        return replace(estimate, covariance=covariance, _memory=memory)
 
     def _own(self, estimate: Estimate) -> None:
         if instance('estimate', estimate, Estimate).uncertain != self.uncertain:

@@ -4,7 +4,8 @@
 
 Measured gripper poses and clouds of points come with stamps of one clock. A cloud counts as seen
 where the gripper was at its stamp; the faster the gripper moved then, the less it counts. One that
-does not agree with what was expected is not believed; two of the last eight are a doubt.
+does not agree with what was expected is not believed; two of the last eight are a doubt, or one
+that is far from it.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from dlo_planner.identify.memory import way_between
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.stamped import gripper_at
+from dlo_planner.identify.vibration import STATED, FreeVibration, enough, nearest_on_line
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.periods import slowest_period
@@ -52,6 +54,9 @@ _LASTS = 2.5         # s that a motion is looked at after its end
 _LEAST_SWINGS = 3    # looks from which a swing is told
 _OWN = 4.0           # times the median distance: what is farther off is none of the DLO's points
 _DOUBT, _OF = 2, 8   # looks that disagree, of the last ones: fewer are left to chance
+_OFTEN = 0.06        # s between two clouds that tell of a vibration
+_CLOUDS = 50         # by which a vibration is told
+_NO_CHANCE = 10.0    # times the surprise that one look in 10,000 exceeds
 _FAR = 6.0           # deviations along an axis by which a cut-out may be seen off
 
 
@@ -190,6 +195,7 @@ class Observing:
         if known is not None and known.names == self._first.names:
             self._first = replace(self._first, covariance=known.covariance)
         self._lock = Condition()
+        self._clouds: deque[tuple[float, Floats]] = deque(maxlen=_CLOUDS)  # (stamp, points)
         self._swing: tuple[Swing, Callable[[float], float]] | None = None
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)  # (stamp, Pose)
         self.reset()
@@ -225,8 +231,11 @@ class Observing:
 
     @property
     def doubted(self) -> bool:
-        """Whether the last looks do not agree with the estimate: it is no more to be relied on."""
-        return sum(self._disagree) >= _DOUBT
+        """Whether the last looks do not agree with the estimate: it is no more to be relied on.
+
+        Two of the last eight, or one that no chance explains.
+        """
+        return sum(self._disagree) >= _DOUBT or _NO_CHANCE < self._surprise < np.inf
 
     def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
         """Return by how much a DLO in a known motion is off its rest, and was at most; or None.
@@ -254,6 +263,7 @@ class Observing:
     def reset(self) -> None:
         """Forget what was seen since it began."""
         with self._lock:
+            self._clouds.clear()
             self._begin(self._first)
 
     def reopen(self, stamp: float = -np.inf) -> None:
@@ -266,6 +276,29 @@ class Observing:
             self._begin(self._observer.reopened(self._estimate, seeing.slip_position,
                                                 seeing.slip_rotation))
             self._resting = stamp
+
+    def vibration(self, gripper: Pose, since: float,
+                  factor: tuple[float, float] = STATED) -> FreeVibration | None:
+        """Return how the DLO vibrates since the gripper stands in a Pose; None: it is not known.
+
+        Looks that were not believed count as well.
+
+        Parameters
+        ----------
+        gripper : Pose
+        since : float
+            Stamp in s.
+        factor : (float, float), optional
+            See `FreeVibration.of`.
+        """
+        with self._lock:
+            clouds = [cloud for cloud in self._clouds if cloud[0] >= since]
+            estimate = self._estimate
+        if not enough(clouds):
+            return None
+        shape = estimate.simulator.solve(estimate.actual(gripper))
+        return None if not shape.converged else FreeVibration.of(
+            shape, [(stamp, points - estimate.camera_bias) for stamp, points in clouds], factor)
 
     def _begin(self, estimate: Estimate) -> None:
         self._estimate, self._last, self._off = estimate, -np.inf, np.nan
@@ -315,7 +348,8 @@ class Observing:
 
     def due(self, stamp: float) -> bool:
         """Return whether a cloud of this stamp (s) should be looked at."""
-        return stamp >= self._resting and abs(stamp - self._last) >= self.seeing.period
+        last, period = self._clouds[-1][0] if self._clouds else -np.inf, self.seeing.period
+        return abs(stamp - last) >= (period if stamp >= self._resting else min(period, _OFTEN))
 
     def look(self, stamp: float, points: Floats) -> Estimate:
         """Return the Estimate after one more cloud; if that does not agree, the one before.
@@ -354,6 +388,10 @@ class Observing:
         chosen = np.unique(np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(
             int))
         seen = Observation(gripper, points[chosen])
+        with self._lock:
+            self._clouds.append((stamp, seen.points))
+            if stamp < self._resting:
+                return estimate
         elapsed = max(stamp - self._seen, 0.0) if np.isfinite(self._seen) else 0.0
         after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway, late=late,
                                       bent=bent)
@@ -384,7 +422,7 @@ class Observing:
         """Take in where the free end is in a look; a point at s swings by (s / L)^2 of it."""
         if self._rest is None or way_between(self._rest[0], seen.gripper) > _SAME:
             self._rest, self._ends = (seen.gripper, nodes), []
-        away, s = _nearest(seen.points, self._rest[1])
+        away, s = nearest_on_line(seen.points, self._rest[1])
         size = np.linalg.norm(away, axis=1)
         own = size <= _OWN * np.median(size)
         share = s[own] ** 2
@@ -442,22 +480,7 @@ def deviation(plan: Plan, time: float, points: Floats) -> float:
 
 def _median_distance(points: Floats, nodes: Floats) -> float:
     """Return the median distance of points (n, 3) from the line through nodes (k, 3)."""
-    return float(np.median(np.linalg.norm(_nearest(points, nodes)[0], axis=1)))
-
-
-def _nearest(points: Floats, nodes: Floats) -> tuple[Floats, Floats]:
-    """Return the points (n, 3) less the nearest of the line through nodes (k, 3), and where it is.
-
-    That is a part (n,) of the line's length, whose nodes are evenly spaced.
-    """
-    ahead = np.diff(nodes, axis=0)
-    off = points[:, None] - nodes[:-1]
-    along = np.clip(np.einsum('mkj,kj->mk', off, ahead)
-                    / np.maximum((ahead**2).sum(axis=1), 1e-300), 0, 1)
-    near = off - along[:, :, None] * ahead
-    chosen = np.linalg.norm(near, axis=2).argmin(axis=1)
-    rows = np.arange(len(points))
-    return near[rows, chosen], (chosen + along[rows, chosen]) / len(ahead)
+    return float(np.median(np.linalg.norm(nearest_on_line(points, nodes)[0], axis=1)))
 
 
 class Motion(NamedTuple):

@@ -386,6 +386,15 @@ def straight(table: Table, length: float) -> Profile:
     return Profile(edges, values, np.unique(inside[1:][inside[1:] == inside[:-1]]))
 
 
+def smooth(content: Expanded, length: float) -> Profile:
+    """Return the Profile on [0, length] of a constant plus a series: known without a look at it."""
+    edges = np.linspace(0, length, _PANELS + 1)
+    places = edges[:-1, None] + np.diff(edges)[:, None] * _AT
+    values: Floats = np.asarray(content.base) + np.moveaxis(
+        legval(2 * places / content.length - 1, content.coefficients), 0, -1)
+    return Profile(edges, values, np.zeros(0))
+
+
 def _at(function: Callable[[float], Any], left: Floats, width: Floats, places: Floats) -> Floats:
     """Return the function's values (m, p, k) at `places` (p,) of panels."""
     return np.array([[function(a + h * x) for x in places]
@@ -591,6 +600,8 @@ class AlongRod(Value):
             content = getattr(self, name)
             if isinstance(content, Table) and name not in _STIFF:
                 profiles[name] = straight(content, self.length)
+            elif isinstance(content, Expanded) and not callable(content.base):
+                profiles[name] = smooth(content, self.length)
             elif callable(content):
                 profiles[name] = resolved(f'Rod.{name}', self._one(name), self.length,
                                           breaks_of(content), InvalidRod)

@@ -43,7 +43,7 @@ from msg_helpers.paths import plan_path
 from msg_helpers.poses import pose_stamped_msg
 from msg_helpers.trajectories import poses_ahead
 
-_STANDOFF = 0.05  # of the length, where none is given
+_STANDOFF = 0.05  # of the length, where none is given, and the plan does not stop before the hole
 
 
 def threading_of(made: Made) -> Threading | None:
@@ -51,12 +51,17 @@ def threading_of(made: Made) -> Threading | None:
     plan, scene, task = made.plan, made.scene, made.task
     if not isinstance(task, Thread) or not (room_of(made) or 0.0) > 0:
         return None
-    depths = plan.depths[[bool(passes) for passes in plan.via_points]]
+    passing = [bool(passes) for passes in plan.via_points]
+    depths = plan.depths[passing]
     if not depths.size:
         return None
     if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
         depths = np.append(0.0, depths)
-    standoff = scene.standoff if scene.standoff > 0 else _STANDOFF * scene.direct.rod.length
+    normal = task.cutout.pose.direction
+    stops = [normal @ (task.cutout.center - plan.shapes[k].positions[-1]) for k in plan.stops
+             if not passing[k]]
+    standoff = scene.standoff if scene.standoff > 0 else float(
+        max(stops, default=0.0)) or _STANDOFF * scene.direct.rod.length
     return Threading(scene.inverse, task.cutout, depths, standoff, scene.limits)
 
 
@@ -180,9 +185,10 @@ class ClosedLoopDrive:
             return replace(execution, phase='succeeded', cause=Cause.DONE, reason='')
         if loop.phase is Phase.STOP:
             return replace(execution, phase='stopped', cause=loop.cause, reason=loop.reason)
-        if loop.execution is None or (execution.phase == 'stopping' and not loop.cause):
-            # it stands, or comes to rest to go back, and will go on
+        if loop.execution is None:  # it stands, and will go on
             return replace(execution, phase='waiting', cause=Cause.DONE, reason='')
+        if execution.phase == 'stopping' and not loop.cause:  # to go back: what cancels it stops it
+            return replace(execution, phase='running', cause=Cause.DONE, reason='')
         if loop.cause:  # of several reasons the first one
             return replace(execution, cause=loop.cause, reason=loop.reason)
         return execution

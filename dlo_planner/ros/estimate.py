@@ -19,14 +19,14 @@ from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.execute.beginning import blending_as
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.judge import (
-    bound_of,
+    aimed_anew,
     disagreement,
-    doubts,
     in_motion,
     kept_out,
+    lag_of,
     unexplained,
 )
-from dlo_planner.identify.correction import Correction, correct
+from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.observing import Observing, Swing, deviation
 from dlo_planner.identify.steering import Steered
@@ -244,22 +244,16 @@ class Camera:
         reached = steered.reached(plan.times)
         if execution.free + steered.windows.sum() > steered.trajectory.duration:
             return  # it would come too late
-        first = int(np.searchsorted(reached, execution.free))
-        found = correct(estimate, plan, first, before)
-        self._corrected = made, stamp, found if found.converged else None
         seeing = scene.seeing
-        reason = named(unexplained(observing, scene.limits.linear_speed) or doubts(
-            found, scene.inverse, seeing.largest_correction), state.bodies)
+        aimed = aimed_anew(scene.inverse, estimate, plan, steered, execution.free, reached, before,
+                           seeing.largest_correction, lag_of(seeing, execution.horizon),
+                           unexplained(observing, scene.limits.linear_speed))
+        found, reason = aimed.correction, named(aimed.doubts, state.bodies)
+        self._corrected = made, stamp, found if found.converged else None
         entry = next((time for time, passes in zip(reached, plan.via_points, strict=True)
-                      if passes),
-                     -np.inf)
-        aimed = steered if reason else steered.corrected(execution.free, found, reached[first:])
+                      if passes), -np.inf)
         left, moving = entry - execution.done, in_motion(execution)
-        bound = bound_of(estimate, plan, aimed, reached, execution.free,
-                         seeing.period + seeing.correction_period + execution.horizon)
-        late = seeing.correction_period + steered.windows.sum() + execution.free
-        if reason and entry > late:  # another one may be executed, and blended in by then
-            bound = found.miss.together
+        bound = aimed.bound_before if reason else aimed.bound
         if left > 0:
             self._health.expected(bound + moving)
         room = room_of(made)
@@ -268,7 +262,7 @@ class Camera:
             self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
         elif not reason:
             after = self._store.change(lambda now: now.steered(execution.way, lambda done: (
-                steered.corrected(done, found, reached[first:])))).execution
+                steered.corrected(done, found, reached[found.first:])))).execution
             if after is None or after.way is way:
                 reason = (after and after.refusal) or 'it came when the motion had ended'
         self._health.corrected(found, barred or reason)

@@ -9,13 +9,8 @@ a compiler; what has a process of its own (`ros.worker`) is done there.
 import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.execute.threading_loop import (
-    Threading,
-    aimed_anew,
-    way_back,
-    way_in,
-    way_to_standoff,
-)
+from dlo_planner.execute.judge import aimed_anew
+from dlo_planner.execute.threading_loop import Threading, way_back, way_in, way_to_standoff
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
@@ -84,7 +79,7 @@ def warm_up_loop() -> None:
     entry = way_in(task, estimate, here, np.inf, 0.5)
     assert entry.motion is not None  # any bound will do
     way = entry.motion.steered
-    aimed_anew(task, estimate, entry.commanded, way, 0.0,
+    aimed_anew(task.inverse, estimate, entry.commanded, way, 0.0,
                way.reached(entry.whole.times[-len(entry.commanded):]), None, np.inf, 0.5)
     way_back(task, estimate, way.poses(way.duration * np.array([0.1, 0.05, 0.0])),
              entry.whole.shapes[0])

@@ -108,3 +108,16 @@ def test_what_was_asked_for_is_run(monkeypatch, tmp_path, capsys):
     assert [(run['case'], run['seed']) for run in runs] == [
         (name, seed) for name in ('bump', 'slip') for seed in (4, 5, 6)]
     assert '6 of 6' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('counted', 'word', 'bound'), [
+    ((100, 100, 0.99, True), 'not shown', 0.05 ** (1 / 100)),  # the rule of three
+    ((299, 299, 0.99, True), 'shown', 0.05 ** (1 / 299)),
+    ((90, 100, 0.99, True), 'wrong', None), ((5, 100, 0.05, False), 'not shown', None),
+    ((0, 59, 0.05, False), 'shown', 1 - 0.05 ** (1 / 59)),
+    ((20, 100, 0.05, False), 'wrong', None), ((0, 30, 0.0, False), 'none seen', None),
+    ((1, 30, 0.0, False), 'wrong', None), ((0, 0, 0.95, True), 'not shown', np.nan)])
+def test_claims_are_judged_by_exact_bounds(counted, word, bound):
+    assert cell_trust.verdict(*counted)[0] == word
+    if bound is not None:
+        assert cell_trust.verdict(*counted)[1] == pytest.approx(bound, nan_ok=True)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A DLO that loses its hold says so, whatever the step; what a step alone would lose is held."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from friction_limits import column
@@ -11,6 +13,9 @@ from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod, Sheet
+from dlo_planner.direct.contact import friction_work
+from dlo_planner.direct.continuation import fell
+from dlo_planner.direct.step import step
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 
@@ -130,3 +135,22 @@ def test_on_a_corner_the_branch_is_the_same_in_any_steps(corner):
         assert not any(shape.jumped for shape in shapes)
         ends.append(shapes[-1].positions[-1])
     np.testing.assert_allclose(ends[1:], ends[:-1], atol=1e-3)
+
+
+def test_what_friction_takes_is_no_fall():
+    # a weight is drawn over a bar: what the gripper's work does not raise it by friction takes
+    radius, thin = 0.1, 5e-4
+    bar = Capsule((0, -0.3, -radius - thin), (0, 0.3, -radius - thin), radius, 0.3)
+    rod = Rod(1.0, 0.0, 5e-3, 5e-3, radius=thin, tip_mass=1 / 9.81)
+    direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[bar])
+    way = [Pose((-0.3, 0, z), LEVEL) for z in np.linspace(0.14, 0.0, 8)]
+    way += [Pose((-0.3 - x, 0, 0), LEVEL) for x in (0.01, 0.02)]
+    before = direct.track(way)[-1]
+    after, kicks = step(direct.mesh, Pose((-0.324, 0, 0), LEVEL), before)
+    pull = 0.5 * (before.gripper_wrench + after.gripper_wrench)[:3]
+    taken = (before.energy - after.energy
+             + float(pull @ (after.gripper.position - before.gripper.position)))
+    assert taken > 1e-3 and after.converged and kicks == 0
+    assert friction_work(after.history.left) == pytest.approx(taken, rel=0.02)
+    assert not fell(before, after)
+    assert fell(before, replace(after, energy=after.energy - taken))

@@ -19,15 +19,20 @@ from dlo_planner import (
     Trajectory,
     Workspace,
 )
-from dlo_planner.execute import threading_loop
+from dlo_planner.execute import judge, threading_loop
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Guards, Heard
-from dlo_planner.execute.threading_loop import Threading, ThreadingLoop, aimed_anew
+from dlo_planner.execute.judge import aimed_anew
+from dlo_planner.execute.limiter import used
+from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.identify.vibration import STATED, FreeVibration
+from dlo_planner.model.pose import displaced
 from dlo_planner.plan.assembly import concatenate, truncate
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.trajectory import restored
+from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus
 
 SEEING = Seeing(SPREAD, NOISE, robot_rotation=5e-3)
@@ -47,10 +52,16 @@ class Seen:
 
     def __init__(self):
         self.seeing, self.estimate = SEEING, Observing(DIRECT, SEEING).estimate
-        self.doubted, self.seen, self.swing = False, np.inf, 0.0
+        self.doubted, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
+        self.vibrations, self.since = [], []
 
     def reopen(self, stamp=0.0):
         """Forget nothing."""
+
+    def vibration(self, gripper, since, factor):
+        """See what a test says, once."""
+        self.since.append(since)
+        return self.vibrations.pop(0) if self.vibrations else None
 
     def moves(self, swing, time_at):
         """Expect nothing."""
@@ -121,6 +132,55 @@ def test_a_swing_that_is_seen_delays_and_is_promised(ways):
     assert cell.entering().loop.promised == pytest.approx(1e-3 + 5e-4 + 4e-4)
 
 
+def test_a_swing_is_taken_away_before_it_is_planned(ways):
+    cell = Cell(ways)
+    modes = DIRECT.solve(START).modes(2)
+    size = np.linalg.norm(modes.displacements[0, -1])
+
+    def swinging(amplitude):
+        state = np.array([[amplitude / size, 0], [0, 0]])
+        return FreeVibration(modes, cell.time, state, STATED, 1e-3)
+
+    cell.until(lambda: cell.time > 0.05)
+    cell.seen.doubted = True
+    cell.step()
+    cell.seen.doubted = False
+    cell.seen.vibrations = [swinging(8e-3), swinging(0.1e-3)]
+    begun = cell.time
+    cell.until(lambda: cell.loop.phase is Phase.CALM)
+    assert cell.time - begun > 1.4  # it was looked at
+    began, moved = cell.time, []
+    cell.until(lambda: moved.append(cell.here) or cell.loop.phase is not Phase.CALM)
+    away = [np.linalg.norm(pose.position - START.position) for pose in moved]
+    assert 2e-4 < max(away) <= 0.01
+    assert away[-1] == pytest.approx(0.0, abs=1e-9)
+    assert used(moved, task().limits, PERIOD) <= 1
+    ended = cell.time
+    cell.until(lambda: cell.loop.phase is not Phase.LOOK)
+    assert cell.loop.phase is Phase.PLAN
+    assert cell.seen.since[-1] > ended  # what was seen before tells nothing of what is left
+    assert ended - began < 6.0
+
+
+def test_a_swing_that_cannot_be_taken_away_has_to_come_to_rest_by_itself(ways):
+    cell = Cell(ways)
+    modes = DIRECT.solve(START).modes(1)
+    state = np.array([[3e-2 / np.linalg.norm(modes.displacements[0, -1])], [0.0]])
+    cell.seen.vibrations = [FreeVibration(modes, 0.0, state, STATED, 1e-3)] * 100
+    cell.step()
+    cell.seen.doubted = True
+    cell.step()
+    cell.seen.doubted = False
+    phases = []
+    cell.until(lambda: phases.append(cell.loop.phase) or cell.loop.phase is Phase.STOP)
+    calmed = sum(one is Phase.CALM and other is not Phase.CALM
+                 for one, other in zip(phases[1:], phases, strict=False))
+    assert calmed == 6
+    assert Phase.PLAN not in phases
+    assert cell.time == pytest.approx(90.0, abs=1.0)
+    assert cell.loop.cause is Cause.LOOKS_DISAGREE
+
+
 @pytest.mark.parametrize('what', ['doubted', 'unseen'])
 def test_where_looks_disagree_or_fail_it_comes_to_rest_before_the_hole(ways, what):
     cell = Cell(ways).entering()
@@ -165,7 +225,7 @@ def test_a_way_is_planned_within_the_workspace():
 def aimed(ways, most=0.05, lag=0.0, estimate=None, **workspace):
     through = ways[2]
     way = Steered.of(Trajectory(through, tolerance=np.inf), through.shapes[-1])
-    return aimed_anew(task(**workspace), estimate or Seen().estimate, through, way, 0.5,
+    return aimed_anew(task(**workspace).inverse, estimate or Seen().estimate, through, way, 0.5,
                       way.reached(through.times), None, most, lag)
 
 
@@ -177,8 +237,8 @@ def test_a_correction_keeps_workspace_obstacles_and_its_largest_size(ways, monke
     tip = found.correction.shapes[-1].positions[-1]
     box = Box(Pose(tip, (0, 0, 0, 1)), (0.02, 0.02, 0.02))
     assert 'm into Box 0' in aimed(ways, keep_out=[box]).doubts
-    correct = threading_loop.correct
-    monkeypatch.setattr(threading_loop, 'correct', lambda *given: replace(
+    correct = judge.correct
+    monkeypatch.setattr(judge, 'correct', lambda *given: replace(
         one := correct(*given), offsets=one.offsets + 0.02))
     assert 'it moves the gripper by' in aimed(ways, most=0.03).doubts
     assert aimed(ways, most=0.05).doubts == ''
@@ -196,10 +256,35 @@ def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):
     known = Seen().estimate
     way = Trajectory(on, task().motion_limits, tolerance=np.inf)
     times = way.duration * 0.5 * (1 - np.cos(np.linspace(0, np.pi, 200)))  # slow at both ends
-    poses = threading_loop._evenly([*way.poses(times)[::-1], *way.poses(np.zeros(50))])
+    dense = [*way.poses(times)[::-1], *way.poses(np.zeros(50))]
+    poses = threading_loop._evenly(dense, 12)
     steps = np.linalg.norm(np.diff([pose.position for pose in poses], axis=0), axis=1)
     assert 8 <= len(steps) <= 11
     assert steps.min() > 0.5 * steps.max()
-    back = threading_loop.way_back(task(), known, [known.commanded(pose) for pose in poses],
+    back = threading_loop.way_back(task(), known, [known.commanded(pose) for pose in dense],
                                    on.shapes[-1])
     assert back.trajectory.duration < 2 * way.duration
+    most = threading_loop._LEAST_FOR_MOTION * task().room
+    assert threading_loop._off(back.trajectory.path, dense, float(on.shapes[-1].s[-1])) <= most
+
+
+def test_how_far_a_path_leaves_poses_counts_what_is_carried_along():
+    poses = [displaced(START, np.append(np.zeros(3), (0.01 * k, 0, 0))) for k in range(5)]
+    path = GripperPath.through(poses, np.arange(5.0), 1.0)
+    assert threading_loop._off(path, poses, 0.7) == pytest.approx(0, abs=2e-4)  # it is sampled
+    side = START.rotation[:, 2] if abs(START.rotation[0, 2]) < 0.5 else START.rotation[:, 1]
+    for twist, off in ((np.append(np.zeros(3), (0, 0, 2e-3)), 2e-3),
+                       (0.01 * np.append(side, np.zeros(3)), 2 * np.sin(0.005) * 0.7)):
+        # a little farther on the path it may be nearer
+        found = threading_loop._off(path, [displaced(pose, twist) for pose in poses], 0.7)
+        assert 0.5 * off <= found <= 1.01 * off
+
+
+def test_a_way_back_that_cannot_keep_to_the_way_there_is_refused(ways):
+    on, known = ways[1], Seen().estimate
+    rng = np.random.default_rng(0)
+    rough = [known.commanded(displaced(pose, np.append(np.zeros(3), 5e-3 * rng.normal(size=3))))
+             for pose in Trajectory(on, task().motion_limits, tolerance=np.inf).poses(
+                 np.linspace(0, 3, 200))]
+    with pytest.raises(Infeasible, match='leaves the way there'):
+        threading_loop.way_back(task(), known, rough, on.shapes[0])

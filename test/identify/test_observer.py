@@ -297,6 +297,21 @@ def test_a_slip_is_found_where_the_gripper_is_open_again(rng):
     assert np.linalg.norm(off - again.miss(PLAN, [0]).off[0]) < 2e-3
 
 
+def test_looks_that_hardly_agreed_count_where_the_gripper_is_open_again(rng):
+    observer = Observer(DirectSimulator(WIRE), SPREAD, noise=0.6 * NOISE)  # it is told too little
+    truth, estimate = Truth.drawn(rng), observer.begin()
+    shape = truth.shape(START)
+    for _ in range(8):
+        estimate = observer.update(estimate, truth.seen(rng, START, outliers=0, shape=shape))
+    assert estimate.inflation > 1.05
+    again = observer.reopened(estimate, 2e-3, 0.03)
+    assert again.inflation == estimate.inflation
+    assert np.allclose(again.mean, estimate.mean)
+    kept = [k for k, name in enumerate(again.names) if not name.startswith('gripper')]
+    assert np.allclose(again.covariance[np.ix_(kept, kept)], estimate.covariance[
+        np.ix_(kept, kept)], rtol=1e-6, atol=0)
+
+
 def test_noise_and_sway_of_one_look(rng):
     look = Truth.drawn(rng).seen(rng, START)
     one = OBSERVER.update(OBSERVER.begin(), look, noise=3 * NOISE, sway=2e-3)

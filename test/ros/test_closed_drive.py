@@ -188,8 +188,9 @@ def slipping(proved, worker):
 
 def test_where_the_dlo_slips_it_looks_and_tries_again(proved, worker):
     cell = slipping(proved, worker)
-    assert cell.state.execution.phase == 'waiting'  # it comes to rest, and goes on
+    assert cell.state.execution.phase == 'running'  # it comes to rest, and goes on
     assert cell.state.made is proved.made
+    cell.until(lambda execution: execution.phase == 'waiting')
     execution = cell.until(ended)
     assert execution.phase == 'succeeded', execution.reason
     assert cell.part() < 1.001
@@ -199,6 +200,7 @@ def test_what_is_canceled_on_the_way_back_comes_to_rest(proved, worker):
     cell = slipping(proved, worker)
     cell.step()
     cell.store.change(State.canceled)
+    assert cell.state.execution.phase == 'stopping'
     execution = cell.step()
     assert (execution.phase, execution.cause) == ('stopping', Cause.CANCELED)
     execution = cell.until(ended)
@@ -237,7 +239,9 @@ def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(pro
     assert (np.diff(task.depths) > 0).all()
     assert (task.standoff, task.limits) == (0.02, scene.limits)
     without = replace(made, scene=replace(scene, standoff=-1.0))
-    assert threading_of(without).standoff == pytest.approx(0.015)
+    assert threading_of(without).standoff == pytest.approx(0.02, rel=1e-2)  # where the plan stops
+    straight = replace(without, plan=replace(made.plan, stops=()))
+    assert threading_of(straight).standoff == pytest.approx(0.015)
 
 
 def test_a_plan_that_could_be_looked_at_and_is_not_says_so(proved):

@@ -1,23 +1,38 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The forces of contact and friction that satisfy their laws, to first order.
+"""Shape and contact forces at once: a semismooth Newton method (Alart and Curnier 1991).
 
-A step of the outer loop. With the compliance of the DLO at its contacts, from solves with Newton's
-Hessian, all multipliers follow at once: no gap where it bears, no sliding where it sticks, mu times
-the force where it slides (semismooth Newton method, Alart and Curnier 1991). Where that cannot be
-trusted each multiplier becomes the force that it has (augmented Lagrangian).
+With the compliance of the DLO at its contacts, from solves with Newton's Hessian, all multipliers
+follow to first order: no gap where it bears, no sliding where it sticks, mu times the force where
+it slides. Where that cannot be trusted each multiplier becomes the force that it has (augmented
+Lagrangian).
+
+In `semismooth_newton` the springs of contacts push with the forces themselves, whatever their gaps
+are, so that a gap of the start is closed by the forces and not fought by the springs. It begins
+where a DLO that goes on bearing would be carried by its gripper. What it finds is a start: the
+minimizer alone tells whether something else touches, and whether the shape falls.
 """
 
 import numpy as np
 
-from dlo_planner.energy.contact import trial_traction
+from dlo_planner.energy.ccd import sweeps_through
+from dlo_planner.energy.contact import ContactSet, trial_traction
+from dlo_planner.energy.gap import closest_point, near_nodes, next_touching, node_gap
 from dlo_planner.energy.inertia import is_drawn
-from dlo_planner.energy.potential import evaluate, project
-from dlo_planner.energy.problem import hinged, new_configuration
+from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
+from dlo_planner.energy.problem import hinged, new_configuration, with_gripper
+from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import forbids, row_count
-from dlo_planner.geometry.kinematics import part_of_element, point_inside
+from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
 from dlo_planner.geometry.record import put_sum
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_table import (
+    kkt_residual,
+    touching,
+    update_friction,
+    with_contacts,
+    with_springs,
+)
 from dlo_planner.minimize.dense import softly_solved
 from dlo_planner.minimize.hessian import (
     assemble,
@@ -35,10 +50,16 @@ _CHANGES = 8      # times that contacts are let go or taken back
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
 _TOILS = 2        # rounds in vain, after which what is soft goes with its forces
 _FARTHEST_TURN = 0.3  # rad: the same, of what a node turns by
+_STEPS = 12
+_LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
+_FALLS = 0.5         # of the error before: what falls less does not converge
+_STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
+_GRACE = 3           # first steps, in which it may do so
+_HARDLY = 1e-9       # of its springs' force: what a contact that begins to bear pushes with
 
 
 @kernel
-def move_multipliers(system, state, table, share, q, vain):
+def update_multipliers(system, state, table, share, q, vain):
     """Move the multipliers of `system`, in place, to what the laws ask for.
 
     After some rounds in vain q (m, 3) goes with them: what is soft, like the plane in which a
@@ -50,18 +71,17 @@ def move_multipliers(system, state, table, share, q, vain):
         q: unknowns of `state`
         vain: rounds in vain; after some what is neutral may stay so, too, see `_stands`
 
-    Returns:
+    Returns
+    -------
         whether these are known
     """
-    normal, shear = table.force.copy(), np.zeros((table.gap.size, 3))
-    for a in range(table.gap.size):
-        if table.rubbing[a] >= 0:
-            shear[a] = state.attached.force[table.rubbing[a]]
+    normal, shear = _forces(table, state)
     used = share > 0.0 and table.gap.size > 0
     if used:
         target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
         step = np.empty_like(q)
-        used = lawful(system, state, table, hessian, used, vain > _TOILS, target, across, step)
+        used = complementarity_step(system, state, table, hessian, used, vain > _TOILS, target,
+                                    across, step)
         if used:
             there = new_configuration(system)
             put_sum(q, share, step, there.q)
@@ -73,12 +93,22 @@ def move_multipliers(system, state, table, share, q, vain):
                 normal[a] += share * (target[a] - normal[a])
                 for i in range(3):
                     shear[a, i] += share * (across[a, i] - shear[a, i])
-    put_forces(system, table, normal, shear)
+    _put_forces(system, table, normal, shear)
     return used
 
 
 @kernel
-def put_forces(system, table, normal, shear):
+def _forces(table, state):
+    """Return the forces of the contacts in a table: normal (A,) and across (A, 3), N."""
+    shear = np.zeros((table.gap.size, 3))
+    for a in range(table.gap.size):
+        if table.rubbing[a] >= 0:
+            shear[a] = state.attached.force[table.rubbing[a]]
+    return table.force.copy(), shear
+
+
+@kernel
+def _put_forces(system, table, normal, shear):
     """Make forces, normal (A,) and across (A, 3), the multipliers of `system`, in place."""
     contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
     contacts.node[:] = 0.0
@@ -101,7 +131,7 @@ def put_forces(system, table, normal, shear):
 
 
 @kernel
-def lawful(system, state, table, hessian, fresh, neutral, normal, shear, step):
+def complementarity_step(system, state, table, hessian, fresh, neutral, normal, shear, step):
     """Fill the forces that satisfy the linearized laws, and the step to where they do.
 
     Args:
@@ -110,7 +140,8 @@ def lawful(system, state, table, hessian, fresh, neutral, normal, shear, step):
         normal: (A,), shear: (A, 3) the forces as they are; filled where it can be trusted
         step: (m, 3) filled
 
-    Returns:
+    Returns
+    -------
         whether it can
     """
     contacts = system.effects.contact.contacts
@@ -125,7 +156,7 @@ def lawful(system, state, table, hessian, fresh, neutral, normal, shear, step):
         first[a] = size
         size += 1 if table.rubbing[a] < 0 else 3
     axes, laws = np.zeros((size, 3)), np.zeros((size, 3))
-    linearize(system, state, table, first, axes, laws)
+    linearize_contact_law(system, state, table, first, axes, laws)
     loads, answers = _answers(system, state, hessian, table, first, axes)
     compliance = _products(loads, answers)
     shift = np.zeros(size)  # of the limits, to those of the multipliers as they are
@@ -244,7 +275,7 @@ def _add_answers(table, first, laws, shift, change, answers, step):
 
 
 @kernel
-def linearize(system, state, table, first, axes, laws):
+def linearize_contact_law(system, state, table, first, axes, laws):
     """Fill axes (K, 3): normal, direction of friction, third; and laws (K, 3) of the friction.
 
     Laws: in the second row whether it slides, the limit's part of the trial force, mu; in the third
@@ -397,3 +428,231 @@ def _equations(system, table, first, laws, reaction, free):
     for i in range(size):
         matrix[i, i] += soft[i]
     return matrix, right, soft
+
+
+@kernel
+def carried(system, base, slid, strains, twist):
+    """Return whether a DLO that goes on bearing follows its gripper, and its unknowns (m, 3) there.
+
+    To first order, and if nothing is in the way.
+
+    Args:
+        system: Problem in the gripper after, its contacts those before
+        base: (3, 3) the gripper's rotation before
+        slid: (C, 3) m, by how much points have slid: those go on sliding
+        strains: (N, 3) in equilibrium, before
+        twist: (6,) rotation in rad about the gripper and displacement in m, world
+    """
+    before, lengths = _before(system, base, slid, twist), system.lengths
+    state, after = new_configuration(before), new_configuration(system)
+    unknowns_of(system, strains, state.q)
+    evaluate(before, state)
+    hessian = new_hessian(before)
+    assemble(before, state, hessian)
+    if not _stands(before, hessian, strains.size > 0):
+        return False, state.q
+    loads, step, load = np.zeros_like(strains), np.empty_like(state.q), np.empty_like(state.q)
+    for e in range(strains.shape[0]):
+        for i in range(3):
+            for column in range(hessian.cross.shape[2]):
+                loads[e, i] -= hessian.cross[e, i, column] * twist[column]
+    project(system.basis, loads, load)
+    solve(before, hessian, load, step)
+    if not largest_turn(before, hessian, step) < _LARGEST_TURN:
+        return False, state.q
+    put_sum(state.q, 1.0, step, after.q)
+    _place(system, after)
+    for k in range(state.positions.shape[0]):
+        for i in range(3):
+            state.positions[k, i] -= twist[3 + i]
+    met = sweeps_through(system.effects.contact.scene, lengths, state.strains, state.rotations,
+                         state.positions, after.rotations, after.positions)
+    return not met, after.q
+
+
+@kernel
+def _before(system, base, slid, twist):
+    """Return the Problem before its gripper has moved by a twist.
+
+    What slides goes on along its way, and is held back across it as in the step before: friction
+    has the direction of the whole step's way. Without it a DLO may slip aside that does not.
+    """
+    now, shift = system.effects.contact.contacts, twist[3:].copy()
+    contacts = ContactSet(now.stiffness, now.node, now.element, now.obstacle, now.multiplier,
+                          now.fraction, now.anchor + shift - slid, now.normal, now.shear, now.grip)
+    moved = with_contacts(system, contacts, translated(system.effects.contact.scene, -shift))
+    return with_gripper(moved, base, system.origin - shift)
+
+
+@kernel
+def semismooth_newton(system, q, tolerance, exact, previous):
+    """Return whether it is found, and what is known of it then.
+
+    Args:
+        q: (m, 3) start; the Problem's multipliers are the forces there
+        tolerance: of the residual; exact: of gaps, m
+        previous: as of `constrained_newton`
+
+    Returns
+    -------
+        whether, Configuration, residual, violation, Problem with the forces, Hessian,
+        factorized where the DLO has turned since by so many rad, steps made
+    """
+    loaded, turned, before = system, np.inf, np.inf
+    begin, hessian = new_configuration(system), new_hessian(system)
+    begin.q[:] = q
+    neutral = turned > 0.0  # literals would be compiled for by themselves
+    if not _bears(system.effects.contact.contacts):
+        return False, begin, np.inf, np.inf, system, hessian, turned, 0
+    _place(system, begin)
+    state, step = begin, np.empty_like(q)
+    last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
+                    begin)
+    for steps in range(_STEPS):
+        loaded = _loaded(loaded, state, previous, exact)
+        state, residual, table, violation = kkt_residual(loaded, state.q)
+        if table.gap.size == 0:
+            break
+        normal, shear = _forces(table, state)
+        if residual < tolerance and violation < exact:
+            return (not forbids(system.effects, system, begin, state), state, residual, violation,
+                    loaded, hessian, turned, steps)
+        wrong = max(residual / tolerance, violation / exact)
+        same = _same(table, last)
+        if steps >= _GRACE and same and not wrong < _FALLS * before:
+            break
+        before, last = wrong, table
+        # near the end the factorization before is as good; what slides turns its friction
+        fresh = (not same or not _STALE * turned * residual < tolerance
+                 or np.max(table.rubbing) >= 0)
+        if not complementarity_step(loaded, state, table, hessian, fresh, neutral, normal, shear,
+                                    step):
+            break
+        turn = largest_turn(loaded, hessian, step)
+        turned = turn if fresh else turned + turn
+        _put_forces(loaded, table, normal, shear)
+        put_sum(state.q, 1.0, step, state.q)
+        _place(loaded, state)
+    return False, state, np.inf, np.inf, system, hessian, turned, _STEPS
+
+
+@kernel
+def _same(table, other):
+    """Whether the same points bear."""
+    same = table.gap.size == other.gap.size
+    for a in range(table.gap.size if same else 0):
+        same = same and (table.obstacle[a] == other.obstacle[a]
+                         and table.inside[a] == other.inside[a]
+                         and (table.inside[a] >= 0 or table.element[a] == other.element[a]))
+    return same
+
+
+@kernel
+def correction(system, strains, positions):
+    """Return how far, in m, a step of `semismooth_newton` moves nodes where elements are halved.
+
+    Infinite where there is no such step. Friction is that of the Problem's contacts.
+
+    Args:
+        strains: (n, 3), positions: (n + 1, 3) from the gripper, m: of the DLO with n elements
+    """
+    twice, state = np.empty((2 * strains.shape[0], 3)), new_configuration(system)
+    for e in range(twice.shape[0]):
+        twice[e] = strains[e // 2]
+    unknowns_of(system, twice, state.q)
+    _place(system, state)
+    loaded = _loaded(system, state, np.zeros((0, 6)), np.inf)
+    state, _, table, _ = kkt_residual(loaded, state.q)
+    normal, shear = _forces(table, state)
+    step = np.zeros_like(state.q)
+    touches = table.gap.size > 0
+    if not touches or not complementarity_step(loaded, state, table, new_hessian(system), touches,
+                                               not touches, normal, shear, step):
+        return np.inf
+    if not np.min(normal) > 0.0:
+        return np.inf
+    state.q[:] += step
+    _place(loaded, state)
+    farthest = 0.0
+    for k in range(positions.shape[0]):
+        away = 0.0
+        for i in range(3):
+            away += (state.positions[2 * k, i] - positions[k, i]) ** 2
+        farthest = max(farthest, away)
+    return np.sqrt(farthest)
+
+
+@kernel
+def _place(system, state):
+    """Refill strains, rotations and positions of `state` for its q, and nothing else."""
+    values = at_elements(system.basis, state.q)
+    for e in range(system.lengths.size):
+        for i in range(3):
+            state.strains[e, i] = system.natural[e, i] + system.scale[e, i] * values[e, i]
+    forward_kinematics(system.lengths, state.strains, system.base, state.rotations, state.positions,
+                       state.arcs)
+
+
+@kernel
+def _bears(contacts):
+    """Whether any force of contact is known."""
+    for o in range(contacts.node.shape[0]):
+        for k in range(contacts.node.shape[1]):
+            if contacts.node[o, k] > 0.0:
+                return True
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0 and contacts.multiplier[c] > 0.0:
+            return True
+    return False
+
+
+@kernel
+def _loaded(system, state, previous, exact):
+    """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
+
+    What has none does not push. Where nodes bear, and no point rolls, those begin to that are
+    pressed in by more than `exact`, m. Friction is that of the contacts there.
+    """
+    given = system.effects.contact.contacts
+    contacts = with_springs(given, 0.0, given.node.copy(), given.multiplier.copy())
+    if len(previous):
+        contacts = update_friction(system, contacts, state, previous)
+    scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths
+    x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    for o in range(scene.kind.size):
+        node, last, longest = near_nodes(scene, o, state.strains)
+        deep = np.inf if _rolls(contacts, o) else k * exact
+        while node <= last:
+            gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
+                           hessian)
+            contacts.node[o, node] = _pushing(contacts.node[o, node], k * gap, deep)
+            node = next_touching(lengths, contacts.node[o], node, gap * longest)
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
+                                      state.positions, normal, hessian)
+            contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap, np.inf)
+    contacts = with_springs(contacts, k, contacts.node, contacts.multiplier)
+    return with_contacts(system, contacts, scene)
+
+
+
+@kernel
+def _rolls(contacts, o):
+    """Whether a point that rolls is watched against body `o`: nodes beside it have no say."""
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] == o and contacts.fraction[c] == 0.0:
+            return True
+    return False
+
+
+@kernel
+def _pushing(force, yielded, deep):
+    """Return the multiplier with which a spring that has lost the force `yielded` has a force.
+
+    What is pressed in by more than `deep` (N) bears from now on: with a force that counts for
+    nothing, the laws tell it (primal-dual active set method).
+    """
+    if force > 0.0:
+        return force + yielded
+    return (1.0 - _HARDLY) * yielded if yielded < -deep else min(0.0, yielded)

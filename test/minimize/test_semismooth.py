@@ -8,8 +8,8 @@ import pytest
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Pose, Rod, Sheet
 from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, shape_of
 from dlo_planner.direct.step import bearing_on, corrected_by, past_of
-from dlo_planner.minimize.bearing import carried
-from dlo_planner.minimize.multipliers import carried_newton
+from dlo_planner.minimize.contact_solver import carried_newton
+from dlo_planner.minimize.semismooth import carried
 
 LEVEL = (0, 0, 0, 1)
 ROUGH = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02, friction=0.3)

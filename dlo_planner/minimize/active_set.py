@@ -1,13 +1,26 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which points inside elements may touch an obstacle: looked at anew between two minimizations."""
+"""The active set: which points inside elements may touch an obstacle.
+
+It is chosen anew between two minimizations. Where a DLO lies along an obstacle the choice may
+alternate without an end. A set that only grows comes to an end: the exchange method of
+semi-infinite programs (Hettich and Kortanek, SIAM Review 35, 1993), of which a contact is one, a
+condition at every point of the DLO.
+
+Some elements bend just as the obstacle does that they bear on. As long as the obstacle's curvature
+is less an element bears at one point, which rolls, and where it is more at both nodes. In a range
+of loads between it is neither: the force spreads over the element, whose curvature is the
+obstacle's. Both nodes and the middle carry it then.
+"""
 
 import numpy as np
 
 from dlo_planner.energy.gap import (
     closest_point,
     closest_point_in_element,
+    follow_closest_point,
     gap_at,
+    gap_inside,
     is_face,
     longest_stretch,
     next_touching,
@@ -20,9 +33,13 @@ from dlo_planner.energy.gap import (
 from dlo_planner.energy.scene import FACE, NODE_FACE
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.hugging import MIDDLE, SAG, hugs_at, presses
-from dlo_planner.minimize.touching import with_contacts_of
+from dlo_planner.minimize.contact_table import with_contacts_of
 
+_SAG = 2e-6      # of the length: an element that comes no nearer than its nodes by more is flat
+_MIDDLE, _BESIDE = 0.5, 0.01  # of an element
+_EVEN, _LEAVES = 2.0, 40.0   # times the sag: how much a gap bends along an element
+_SNUG = 0.3     # rad: an element whose slope against an obstacle changes by more has its own bend
+_DEEP = 0.02    # of an element: a node that is deeper inside is on its way out
 _LEVEL = 1e-12  # the same, by rounding errors alone
 _NEXT = 0.2      # of an element: least share of its ends in a force
 _AT_NODE = 2e-3  # of an element: a point nearer to its end has come to the node
@@ -32,7 +49,7 @@ _SHARP = 8.0    # times the sag: how much a gap bends along an element that is n
 
 
 @kernel
-def watching(system, state):
+def update_active_set(system, state):
     """Return the Contacts that watch the points inside elements which matter now.
 
     Points of friction are kept; multipliers go to the nearest new point on the same obstacle, from
@@ -40,8 +57,8 @@ def watching(system, state):
     a point where none was.
     """
     old = system.effects.contact.contacts
-    at, places = rolled_to(system, state)
-    inside, fixed = points_inside(system, state, places)
+    at, places = _rolled_to(system, state)
+    inside, fixed = contact_candidates(system, state, places)
     count = inside.shape[0]
     multiplier = np.zeros(count)
     news = False
@@ -93,7 +110,7 @@ def _taken_from_nodes(system, e, o):
 
 
 @kernel
-def rolled_to(system, state):
+def _rolled_to(system, state):
     """Return the elements (C,) in which the Contacts' points are at `state`, and plus fractions."""
     scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
     at, normal, hessian = contacts.element.copy(), np.empty(3), np.empty((3, 3))
@@ -114,7 +131,8 @@ def _spread(node, e, fraction, force):
         node: (N + 1,) multipliers, added to; fraction: of the element, where the point was
         force: its multiplier, N
 
-    Returns:
+    Returns
+    -------
         the part of the middle, N
     """
     x = min(max(fraction, _NEXT), 1.0 - _NEXT)
@@ -124,7 +142,7 @@ def _spread(node, e, fraction, force):
 
 
 @kernel
-def points_inside(system, state, places):
+def contact_candidates(system, state, places):
     """Return (C, 2) element and obstacle where the DLO may touch inside an element, and fractions.
 
     A fraction (C,) is 0 where the point rolls.
@@ -133,14 +151,14 @@ def points_inside(system, state, places):
     bear at their nodes. A contact by itself is a point that rolls along the DLO, flat or not:
     two nodes in its place would lock the direction of the DLO there.
 
-    In between are elements that bend just as the obstacle does, see `minimize.hugging`.
+    In between are elements that bend just as the obstacle does.
 
     Args:
         places: (C,) element plus fraction where the old points are now
     """
     scene = system.effects.contact.scene
     n, pushed = system.lengths.size, system.effects.contact.contacts.node
-    sag, level = SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
+    sag, level = _SAG * np.sum(system.lengths), _LEVEL * np.sum(system.lengths)
     longest, alone = np.max(system.lengths), system.basis.shape[1] == 0
     points = np.empty((n * scene.kind.size, 2), dtype=np.int64)
     fixed, hugs = np.zeros(n * scene.kind.size), np.zeros(n, dtype=np.bool_)
@@ -161,7 +179,7 @@ def points_inside(system, state, places):
             offsets[k] = offset
             k = next_touching(system.lengths, nobody, k, stretched * (gaps[k] - 2 * longest))
         for e in range(begin if alone else max(begin, n - _END), end):
-            hugs[e] = hugs_at(system, state, o, e, gaps, places)
+            hugs[e] = _hugs_at(system, state, o, e, gaps, places)
         for e in range(begin, end):
             near = min(gaps[e], gaps[e + 1])
             if near > system.lengths[e]:
@@ -173,10 +191,10 @@ def points_inside(system, state, places):
                     count += 1
                 continue
             if hugs[e]:
-                points[count, 0], points[count, 1], fixed[count] = e, o, MIDDLE
+                points[count, 0], points[count, 1], fixed[count] = e, o, _MIDDLE
                 count += 1
-            if (hugs[e] or e > 0 and hugs[e - 1] and presses(system, o, e, gaps)
-                    or e + 1 < n and hugs[e + 1] and presses(system, o, e + 1, gaps)):
+            if (hugs[e] or e > 0 and hugs[e - 1] and _presses(system, o, e, gaps)
+                    or e + 1 < n and hugs[e + 1] and _presses(system, o, e + 1, gaps)):
                 continue
             grows = taper(scene, o, e) / system.lengths[e]
             if (_slope(state.rotations[e], state.strains[e], offsets[e], normals[e]) >= grows
@@ -258,3 +276,100 @@ def _rounds(scene, o, sag, rotation, position):
         return False
     half = abs(scene.offset[o, 0 if abs(offset[0]) < scene.offset[o, 0] else 1])
     return curves[0, 0] * half**2 > 8 * sag
+
+
+@kernel
+def _hugs_at(system, state, o, e, gaps, places):
+    """Return whether an element bends just as the obstacle does, and has to be kept to that.
+
+    This begins where the point that rolls in it is not the nearest any more, or both nodes bear and
+    what is between them is pressed in (not in a series, where elements wave); it ends where the
+    middle does not bear, or an end does not while the element bends less than the obstacle.
+
+    Args:
+        gaps: (N + 1,) m, of the nodes from obstacle o; places: (C,) as of `points_inside`
+    """
+    scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
+    sag = _SAG * np.sum(system.lengths)
+    if e == 0 or scene.feature[o] == NODE_FACE or np.isinf(gaps[e] + gaps[e + 1]):
+        return False
+    if min(gaps[e], gaps[e + 1]) < -_DEEP * system.lengths[e]:
+        return False
+    first, second = _presses(system, o, e, gaps), _presses(system, o, e + 1, gaps)
+    old = -1
+    for c in range(contacts.element.size):
+        if (contacts.obstacle[c] == o and -_BESIDE <= places[c] - e <= 1.0 + _BESIDE
+                and (old < 0 or contacts.multiplier[c] > contacts.multiplier[old])):
+            old = c
+    if old < 0 and not (first and second):
+        return False
+    normal, hessian = np.empty(3), np.empty((3, 3))
+    middle = gap_inside(scene, o, e, _MIDDLE, system.lengths, state.strains,
+                        state.rotations, state.positions, normal, hessian)
+    curved = 4.0 * (gaps[e] - 2.0 * middle + gaps[e + 1])  # of the gap, times the length squared
+    if abs(curved) > _SNUG * system.lengths[e]:
+        return False
+    if old < 0:
+        return middle < -sag and system.basis.shape[1] == 0
+    bears = contacts.multiplier[old] > contacts.stiffness * middle
+    if contacts.fraction[old] == 0.0 or not (first or second):
+        return bears and curved < _EVEN * sag
+    return bears and (first and second or curved <= _LEAVES * sag)
+
+
+@kernel
+def _presses(system, o, k, gaps):
+    """Return whether a spring at node k _presses on obstacle o."""
+    contacts = system.effects.contact.contacts
+    return contacts.node[o, k] > contacts.stiffness * gaps[k]
+
+
+@kernel
+def enlarge_active_set(system, state):
+    """Return Contacts with all points of the Problem's, and whether others have joined them.
+
+    One joins that is deeper in an obstacle than flat elements may be. The middle of an element that
+    bends as the obstacle does replaces a point that rolls in it, with its multiplier.
+    """
+    old = system.effects.contact.contacts
+    at, places = _rolled_to(system, state)
+    inside, fixed = contact_candidates(system, state, places)
+    kept = np.ones(old.element.size, dtype=np.bool_)
+    joins, force = np.zeros(inside.shape[0], dtype=np.bool_), np.zeros(inside.shape[0])
+    for p in range(inside.shape[0]):
+        e, o = inside[p]
+        joins[p] = (_candidate_gap(system, state, o, e, fixed[p]) < -_SAG * np.sum(system.lengths)
+                    and not _is_known(old, at, e, o, fixed[p] > 0.0))
+        for c in range(old.element.size if joins[p] and fixed[p] > 0.0 else 0):
+            if kept[c] and old.obstacle[c] == o and at[c] == e and old.fraction[c] == 0.0:
+                kept[c] = False
+                force[p] += old.multiplier[c]
+    none = np.zeros((np.sum(joins), 3))
+    return with_contacts_of(
+        old, np.concatenate((old.element[kept], inside[joins, 0])),
+        np.concatenate((old.obstacle[kept], inside[joins, 1])),
+        np.concatenate((old.multiplier[kept], force[joins])),
+        np.concatenate((old.fraction[kept], fixed[joins])),
+        np.concatenate((old.anchor[kept], none)), np.concatenate((old.normal[kept], none)),
+        np.concatenate((old.shear[kept], none))), none.shape[0] > 0
+
+
+@kernel
+def _candidate_gap(system, state, o, e, fixed):
+    """Return the gap in m of the middle of element e, if `fixed`, or of where it is nearest."""
+    scene, normal, hessian = system.effects.contact.scene, np.empty(3), np.empty((3, 3))
+    if fixed > 0.0:
+        return gap_inside(scene, o, e, _MIDDLE, system.lengths, state.strains, state.rotations,
+                          state.positions, normal, hessian)
+    gap, _, _ = follow_closest_point(scene, o, e, system.lengths, state.strains, state.rotations,
+                                     state.positions, normal, hessian)
+    return gap
+
+
+@kernel
+def _is_known(contacts, at, e, o, fixed):
+    """Whether such a point on obstacle o is in element e by now; at: (C,) where they are."""
+    for c in range(at.size):
+        if contacts.obstacle[c] == o and at[c] == e and (contacts.fraction[c] > 0.0) == fixed:
+            return True
+    return False

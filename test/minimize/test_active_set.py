@@ -8,8 +8,8 @@ import pytest
 from dlo_planner import DirectSimulator, Plane, Pose, Rod
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import new_configuration
-from dlo_planner.minimize.touching import touching_system, with_contacts_of
-from dlo_planner.minimize.watching import watching
+from dlo_planner.minimize.active_set import update_active_set
+from dlo_planner.minimize.contact_table import with_contacts, with_contacts_of
 
 N, FORCE = 16, 0.2
 
@@ -25,10 +25,10 @@ def test_the_force_of_a_point_that_rolled_to_the_tip_is_the_tips(pressed_in, han
     nothing = np.zeros((1, 3))
     contacts = with_contacts_of(system.contacts, np.array([N - 1]), np.array([0]),
                                 np.array([FORCE]), np.zeros(1), nothing, nothing, nothing)
-    system = touching_system(system, contacts, system.effects.contact.scene)
+    system = with_contacts(system, contacts, system.effects.contact.scene)
     state = new_configuration(system)
     unknowns_of(system, np.zeros((N, 3)), state.q)
     evaluate(system, state)
-    watched, _ = watching(system, state)
+    watched, _ = update_active_set(system, state)
     assert watched.element.size == 0
     assert watched.node[0, N] == handed_over

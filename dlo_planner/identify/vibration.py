@@ -1,0 +1,195 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How a DLO vibrates while its gripper stands, from clouds of its points.
+
+Its deviation from a shape at rest is a sum of its slowest modes, each a decaying oscillation, and
+of what does not move: the shape at rest is hardly known where the DLO has slipped. Both are fitted
+together, linear but for a common factor of the frequencies; points that do not belong to the DLO
+count little (Cauchy's weights).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dlo_planner.direct.modes import Modes
+from dlo_planner.direct.shape import Shape
+from dlo_planner.model.arrays import Floats
+
+_MODES = 4         # slowest ones: two in each plane of a round DLO
+_SAMPLED = 65      # places along the DLO from which points are measured
+_STATIC = 4        # powers of s / L along each axis, of what does not move
+STATED = 1.0, 0.03  # factor of the frequencies, and its standard deviation, before it is seen
+_LEAST_PERIODS = 1.5  # of the slowest mode, that have to be seen
+_LEAST_CLOUDS = 8
+_LEAST_POINTS = 60
+_LEAST_SHARE = 0.7  # of the length, beyond which some points have to be
+_FACTORS = 0.9, 1.1  # of the frequencies, at most
+_TURNS = 8         # of weighing
+_MEDIAN = 1.1774   # of the length of two standard normal numbers
+_LEAST = 1e-9      # m, of what is left
+_CAUCHY = 2.385    # standard deviations: 95 % efficient
+_OWN = 6.0         # times the median distance: what is farther off is none of the DLO's points
+_WEAK = 1e-6       # of the largest: keeps the fit regular where a mode is hardly seen
+
+
+@dataclass(frozen=True, eq=False)
+class FreeVibration:
+    """The vibration of a DLO in a gripper that stands; m modes.
+
+    Attributes
+    ----------
+    modes : Modes
+        Modes about the shape at rest.
+    stamp : float
+        Time in s of the state.
+    state : ndarray, shape (2, m)
+        Coordinates y of the modes then, and y' over the angular frequency.
+    factor : (float, float)
+        By what the frequencies of the modes have to be multiplied, and the standard deviation.
+    misfit : float
+        Standard deviation, m, of what it leaves of a point along each axis.
+    """
+
+    modes: Modes
+    stamp: float
+    state: Floats
+    factor: tuple[float, float]
+    misfit: float
+
+    @classmethod
+    def of(cls, shape: Shape, clouds: Sequence[tuple[float, Floats]],
+           factor: tuple[float, float] = STATED) -> FreeVibration | None:
+        """Return the vibration that clouds show; None where they are too few to tell.
+
+        Parameters
+        ----------
+        shape : Shape
+            About the shape at rest, as the camera would see it.
+        clouds : sequence of (float, ndarray)
+            Stamp, s, and points (n, 3), m, of each, ascending.
+        factor : (float, float), optional
+            What is known of the common factor of the frequencies, and its standard deviation.
+        """
+        modes = shape.modes(_MODES)
+        if not enough(clouds, float(modes.frequencies[0])):
+            return None
+        length, last = shape.s[-1], clouds[-1][0]
+        nodes = shape.positions_at(np.linspace(0, length, _SAMPLED))
+        points = np.concatenate([points for _, points in clouds])
+        away, s = nearest_on_line(points, nodes)
+        size = np.linalg.norm(away, axis=1)
+        own = size <= _OWN * np.median(size)
+        if own.sum() < _LEAST_POINTS or s[own].max() < _LEAST_SHARE:
+            return None
+        times = np.repeat([stamp - last for stamp, _ in clouds],
+                          [len(points) for _, points in clouds])[own]
+        away, s = away[own], s[own]
+        tangents = np.array([shape.frame_at(float(one))[0][:, 0] for one in s * length])
+        static = (s[:, None, None, None] ** np.arange(_STATIC)) * np.eye(3)[:, :, None]
+        static = _across(static.reshape(len(s), 3, -1), tangents)
+        moved = _across(np.moveaxis(np.array(
+            [[np.interp(s * length, modes.s, part) for part in one.T]
+             for one in modes.displacements]), 2, 0).transpose(0, 2, 1), tangents)
+        middle = 0.5 * (times.min() + times.max())
+        found, factor, misfit = _fitted(moved, static, away, times - middle, modes, factor)
+        out = cls(modes, last + middle, found[:2 * len(modes)].reshape(2, -1), factor, misfit)
+        return replace(out, stamp=last, state=out.after(-middle))
+
+    @property
+    def rates(self) -> Floats:
+        """Angular frequencies (m,), 1/s."""
+        return 2 * np.pi * self.factor[0] * self.modes.frequencies
+
+    def after(self, seconds: float) -> Floats:
+        """Return (2, m) the state some seconds later."""
+        return self.decayed(self.state, seconds)
+
+    def decayed(self, state: Floats, seconds: float) -> Floats:
+        """Return (2, m) what becomes of a state (2, m) in some seconds."""
+        phase = self.rates * seconds
+        (y, v), decay = state, np.exp(-self.modes.damping_ratios * phase)
+        result: Floats = decay * np.stack([y * np.cos(phase) + v * np.sin(phase),
+                                           v * np.cos(phase) - y * np.sin(phase)])
+        return result
+
+    def end(self, state: Floats) -> Floats:
+        """Return (2, 3) where the free end is off its rest in a state, m, and a quarter later."""
+        result: Floats = state @ self.modes.displacements[:, -1]
+        return result
+
+    @property
+    def amplitude(self) -> float:
+        """Largest distance of the free end from its rest in a period, m, at most."""
+        ends = np.linalg.norm(self.modes.displacements[:, -1], axis=1)
+        return float(np.linalg.norm(ends * np.linalg.norm(self.state, axis=0)))
+
+
+def enough(clouds: Sequence[tuple[float, Floats]], frequency: float = 0.0) -> bool:
+    """Return whether clouds last long enough to tell of a vibration of a frequency (Hz)."""
+    return len(clouds) >= _LEAST_CLOUDS and (
+        clouds[-1][0] - clouds[0][0]) * frequency >= _LEAST_PERIODS * (frequency > 0)
+
+
+def _across(vectors: Floats, tangents: Floats) -> Floats:
+    """Return the part of vectors (n, 3, k) across tangents (n, 3): a line shows no other."""
+    result: Floats = vectors - tangents[:, :, None] * np.einsum(
+        'ni,nik->nk', tangents, vectors)[:, None]
+    return result
+
+
+def _fitted(moved: Floats, static: Floats, away: Floats, times: Floats,
+            modes: Modes,
+            known: tuple[float, float]) -> tuple[Floats, tuple[float, float], float]:
+    """Return coefficients, the factor of the frequencies, and the scale of what is left, m.
+
+    By Gauss-Newton steps for the common factor of the frequencies, in which points are weighed.
+
+    Parameters
+    ----------
+    moved, static : ndarray, shapes (n, 3, m), (n, 3, k)
+        Displacements of the points by modes, and by what does not move.
+    away : ndarray, shape (n, 3)
+        Seen.
+    times : ndarray, shape (n,)
+        s.
+    """
+    count, factor, weights = len(modes), known[0], np.ones(len(away))
+    x, scale = np.zeros(2 * count + static.shape[2]), 1.0
+    for _ in range(_TURNS):
+        rates = 2 * np.pi * factor * modes.frequencies
+        phase = (rates * times[:, None])[:, None]
+        decay = moved * np.exp(-modes.damping_ratios * phase)
+        cosine, sine = decay * np.cos(phase), decay * np.sin(phase)
+        by_factor = phase / factor * (cosine * x[count:2 * count] - sine * x[:count])
+        rows = np.concatenate([cosine, sine, static, by_factor.sum(axis=2)[:, :, None]], axis=2)
+        normal = np.einsum('n,nik,nil->kl', weights, rows, rows)
+        normal += np.diag(np.append(np.full(x.size, _WEAK * normal.diagonal().max()),
+                                    (scale / known[1]) ** 2))
+        right = np.einsum('n,nik,ni->k', weights, rows, away)
+        right[-1] -= (scale / known[1]) ** 2 * (factor - known[0])
+        step = np.linalg.solve(normal, right)
+        x, change = step[:-1], step[-1]
+        factor = float(np.clip(factor + change, *_FACTORS))
+        left = np.linalg.norm(away - rows @ step, axis=1)
+        scale = max(float(np.median(left)) / _MEDIAN, _LEAST)
+        weights = 1 / (1 + (left / (_CAUCHY * scale)) ** 2)
+    return x, (factor, scale * float(np.sqrt(np.linalg.inv(normal)[-1, -1]))), scale
+
+
+def nearest_on_line(points: Floats, nodes: Floats) -> tuple[Floats, Floats]:
+    """Return the points (n, 3) less the nearest of the line through nodes (k, 3), and where it is.
+
+    That is a part (n,) of the line's length, whose nodes are evenly spaced.
+    """
+    ahead = np.diff(nodes, axis=0)
+    off = points[:, None] - nodes[:-1]
+    along = np.clip(np.einsum('mkj,kj->mk', off, ahead)
+                    / np.maximum((ahead**2).sum(axis=1), 1e-300), 0, 1)
+    near = off - along[:, :, None] * ahead
+    chosen = np.linalg.norm(near, axis=2).argmin(axis=1)
+    rows = np.arange(len(points))
+    return near[rows, chosen], (chosen + along[rows, chosen]) / len(ahead)

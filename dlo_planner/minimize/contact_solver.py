@@ -1,0 +1,380 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A DLO that touches comes to rest: shape and forces at once where it can, else by turns.
+
+Shape and forces are sought at once first (`minimize.semismooth`). What that finds is judged like
+any other minimum: the points that bear are those that `active_set` chooses, and the shape stands.
+Mostly nothing is left to be done; else the augmented Lagrangian method does it (Nocedal and Wright,
+ch. 17.4): minimize, move each multiplier by what its constraint is violated by, repeat until
+nothing is violated. Between two minimizations the active set is looked at anew, and the limits of
+friction follow from the forces found. What is judged is the residual with these limits: friction
+has no potential.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlo_planner.energy.contact import obstructed, trial_traction
+from dlo_planner.energy.grip import constraint_violation, holds
+from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
+from dlo_planner.energy.terms import row_count
+from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.active_set import enlarge_active_set, update_active_set
+from dlo_planner.minimize.contact_table import (
+    kkt_residual,
+    touching,
+    update_friction,
+    with_contacts,
+    with_springs,
+)
+from dlo_planner.minimize.convergence import Minimum, gradient_noise
+from dlo_planner.minimize.hessian import assemble, is_definite, new_hessian, safe_shift
+from dlo_planner.minimize.lanczos import lowest_mode
+from dlo_planner.minimize.newton import (
+    HARDLY,
+    HELD_NEUTRAL,
+    WELL_STABLE,
+    is_held,
+    kicked,
+    new_workspace,
+    newton,
+    newton_descent,
+    thorough,
+)
+from dlo_planner.minimize.semismooth import carried, semismooth_newton, update_multipliers
+from dlo_planner.model.arrays import Floats
+
+_FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
+COARSER = 10.0  # times the tolerance: the springs' rounding errors leave no more of it
+_FEW, _SOON = 12, 40  # rounds and steps in which a DLO that goes on bearing has to come to rest
+_ON_A_WAY = 20      # steps: who allows no more wants no equilibrium
+_ROUNDS = 100
+_TURN = 12          # rounds in which points are chosen anew, then as many in which they are kept
+_SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
+_STIFFER = 10.0
+_MOST_STIFFER = 1e2
+_CLOSE = 1e3        # times what is exact: a violation that the forces' laws are about to end
+_OUTSIDE = 1e6      # the same: a DLO that is deeper inside an obstacle is on its way out
+_MOST_KICKS = 10
+_STALLED = 100.0    # the same, where Newton's method has found no better point
+_HELPS = 0.5        # an error that falls less in a round asks for smaller steps of the multipliers
+_SHARES = (1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.125, 0.125, 0.0)  # after so many rounds in vain
+_SHORT = 1e3        # times the tolerance: a residual that Newton's method did not bring down
+_PATIENCE = 80      # Newton steps in a round, before it is looked at what touches
+_NEWS = 3           # rounds in a row that go without multipliers, because of what has just touched
+
+
+def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterations: int,
+                       check: bool, exact: float, previous: Floats) -> Minimum:
+    """Descend from q to a minimum that keeps all constraints.
+
+    Parameters
+    ----------
+    system : Problem
+        The DLO; the multipliers of its constraints are where the search begins.
+    q : ndarray, shape (m, 3)
+        Start, scaled unknowns.
+    tolerance, max_iterations, check
+        As of `newton.newton`.
+    exact : float
+        How far a constraint may be violated at the end, m.
+    previous : ndarray, shape (N + 1, 6)
+        Positions, m, relative to the gripper of this step, and tangents of the nodes before it,
+        from which friction counts. (0, 6) if there is no step before.
+    """
+    if obstructed(system.contact):
+        end = solve_contact(system, q, COARSER * tolerance, exact, max_iterations, check, previous)
+        return Minimum(*end)
+    return newton(system, q, tolerance, max_iterations, check,
+                  exact if holds(system.hold) or hinged(system) else 0.0)
+
+
+def carried_newton(system: Problem, start: tuple[Floats, Floats, Floats, Floats], tolerance: float,
+                   max_iterations: int, exact: float, previous: Floats) -> Minimum | None:
+    """Return the Minimum in which a DLO goes on bearing as its gripper moves, or None.
+
+    It is None where something is in its way, or where the points that bear do not go on bearing.
+
+    Parameters
+    ----------
+    system : Problem
+        In the gripper after the step, its contacts those before.
+    start : tuple of ndarray
+        Base, slid, strains, shift of `predictor_corrector`.
+    tolerance, max_iterations, exact, previous
+        As of `constrained_newton`.
+    """
+    goes_on, *end = predictor_corrector(system, *start, COARSER * tolerance, exact, max_iterations,
+                            previous)
+    return Minimum(*end) if goes_on else None
+
+
+def firm(system: Problem, state: Configuration) -> Problem:
+    """Return the Problem with contacts so stiff that they hardly give, their forces the same."""
+    if not obstructed(system.contact):
+        return system
+    contacts = system.contacts
+    contacts = contacts._replace(node=contacts.node.copy(), multiplier=contacts.multiplier.copy(),
+                                 shear=contacts.shear.copy())
+    _keep_forces(system._replace(contacts=contacts), state, (_FIRM - 1) * contacts.stiffness)
+    return system._replace(contacts=contacts._replace(stiffness=_FIRM * contacts.stiffness,
+                                                      grip=_FIRM * contacts.grip))
+
+
+@kernel
+def _keep_forces(system: Problem, state: Configuration, more: float) -> None:
+    """Move the multipliers of what touches by what springs stiffer by `more` (N/m) would add.
+
+    Those of friction get stiffer by the same part.
+    """
+    contacts, rotation, x, trial = (system.effects.contact.contacts, np.empty((3, 3)), np.empty(3),
+                                    np.empty(3))
+    table = touching(system.effects.contact.scene, contacts, system.lengths, state)
+    for a in range(table.gap.size):
+        if table.inside[a] < 0:
+            contacts.node[table.obstacle[a], table.element[a] + 1] += more * table.gap[a]
+        else:
+            contacts.multiplier[table.inside[a]] += more * table.gap[a]
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            continue
+        point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                     contacts.element[c], contacts.fraction[c], rotation, x)
+        if trial_traction(contacts, c, x, trial) <= contacts.multiplier[c]:  # it sticks
+            contacts.shear[c] -= more / contacts.stiffness * (trial - contacts.shear[c])
+
+
+@kernel
+def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
+    """Do as `augmented_lagrangian`, but seek shape and forces at once before, where it bears."""
+    before = 0
+    if not is_held(system) and max_iterations > _ON_A_WAY:
+        bears, state, residual, stability, steps, kicks, loaded, violation = _at_once(
+            system, q, tolerance, exact, max_iterations, check, previous)
+        if bears:
+            return state, residual, stability, steps, kicks, loaded, violation
+        before = steps
+    state, residual, stability, steps, kicks, loaded, violation = augmented_lagrangian(
+        system, q, tolerance, exact, max_iterations, check, previous, _ROUNDS)
+    return state, residual, stability, steps + before, kicks, loaded, violation
+
+
+@kernel
+def predictor_corrector(system, base, slid, strains, shift, tolerance, exact, max_iterations,
+                        previous):
+    """Return whether a DLO that bears goes on bearing, and what `augmented_lagrangian` returns.
+
+    Args:
+        system, base, slid, strains: as of `carried`
+        shift: (3,) displacement of the gripper, m; others as of `constrained_newton`
+    """
+    twist = np.empty(6)
+    put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
+    twist[3:] = shift
+    follows, q = carried(system, base, slid, strains, twist)
+    if follows:
+        return _at_once(system, q, tolerance, exact, max_iterations, follows, previous)
+    return False, new_configuration(system), np.inf, np.nan, 0, 0, system, np.inf
+
+
+@kernel
+def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
+    """Return whether a DLO that bears comes to rest from q (m, 3), and where, as `solve_contact`.
+
+    Arguments as of `constrained_newton`.
+    """
+    bears, state, residual, violation, loaded, hessian, turned, steps = semismooth_newton(
+        system, q, tolerance, exact, previous)
+    stability, kicks, moves = np.nan, 0, 0
+    if bears and not _bears_there(loaded, state, exact):
+        state, residual, stability, moves, kicks, loaded, violation = augmented_lagrangian(
+            loaded, state.q, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
+        bears = kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
+                                      exact)
+    elif bears and check:
+        stability = _stability(loaded, state, hessian, turned)
+        bears = stability > -HELD_NEUTRAL
+    return bears, state, residual, stability, steps + moves, kicks, loaded, violation
+
+
+@kernel
+def _bears_there(system, state, exact):
+    """Whether the points that bear are those that would be chosen now, multipliers and all.
+
+    And nothing else is deeper in an obstacle than `exact`, m. What is pushes from now on.
+    """
+    old = system.effects.contact.contacts
+    if _let_push(old) < -old.stiffness * exact:
+        return False
+    node = old.node.copy()
+    new, news = update_active_set(system, state)
+    same = not news and new.element.size == old.element.size
+    for c in range(old.element.size if same else 0):
+        same = same and (new.element[c] == old.element[c] and new.obstacle[c] == old.obstacle[c]
+                         and new.fraction[c] == old.fraction[c]
+                         and new.multiplier[c] == old.multiplier[c])
+    for o in range(node.shape[0]):
+        for k in range(node.shape[1]):
+            same = same and node[o, k] == old.node[o, k]
+    old.node[:] = node
+    return same
+
+
+@kernel
+def _let_push(contacts):
+    """Take back the multipliers below zero, which hold springs back, in place; return the least."""
+    least = 0.0
+    for o in range(contacts.node.shape[0]):
+        for k in range(contacts.node.shape[1]):
+            least = min(least, contacts.node[o, k])
+            contacts.node[o, k] = max(0.0, contacts.node[o, k])
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            least = min(least, contacts.multiplier[c])
+            contacts.multiplier[c] = max(0.0, contacts.multiplier[c])
+    return least
+
+
+@kernel
+def _stability(system, state, hessian, turned):
+    """Return the smallest eigenvalue, by a factorization from which the DLO has hardly turned."""
+    if turned < HARDLY and is_definite(system, hessian, 0.0):
+        stability, _ = lowest_mode(system, hessian, 0.0, 1e-4)
+        if stability > WELL_STABLE:
+            return stability
+    assemble(system, state, hessian)
+    stability, _ = lowest_mode(system, hessian, safe_shift(system, hessian, 0.0), 1e-4)
+    return stability
+
+
+@kernel
+def _rests(system, state, residual, stability, violation, tolerance, exact):
+    """Whether nothing is left to be done, and the shape stands; a stability of nan is not known."""
+    return (violation < exact and not stability <= -HELD_NEUTRAL
+            and residual < max(tolerance * _STALLED, gradient_noise(system, state)))
+
+
+@kernel
+def augmented_lagrangian(system, q, tolerance, exact, max_iterations, check, previous, rounds):
+    """Descend from q (m, 3) among obstacles, in so many rounds at most.
+
+    Other arguments as of `constrained_newton`.
+
+    Returns
+    -------
+        state, residual, stability, iterations, kicks, system, violation: as of a Minimum
+    """
+    vain = news = kicks = iterations = 0
+    best = before = violation = np.inf
+    stiffer, held = 1.0, is_held(system)
+    stability, judged, final = np.nan, False, False
+    for turn in range(rounds):
+        state, left, steps, contacts, new = _round(
+            system, q, tolerance, exact, min(_PATIENCE, max_iterations - iterations), previous,
+            turn // _TURN % 2 == 1 and violation < _OUTSIDE * exact)
+        news = news + 1 if new or left > _SHORT * tolerance else 0
+        iterations += steps
+        q = state.q
+        system = with_contacts(system, contacts, system.effects.contact.scene)
+        state, residual, table, violation = kkt_residual(system, q)
+        violation = max(violation, _off_its_grip(system, state))
+        enough = residual < max(tolerance * (COARSER if steps else _STALLED),
+                                gradient_noise(system, state))
+        good = violation < exact and enough
+        if iterations >= max_iterations or good and not check:
+            break
+        if good:
+            stability, mode = _judged(system, state, tolerance, exact)
+            judged = final = True
+            beside = np.empty_like(q)
+            if (stability > -HELD_NEUTRAL or kicks >= _MOST_KICKS
+                    or not kicked(system, state, mode, beside)):
+                break
+            kicks += 1
+            q, before, judged, final = beside, np.inf, False, False
+            continue
+        wrong = max(violation / exact, residual / tolerance)
+        vain = 0 if wrong < _HELPS * best else vain + 1
+        best = min(wrong, best)
+        solved = False
+        if news % (_NEWS + 1) == 0:  # what is new has to bear before its force counts
+            solved = update_multipliers(system, state, table, _share(vain, held), q, vain)
+        if solved and stiffer > 1.0 and vain == 0 and violation < _CLOSE * exact:
+            # stiff springs multiply rounding errors
+            system, stiffer = _stiffened(system, 1.0 / stiffer), 1.0
+        if (not solved and not held and news == 0 and violation > max(exact, _SLOW * before)
+                and stiffer < _MOST_STIFFER):
+            stiffer *= _STIFFER
+            system = _stiffened(system, _STIFFER)
+        before = violation if not solved and news == 0 else np.inf
+    if check and not judged:
+        stability, _ = _judged(system, state, tolerance, exact)
+    if not final:  # the multipliers have moved since
+        state, residual, _, inside = kkt_residual(system, state.q)
+        violation = max(violation, inside)
+    return state, residual, stability, iterations, kicks, system, violation
+
+
+@kernel
+def _round(system, q, tolerance, exact, most, previous, keeps):
+    """Descend with the multipliers as they are, and look at what touches there.
+
+    Parameters
+    ----------
+    keeps
+        Whether points that are watched stay so, be they needed or not.
+
+    Returns
+    -------
+        Configuration, its residual, steps made, Contacts, whether one of them is new
+    """
+    never = most < 0  # literals would be compiled for by themselves
+    state, residual, _, steps, _, _, _ = newton_descent(
+        system, q, thorough(tolerance, exact, most, never, never), new_workspace(system))
+    contacts, new = enlarge_active_set(system, state) if keeps else update_active_set(system, state)
+    # Without a past it has slid to where it needs no friction; on its way it keeps what it has.
+    if len(previous) and residual <= _SHORT * tolerance:
+        contacts = update_friction(system, contacts, state, previous)
+    return state, residual, steps, contacts, new
+
+
+@kernel
+def _share(vain, held):
+    """Return how far multipliers move after so many rounds in vain."""
+    # a grip may need full steps again, once its reaction has changed
+    return _SHARES[vain % len(_SHARES) if held else min(vain, len(_SHARES) - 1)]
+
+
+@kernel
+def _off_its_grip(system, state):
+    """Return how far, in m, the far end is from where it is held."""
+    if row_count(system.needs.border) == 0:
+        return 0.0
+    return constraint_violation(system.effects.hold, state.rotations[-1], state.positions[-1])
+
+
+@kernel
+def _judged(system, state, tolerance, exact):
+    """Return the smallest eigenvalue, on what a grip leaves free, and its mode."""
+    always, none = exact > 0.0, 0 * state.q.shape[0]
+    if is_held(system):
+        _, _, stability, _, mode, _, _ = newton_descent(
+            system, state.q, thorough(tolerance, exact, none, always, not always),
+            new_workspace(system))
+    else:
+        hessian = new_hessian(system)
+        assemble(system, state, hessian)
+        shift = safe_shift(system, hessian, 0.0)
+        stability, mode = lowest_mode(system, hessian, shift, 1e-4)
+    return stability, mode
+
+
+@kernel
+def _stiffened(system, factor):
+    """Return the same Problem with springs at its contacts that are stiffer by a factor."""
+    old = system.effects.contact.contacts
+    contacts = with_springs(old, factor * old.stiffness, old.node, old.multiplier)
+    return with_contacts(system, contacts, system.effects.contact.scene)
