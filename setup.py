@@ -76,7 +76,7 @@ setup(
     python_requires='>=3.11',
     # numba is not in package.xml, as rosdep has no key for it: a ROS package that is built without
     # it runs as plain Python, slowly, until `pip install numba`.
-    install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.62,<0.69', 'toppra>=0.6',
+    install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.62', 'toppra>=0.6',
                       'click>=8.1', 'pyyaml>=6.0.1'],
     extras_require={
         'figures': ['matplotlib>=3.6'],
