@@ -131,7 +131,7 @@ def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
     kind = content.get(_TYPE)
     if isinstance(kind, str) and kind in ('Shape', 'Plan'):
         return _packed(name, kind, content)
-    if kind == _DICT:
+    if isinstance(kind, str) and kind == _DICT:
         return {key: from_plain(f'{name}.{key}', part, depth + 1)
                 for key, part in content.items() if key != _TYPE}
     known: dict[str, Any] = {cls.__name__: cls for cls in classes_below(Value) if is_dataclass(cls)}
