@@ -10,6 +10,7 @@ from glob import glob
 from pathlib import Path
 from xml.etree import ElementTree
 
+import setuptools
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
 from setuptools.command.develop import develop
@@ -49,6 +50,13 @@ class BuildPy(build_py):
         return getattr(self, 'editable_mode', False)  # since setuptools 64
 
 
+class Distribution(setuptools.Distribution):
+    """What is compiled ahead is for one Python: a wheel with it is tagged so, and no other."""
+
+    def has_ext_modules(self):  # noqa: D102
+        return os.environ.get('DLO_PLANNER_PREBUILD') != '0'
+
+
 class Develop(develop):
     """What `colcon build --symlink-install` runs."""
 
@@ -76,7 +84,7 @@ setup(
     python_requires='>=3.11',
     # numba is not in package.xml, as rosdep has no key for it: a ROS package that is built without
     # it runs as plain Python, slowly, until `pip install numba`.
-    install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.62,<0.69', 'toppra>=0.6',
+    install_requires=['numpy>=1.26', 'scipy>=1.11', 'numba>=0.62', 'toppra>=0.6',
                       'click>=8.1', 'pyyaml>=6.0.1'],
     extras_require={
         'figures': ['matplotlib>=3.6'],
@@ -103,6 +111,7 @@ setup(
             'dlo-planner = dlo_planner.cli.main:main',
         ],
     },
+    distclass=Distribution,
     cmdclass={'build_py': BuildPy, 'develop': Develop},
     zip_safe=False,
 )

@@ -5,11 +5,13 @@
 test_exercises.py watches that no kernel is left out.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.step import corrected_by, past_of
 from dlo_planner.identify.correction import correct
@@ -35,21 +37,35 @@ _LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
 _TILTED = Pose.looking_along((0, 0, 0), (1, 0.2, 0))
 
 
-def shapes() -> None:
-    """Solve, with what a Shape tells, and simulate."""
+def _hanging() -> Iterator[tuple[DirectSimulator, Shape]]:
+    """Yield a simulator of each kind, and a shape."""
     every: tuple[dict[str, Any], ...] = {}, {'basis': 'local', 'accuracy': 1e-6}
     for options in every:
         direct = DirectSimulator(_ROD, **options)
-        shape = direct.solve(_TILTED)
-        shape = direct.solve(_LEVEL, shape)
+        yield direct, direct.solve(_LEVEL, direct.solve(_TILTED))
+
+
+def shapes() -> None:
+    """Solve, with what a Shape tells."""
+    for _, shape in _hanging():
         assert shape.error_estimate > 0
-        assert shape.modes(2).error_estimate.max() < 1
         shape.at(0.5)
         Sensitivity(shape).moved([1e-3] * 6)
         Sensitivity(shape).at(0.5)
         Through(np.array([0.5, 0, -0.3])).residuals(shape)
+
+
+def motions() -> None:
+    """Vibrate, simulate and track."""
+    for direct, shape in _hanging():
+        assert shape.modes(2).error_estimate.max() < 1
         assert direct.simulate([_LEVEL, _TILTED], 0.01).shapes[-1].stability > 0
         direct.track([_LEVEL, Pose((0, 0, 0), (0, 0, 0.5, 0.8))])
+
+
+def many() -> None:
+    """Solve many at once, and with a load that is none of gravity's."""
+    for direct, _ in _hanging():
         assert solve_many(direct, [_LEVEL, _TILTED]).converged.all()
         assert solve_many(direct, _LEVEL, rods=[_ROD, _ROD]).converged.all()
     turned = PointLoad(moment=(0.0, 0.0, 1e-3))
@@ -115,4 +131,4 @@ def seen() -> None:
     correct(estimate, plan)
 
 
-ALL = (shapes, node, seen, held, touching, proofs)
+ALL = (shapes, touching, motions, node, held, seen, proofs, many)  # the first one is shared

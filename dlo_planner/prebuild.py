@@ -6,15 +6,20 @@
 versions of Python, numba, llvmlite and numpy, and any processor of this kind. What is not valid is
 not found, and compiled when it is first needed. A second run compiles only what has changed.
 
-One process does it: most of the time goes to one large kernel and what it calls, and two processes
-compile much of that twice (185 s of work in place of 130).
+Two processes do it, once the first exercise has compiled what all of them need.
 """
 
 import argparse
+import gc
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from time import monotonic
+
+_PROCESSES = 2
 
 
 def main(args: list[str] | None = None) -> int:
@@ -45,8 +50,6 @@ def main(args: list[str] | None = None) -> int:
 def prebuild(into: Path | None = None) -> Path:
     """Compile all kernels for any processor of this kind; return the folder they are in.
 
-    Only in a process that has not imported a kernel yet, and that does nothing else.
-
     Parameters
     ----------
     into : Path, optional
@@ -55,23 +58,32 @@ def prebuild(into: Path | None = None) -> Path:
     Raises
     ------
     RuntimeError
-        This processor is older than what the kernels are compiled for, or a kernel has been
-        imported already.
+        This processor is older than what the kernels are compiled for.
     """
-    from dlo_planner.kernels import cache, files, folders, processor  # noqa: PLC0415
+    from dlo_planner import exercises  # noqa: PLC0415
+    from dlo_planner.kernels import folders  # noqa: PLC0415
     folder = folders.IN_PACKAGE if into is None else into / folders.IN_PACKAGE.name
     folder.mkdir(parents=True, exist_ok=True)
-    folders.use_only(folder)
-    processor.compile_generic()
-    from dlo_planner import exercises  # noqa: PLC0415
-    for exercise in exercises.ALL:
-        exercise()
-    kept = files.current_stems(cache.KERNELS.values())
+    first, *others = range(len(exercises.ALL))
+    with ProcessPoolExecutor(_PROCESSES, mp_context=get_context('spawn')) as pool:
+        use = partial(_use, folder)
+        kept = pool.submit(use, first).result().union(*pool.map(use, others))
     for path in folder.iterdir():
         if path.name.rsplit('-', 1)[0] not in kept:
             with suppress(FileNotFoundError):  # another process does the same
                 path.unlink()
     return folder
+
+
+def _use(folder: Path, exercise: int) -> set[str]:
+    """Keep in a folder what an exercise needs; return how the names of valid files begin."""
+    from dlo_planner.kernels import cache, files, folders, processor  # noqa: PLC0415
+    gc.set_threshold(200_000, 50, 1000)  # most of what a compiler makes stays: a fifth less time
+    folders.use_only(folder)
+    processor.compile_generic()
+    from dlo_planner import exercises  # noqa: PLC0415
+    exercises.ALL[exercise]()
+    return files.current_stems(cache.KERNELS.values())
 
 
 if __name__ == '__main__':

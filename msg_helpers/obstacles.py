@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """visualization_msgs <-> obstacles, as RViz shows them."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 

@@ -18,7 +18,7 @@ import dlo_planner
 from dlo_planner.kernels.folders import prune
 
 # Kernels in two files: first -> second -> third -> last, third -> wide, first -> aside, and one
-# alone. All but `wide` are copied into their callers.
+# alone. All but `wide`, which is a unit, are copied into their callers.
 DEEP = """
 import numpy as np
 from dlo_planner.kernels import kernel
@@ -60,24 +60,24 @@ ALL = (use,)
 """
 USE = """
 import json
-from dlo_planner.chain import alone, aside, first, second
-from dlo_planner.deep import last, third, wide
+from dlo_planner.chain import alone, first
+from dlo_planner.kernels.cache import KERNELS
 from dlo_planner.kernels.folders import folders
 values = [first(1.0), float(alone(1.0)[1])]
-kernels = first, second, third, last, aside, alone, wide
-print(json.dumps([values, [k.py_func.__name__ for k in kernels if sum(k.stats.cache_hits.values())],
-                  [k.py_func.__name__ for k in kernels if sum(k.stats.cache_misses.values())],
+stats = {f.__qualname__: k.stats for f, k in KERNELS.items()}
+print(json.dumps([values, sorted(name for name, s in stats.items() if s.cache_hits),
+                  sorted(name for name, s in stats.items() if s.cache_misses),
                   str(folders().write)]))
 """
-ALL = ['first', 'second', 'third', 'last', 'aside', 'alone', 'wide']
-LOADED = ['first', 'alone', 'wide']  # once all is compiled
-FILES = len(ALL) + 2  # two for Python
+KEPT = ['alone.for_python', 'first.for_python', 'wide']
+ALL = sorted([*KEPT, 'first', 'second', 'third', 'last', 'aside', 'alone'])
+OF_FIRST = sorted({*ALL} - {'alone', 'alone.for_python', 'wide'})  # all but the unit
 PREBUILD = 'from dlo_planner.prebuild import main; import sys; sys.exit(main([]))'
-# Becomes a user who may not write, once all is imported that lies where only others may read.
 ALL_COPIED = """
-from dlo_planner.kernels import linking
-linking._SMALL = 10**9
+from dlo_planner.kernels import dispatcher
+dispatcher._SMALL = 10**9
 """
+# Becomes a user who may not write, once all is imported that lies where only others may read.
 AS_NOBODY = """
 import numba, os, pkgutil, sys  # nobody may not read what this Python comes with
 numba.njit(lambda x: x + 1)(1)
@@ -194,74 +194,56 @@ def make_read_only(folder):
 
 def test_an_edit_of_a_kernel_that_others_call_compiles_those_and_no_others(copied):
     assert run(copied) == [[3.5, 0.0], [], ALL, str(kept(copied))]
-    assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]
+    assert run(copied)[:3] == [[3.5, 0.0], KEPT, []]
     edit(copied, 'deep', 'FACTORS[0]', 'FACTORS[1]')
-    values, found, compiled, _ = run(copied)
-    assert values == [4.5, 0.0]
-    assert set(found) == {'aside', 'alone', 'wide'}
-    assert set(compiled) == {'first', 'second', 'third', 'last'}
+    assert run(copied)[:3] == [[4.5, 0.0], ['alone.for_python', 'wide'], OF_FIRST]
     edit(copied, 'deep', 'FACTORS[1]', 'FACTORS[0]')
-    assert run(copied)[:3] == [[3.5, 0.0], LOADED, []]  # still known
+    assert run(copied)[:3] == [[3.5, 0.0], KEPT, []]  # still known
 
 
-def test_an_edit_of_a_kernel_that_is_called_where_it_is_compiles_its_callers(used):
+def test_an_edit_of_a_unit_compiles_its_callers(used):
     edit(used, 'deep', '+ 1.0', '+ 2.0')
-    values, found, compiled, _ = run(used)
-    assert values == [5.5, 0.0] and set(found) == {'last', 'aside', 'alone'}
-    assert set(compiled) == {'first', 'second', 'third', 'wide'}
+    assert run(used)[:3] == [[5.5, 0.0], ['alone.for_python'], sorted([*OF_FIRST, 'wide'])]
 
 
-def test_a_kernel_that_is_called_where_it_is_can_be_missing(used):
-    for name in ('wide', 'third', 'first'):
-        files = list(kept(used).glob(f'dlo_planner.*.{name}-*'))
-        assert files
-        for path in files:
-            path.unlink()
-        assert run(used)[0] == [3.5, 0.0]
-        assert run(used)[:3] == [[3.5, 0.0], LOADED, []]
-
-
-def test_what_python_calls_can_be_missing(used):
-    files = list(kept(used).glob('*.python'))
-    assert files
-    for path in files:
-        path.unlink()
-    assert run(used)[:3] == run(used)[:3] == [[3.5, 0.0], LOADED, []]
+@pytest.mark.parametrize('name, compiled', [
+    ('wide', ['wide']), ('first.for_python', OF_FIRST), ('alone.for_python', [
+        'alone', 'alone.for_python'])])
+def test_a_file_can_be_missing(used, name, compiled):
+    (path,) = kept(used).glob(f'dlo_planner.*.{name}-*')
+    path.unlink()
+    assert run(used)[:3] == [[3.5, 0.0], sorted({*KEPT} - {*compiled}), compiled]
+    assert run(used)[:3] == [[3.5, 0.0], KEPT, []]
 
 
 @pytest.fixture(scope='module')
-def _copied_anew(_used):
-    """Yield such a folder of processes in which `wide` was copied into others, too."""
+def _copied_anew():
+    """Return such a folder of a process in which `wide` is no unit."""
     with package_of_kernels() as folder:
         assert run(folder, ALL_COPIED + USE)[0] == [3.5, 0.0]
         yield folder
 
 
-@pytest.mark.parametrize(('called', 'others'), [
-    (True, '*.kernel'), (True, '*.wide-*'), (False, '*.python'), (False, '*.first-*')])
-def test_what_is_copied_in_one_process_may_be_called_in_another(used, _copied_anew, called,
-                                                                others):
-    folder, other = kept(used), kept(_copied_anew)
-    if not called:
-        folder, other = other, folder
-    files = {path.name: path for path in (*folder.iterdir(), *other.glob(others))}
-    chosen = {name: path.read_bytes() for name, path in files.items()}
-    for name, content in chosen.items():
-        (kept(used) / name).write_bytes(content)
-    assert run(used)[0] == [3.5, 0.0]
-    values, _, compiled, _ = run(used)
-    assert values == [3.5, 0.0] and not compiled
+@pytest.mark.parametrize('calls, code, compiled', [
+    (False, USE, []), (True, USE, ['wide']), (True, ALL_COPIED + USE, sorted([*OF_FIRST, 'wide']))])
+def test_what_is_a_unit_in_one_process_may_be_none_in_another(used, _copied_anew, calls, code,
+                                                              compiled):
+    file = next(kept(used if calls else _copied_anew).glob('*.first.for_python-*'))
+    with folder_for_all() as folder:
+        shutil.copytree(_copied_anew if calls else used, folder, dirs_exist_ok=True)
+        shutil.copy(file, kept(folder))
+        values, _, missed, _ = run(folder, code)
+        assert (values, missed) == ([3.5, 0.0], compiled)
 
 
 def test_what_changes_numba_counts(used):
-    edit(used, 'kernels/lowering', '\n\n\n', '\n# another way\n\n\n')
+    edit(used, 'kernels/dispatcher', '\n\n\n', '\n# another way\n\n\n')
     assert run(used)[:3] == [[3.5, 0.0], [], ALL]
 
 
 def test_the_contents_of_a_constant_count(used):
     edit(used, 'deep', '[2.0, 3.0]', '[2.5, 3.0]')
-    values, found, _, _ = run(used)
-    assert values == [4.0, 0.0] and set(found) == {'aside', 'alone', 'wide'}
+    assert run(used)[:2] == [[4.0, 0.0], ['alone.for_python', 'wide']]
 
 
 def test_neither_place_nor_time_nor_line_nor_wording_counts(used):
@@ -272,7 +254,7 @@ def test_neither_place_nor_time_nor_line_nor_wording_counts(used):
     shutil.move(used / 'dlo_planner', moved)
     for path in moved.rglob('*.py'):
         path.touch()
-    assert run(moved, HOME=str(used / 'home'))[1:3] == [LOADED, []]
+    assert run(moved, HOME=str(used / 'home'))[1:3] == [KEPT, []]
 
 
 @pytest.mark.parametrize('temporary', [True, False])
@@ -287,24 +269,24 @@ def test_where_nothing_can_be_written_it_works(copied, temporary):
         os.mkdir(free)
     assert [values for values, *_ in answers] == [[3.5, 0.0]] * len(answers)
     if temporary:
-        assert [found for _, found, *_ in answers] == [[], LOADED]
+        assert [found for _, found, *_ in answers] == [[], KEPT]
         assert answers[0][3].startswith(free)
     else:
         assert answers[0][3] == 'None'
 
 
 def test_what_was_compiled_at_installation_is_used_on_this_processor(copied):
-    assert len(prebuilt(copied)) == len(ALL)
+    assert len(prebuilt(copied)) == len(KEPT)
     make_read_only(copied)
     code = AS_NOBODY + NOWHERE_TEMPORARY + USE
     assert run(copied, code, HOME=None, PYTHONDONTWRITEBYTECODE='1') == [
-        [3.5, 0.0], LOADED, [], 'None']
+        [3.5, 0.0], KEPT, [], 'None']
     # a user who can write keeps what is missing there, and uses the rest
     with tempfile.TemporaryDirectory() as home:
         os.chmod(home, 0o777)
         _, found, compiled, where = run(copied, AS_NOBODY + USE, HOME=home,
                                         PYTHONDONTWRITEBYTECODE='1')
-        assert (found, compiled) == (LOADED, [])
+        assert (found, compiled) == (KEPT, [])
         assert where.startswith(home) and not list(Path(where).iterdir())
     # a processor that was asked for is meant
     assert run(copied, code, HOME=None, PYTHONDONTWRITEBYTECODE='1',
@@ -315,7 +297,7 @@ def test_a_build_contains_what_was_compiled(copied):
     pytest.importorskip('setuptools')
     for name in ('setup.py', 'README.md', 'package.xml'):
         shutil.copy(Path(dlo_planner.__file__).parent.parent / name, copied)
-    for changes, number in (({'DLO_PLANNER_PREBUILD': '0'}, 0), ({}, len(ALL))):
+    for changes, number in (({'DLO_PLANNER_PREBUILD': '0'}, 0), ({}, len(KEPT))):
         made = subprocess.run([sys.executable, 'setup.py', '-q', 'build'], cwd=copied, text=True,
                               env=os.environ | {'NUMBA_DISABLE_JIT': '0'} | changes,
                               capture_output=True, check=False)
@@ -323,37 +305,37 @@ def test_a_build_contains_what_was_compiled(copied):
         assert len(list((copied / 'build').rglob('*.kernel'))) == number
     assert not list((copied / 'dlo_planner').rglob('*.kernel'))
     built = next((copied / 'build').rglob('chain.py')).parent.parent
-    assert run(built, HOME='/dev/null')[:3] == [[3.5, 0.0], LOADED, []]
+    assert run(built, HOME='/dev/null')[:3] == [[3.5, 0.0], KEPT, []]
 
 
 def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
     before = {path.name: path.stat().st_mtime_ns for path in prebuilt(copied)}
     edit(copied, 'chain', 'x - 1.0', 'x - 2.0')
     after = {path.name: path.stat().st_mtime_ns for path in prebuilt(copied)}
-    assert len(after) == len(before) == len(ALL)
+    assert len(after) == len(before) == len(KEPT)
     changed = after.items() - before.items()
-    assert {name.split('-')[0] for name, _ in changed} == {'dlo_planner.chain.alone'}
-    assert run(copied)[:3] == [[3.5, -1.0], LOADED, []]
+    assert {name.split('-')[0] for name, _ in changed} == {'dlo_planner.chain.alone.for_python'}
+    assert run(copied)[:3] == [[3.5, -1.0], KEPT, []]
 
 
 def test_a_file_that_is_not_whole_is_not_used(used):
     files = sorted(kept(used).iterdir())
-    assert len(files) == FILES
+    assert len(files) == len(KEPT)
     for k, path in enumerate(files):
         data = path.read_bytes()
         path.write_bytes([data[:-9], b'', b'x' * 99, data[:200] + bytes([data[200] ^ 1])
                           + data[201:], data[9:], data[::-1]][k % 6])
     values, found, compiled, _ = run(used)
-    assert values == [3.5, 0.0] and not found and set(compiled) >= {'first', 'alone', 'second'}
-    assert run(used)[:3] == [[3.5, 0.0], LOADED, []]
+    assert (values, found, compiled) == ([3.5, 0.0], [], ALL)
+    assert run(used)[:3] == [[3.5, 0.0], KEPT, []]
 
 
 def test_several_processes_at_once(copied):
     processes = [started(copied, USE) for _ in range(3)]
     assert [result(process)[0] for process in processes] == [[3.5, 0.0]] * 3
     values, found, _, where = run(copied)
-    assert (values, found) == ([3.5, 0.0], LOADED)
-    assert len(list(Path(where).iterdir())) == FILES
+    assert (values, found) == ([3.5, 0.0], KEPT)
+    assert len(list(Path(where).iterdir())) == len(KEPT)
 
 
 def test_what_a_kernel_reads_unseen_is_not_kept(copied):
@@ -365,7 +347,7 @@ def test_what_a_kernel_reads_unseen_is_not_kept(copied):
         constants.write_text(f'FACTOR = {factor}')
         values, found, _, _ = run(copied)
         assert values == [factor + 1.5, 0.0]
-    assert set(found) == {'aside', 'alone', 'wide'}
+    assert found == ['alone.for_python', 'wide']
 
 
 def test_a_kernel_that_is_handed_over_is_not_taken_for_another(copied):

@@ -15,16 +15,11 @@ PACKAGES = ('dlo_planner', 'msg_helpers')
 OF_NAMED_TUPLES = ('_replace', '_asdict', '_fields', '_make', '_field_defaults')  # are public
 # what numba and the standard library keep private, and there is no other way to; it only shrinks
 KNOWN = {
-    'dlo_planner/kernels/cache.py:_engine': 2,
-    'dlo_planner/kernels/cache.py:_defined_symbols': 2,
-    'dlo_planner/kernels/cache.py:_get_module_for_linking': 2,
+    'dlo_planner/kernels/cache.py:_final_module': 1,
     'dlo_planner/kernels/cache.py:_rebuild': 1,
-    'dlo_planner/kernels/cache.py:_load_defined_symbols': 1,
     'dlo_planner/kernels/cache.py:_reduce': 1,
     'dlo_planner/kernels/dispatcher.py:_code': 1,
     'dlo_planner/kernels/fingerprint.py:_overload_func': 1,
-    'dlo_planner/kernels/linking.py:_get_module_for_linking': 1,
-    'dlo_planner/kernels/linking.py:_final_module': 2,
     'dlo_planner/ros/main.py:_exit': 1,
     'dlo_planner/ros/worker.py:_exit': 1,
 }

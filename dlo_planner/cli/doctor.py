@@ -105,7 +105,7 @@ def _needed(name: str, least: tuple[int, ...]) -> Finding:
 def _kernels() -> Finding:
     name = 'compiled kernels'
     if not COMPILED:
-        return Finding(_BAD, name, 'numba is missing, unknown or switched off: some hundred times '
+        return Finding(_BAD, name, 'numba is missing, too old or switched off: some hundred times '
                        'slower', f'pip install "{WANTED}"; unset NUMBA_DISABLE_JIT')
     from dlo_planner.kernels.folders import folders  # noqa: PLC0415 - numba is needed
     known = folders()

@@ -29,7 +29,7 @@ _APART = 0.15      # of the slowest period, from one to the next
 _LASTS = 2         # of them, until it goes back
 _SMALL = 1e-3      # weight of a displacement beside that of the free end: no more than is needed
 _STEP = 1 / 200    # of the slowest period
-_FARTHEST = 0.01   # m, that the gripper may be displaced
+FARTHEST = 0.01   # m, that the gripper may be displaced
 _LIMITS = 0.95     # of the limits
 _DELAYS = np.linspace(-0.1, 0.4, 101)  # s
 
@@ -56,7 +56,7 @@ class Calming:
 
     @classmethod
     def of(cls, vibration: FreeVibration, stamp: float, delay: float, here: Pose, limits: Limits,
-           period: float) -> Calming:
+           period: float, farthest: float = FARTHEST) -> Calming:
         """Return that from a stamp (s) on: as much as is possible within the limits.
 
         Parameters
@@ -70,6 +70,8 @@ class Calming:
         limits : Limits
         period : float
             Seconds between two commands.
+        farthest : float, optional
+            By how much the gripper may be displaced, m.
         """
         slowest = float(2 * np.pi / vibration.rates.min())
         windows: Floats = np.full(3, float(np.clip(_WIDTH * slowest, 0.02, 5.0)))
@@ -92,7 +94,7 @@ class Calming:
 
         poses = way(pulses).poses(np.arange(0.0, duration + 4 * period, period))
         most = max(used(poses, limits, period) / _LIMITS, max(float(np.linalg.norm(
-            pose.position - here.position)) for pose in poses) / _FARTHEST)
+            pose.position - here.position)) for pose in poses) / farthest)
         pulses /= max(most, 1.0)
         return cls(vibration, way(pulses), stamp + duration, np.tensordot(pulses, answers, 1))
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.execute.calming import Calming
+from dlo_planner.execute.calming import FARTHEST, Calming
 from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Guards, Heard
@@ -46,7 +46,9 @@ from dlo_planner.inverse.tasks import Approach, Thread
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.rod import Surface
 from dlo_planner.plan.assembly import build_plan, concatenate, truncate
+from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.path import GripperPath
@@ -68,6 +70,8 @@ _SWINGS = 0.6       # of the swing that is tolerated, from which on it is taken 
 _TOLD = 2.0         # times as large a swing tells of the delay
 _SEEING, _AGAIN = 1.5, 0.25  # s, in which a swing is looked at, until it is tried again
 _LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing was seen
+_SURE = 2.0         # standard deviations by which a swing has to be told from noise
+_OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
 _CALMINGS = 6       # in one look
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
 
@@ -367,7 +371,7 @@ class ThreadingLoop:
         self._ended = np.inf  # stamp at which the last motion began, had it gone on evenly
         self._left = 0.0  # m of swing that the motion to the standoff leaves
         self._stands = here  # where the gripper does while nothing is executed
-        self._shaken = False  # whether the DLO may swing, so that it is no use to look at it
+        self._may_swing = False  # whether the DLO may swing, so that it is no use to look at it
         self._rests = self._sees = -np.inf  # stamps: since it does, and when that is looked at
         self._factor = STATED  # what is known of the frequencies of the DLO
         self._delay = 0.0  # s, from a command until the DLO is seen to answer
@@ -492,7 +496,7 @@ class ThreadingLoop:
     def _look(self, time: float) -> None:
         """Go on looking, anew where looks disagree, it swings, or nothing was seen all the time."""
         loop, observing = self._loop, self.observing
-        if self._shaken:
+        if self._may_swing:
             self._to(self._swinging(time), time)
             return
         since = loop.calm if loop.since is not None else time
@@ -506,7 +510,7 @@ class ThreadingLoop:
 
     def _rest(self, since: float) -> None:
         """Look only at how the DLO swings, from a time (s) on, since which the gripper stands."""
-        self._shaken, self._rests, self._sees = True, since, since + _SEEING
+        self._may_swing, self._rests, self._sees = True, since, since + _SEEING
         self.observing.reopen(np.inf)
 
     def _swinging(self, time: float) -> ClosedLoop:
@@ -520,24 +524,42 @@ class ThreadingLoop:
             return loop
         if seen is not None:
             self._factor = seen.factor
-            if seen.amplitude > _SWINGS * most and self._calmings < _CALMINGS:
-                self.execution = self._execution_of(self._calming(seen, time))
-                return loop.calming(time)
-            if seen.amplitude > most:  # it has to come to rest by itself
+            sure = _SURE * seen.deviation
+            if seen.amplitude > max(_SWINGS * most, sure) and self._calmings < _CALMINGS:
+                way = self._calming(seen, time)
+                if way is not None:
+                    self.execution = self._execution_of(way)
+                    return loop.calming(time)
+            if seen.amplitude > max(most, sure):  # it has to come to rest by itself
                 self._rests, self._sees = time, time + _SEEING
                 return loop
-        self._shaken = False
+        self._may_swing = False
         self.observing.reopen(time)
         return replace(loop, doubted=time)
 
-    def _calming(self, seen: FreeVibration, time: float) -> Steered:
-        """Return the motion that takes a vibration away; the last one tells of the delay."""
-        last, self._calmings = self._calmed, self._calmings + 1
+    def _calming(self, seen: FreeVibration, time: float) -> Steered | None:
+        """Return the motion that takes a vibration away, None where there is no room for it.
+
+        The last one tells of the delay.
+        """
+        task, farthest = self._task, min(FARTHEST, _OF_STANDOFF * self._task.standoff)
+        last = self._calmed
         if last is not None and last.before.amplitude > _TOLD * _SWINGS * self._task.tolerance:
             self._delay = last.delay(seen)
-        self._calmed = Calming.of(seen, time, self._delay, self._here, self._task.motion_limits,
-                                  self._execution_of.keywords['period'])
-        return self._calmed.way
+        period = self._execution_of.keywords['period']
+        found = Calming.of(seen, time, self._delay, self._here, task.motion_limits, period,
+                           farthest)
+        workspace = task.inverse.workspace
+        poses = found.way.poses(np.arange(0.0, found.way.duration + period, period))
+        shape, surface = self.observing.estimate.shape(self._here), Surface.of(
+            task.inverse.simulator.rod)
+        free = all(clearance([body], surface, shape) > farthest + seen.amplitude
+                   for body in obstacles_around(task.inverse))
+        inside = workspace is None or min(workspace.min_margin(pose)[1] for pose in poses) >= 0
+        if not (free and inside):
+            return None
+        self._calmed, self._calmings = found, self._calmings + 1
+        return found.way
 
     def _plan(self, time: float, done: Any) -> None:
         task, estimate = self._task, self.observing.estimate

@@ -189,8 +189,19 @@ class ClosedLoop(Value):
         return replace(state, at_standoff=True)._at_standoff(time, bound)
 
     def calming(self, time: float) -> ClosedLoop:
-        """Return the state that takes a swing away at `time` (s), from LOOK; it looks anew then."""
-        return replace(self, phase=Phase.CALM, doubted=number('time', time))
+        """Return the state that takes a swing away from `time` (s) on, and then looks anew.
+
+        Raises
+        ------
+        InvalidTask
+            The phase is not LOOK.
+        """
+        time = number('time', time)
+        if self.phase is not Phase.LOOK:
+            raise InvalidTask(f'phase = {self.phase.value!r}: expected {Phase.LOOK.value!r}, in '
+                              'which the gripper stands')
+        return replace(self, phase=Phase.CALM, since=time if self.since is None else self.since,
+                       doubted=time)
 
     def _doubting(self, time: float) -> ClosedLoop:
         """Return the state that tries again: in motion it stops and goes back first."""

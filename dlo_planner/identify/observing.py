@@ -296,7 +296,8 @@ class Observing:
             estimate = self._estimate
         if not enough(clouds):
             return None
-        shape = estimate.simulator.solve(estimate.actual(gripper))
+        near = estimate.shape(gripper)  # in equilibrium to what a look needs, not a vibration
+        shape = estimate.simulator.solve(near.gripper, near if near.converged else None)
         return None if not shape.converged else FreeVibration.of(
             shape, [(stamp, points - estimate.camera_bias) for stamp, points in clouds], factor)
 

@@ -25,6 +25,7 @@ _STATIC = 4        # powers of s / L along each axis, of what does not move
 STATED = 1.0, 0.03  # factor of the frequencies, and its standard deviation, before it is seen
 _LEAST_PERIODS = 1.5  # of the slowest mode, that have to be seen
 _LEAST_CLOUDS = 8
+_OF_RATE = 0.4     # of the clouds in a second: a higher frequency cannot be told
 _LEAST_POINTS = 60
 _LEAST_SHARE = 0.7  # of the length, beyond which some points have to be
 _FACTORS = 0.9, 1.1  # of the frequencies, at most
@@ -52,6 +53,8 @@ class FreeVibration:
         By what the frequencies of the modes have to be multiplied, and the standard deviation.
     misfit : float
         Standard deviation, m, of what it leaves of a point along each axis.
+    deviation : float
+        Standard deviation of the amplitude, m: what noise alone would give.
     """
 
     modes: Modes
@@ -59,6 +62,7 @@ class FreeVibration:
     state: Floats
     factor: tuple[float, float]
     misfit: float
+    deviation: float
 
     @classmethod
     def of(cls, shape: Shape, clouds: Sequence[tuple[float, Floats]],
@@ -95,8 +99,12 @@ class FreeVibration:
             [[np.interp(s * length, modes.s, part) for part in one.T]
              for one in modes.displacements]), 2, 0).transpose(0, 2, 1), tangents)
         middle = 0.5 * (times.min() + times.max())
-        found, factor, misfit = _fitted(moved, static, away, times - middle, modes, factor)
-        out = cls(modes, last + middle, found[:2 * len(modes)].reshape(2, -1), factor, misfit)
+        found, factor, misfit, variances = _fitted(moved, static, away, times - middle, modes,
+                                                   factor)
+        count = 2 * len(modes)
+        squares = np.tile((modes.displacements[:, -1] ** 2).sum(axis=1), 2)
+        out = cls(modes, last + middle, found[:count].reshape(2, -1), factor, misfit,
+                  float(np.sqrt(squares @ variances[:count])))
         return replace(out, stamp=last, state=out.after(-middle))
 
     @property
@@ -129,9 +137,11 @@ class FreeVibration:
 
 
 def enough(clouds: Sequence[tuple[float, Floats]], frequency: float = 0.0) -> bool:
-    """Return whether clouds last long enough to tell of a vibration of a frequency (Hz)."""
-    return len(clouds) >= _LEAST_CLOUDS and (
-        clouds[-1][0] - clouds[0][0]) * frequency >= _LEAST_PERIODS * (frequency > 0)
+    """Return whether clouds last long enough, and are frequent enough, for a frequency (Hz)."""
+    if len(clouds) < _LEAST_CLOUDS:
+        return False
+    span = clouds[-1][0] - clouds[0][0]
+    return not frequency or _LEAST_PERIODS <= span * frequency <= _OF_RATE * len(clouds)
 
 
 def _across(vectors: Floats, tangents: Floats) -> Floats:
@@ -143,8 +153,8 @@ def _across(vectors: Floats, tangents: Floats) -> Floats:
 
 def _fitted(moved: Floats, static: Floats, away: Floats, times: Floats,
             modes: Modes,
-            known: tuple[float, float]) -> tuple[Floats, tuple[float, float], float]:
-    """Return coefficients, the factor of the frequencies, and the scale of what is left, m.
+            known: tuple[float, float]) -> tuple[Floats, tuple[float, float], float, Floats]:
+    """Return coefficients, the factor of the frequencies, what is left, m, and the variances.
 
     By Gauss-Newton steps for the common factor of the frequencies, in which points are weighed.
 
@@ -177,7 +187,8 @@ def _fitted(moved: Floats, static: Floats, away: Floats, times: Floats,
         left = np.linalg.norm(away - rows @ step, axis=1)
         scale = max(float(np.median(left)) / _MEDIAN, _LEAST)
         weights = 1 / (1 + (left / (_CAUCHY * scale)) ** 2)
-    return x, (factor, scale * float(np.sqrt(np.linalg.inv(normal)[-1, -1]))), scale
+    variances = scale**2 * np.linalg.inv(normal).diagonal()
+    return x, (factor, float(np.sqrt(variances[-1]))), scale, variances
 
 
 def nearest_on_line(points: Floats, nodes: Floats) -> tuple[Floats, Floats]:

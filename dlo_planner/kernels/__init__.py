@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The decorator of all kernels: compiled by numba once, plain Python where that is not wanted.
 
-Machine code is kept between processes: `cache` says under which key, `folders` where. A kernel may
-read constants, Records and other kernels by name; `fingerprint` says what it may not.
+Machine code is kept between processes: `cache` says what, `folders` where. A kernel may read
+constants, Records and other kernels by name; `fingerprint` says what it may not.
 
 Without numba, or with NUMBA_DISABLE_JIT=1 (for a debugger, or to measure coverage), a kernel is the
 Python function that is written: the same numbers, some hundred times slower. So it is with a numba
-other than WANTED: how kernels are compiled and kept relies on what is inside of it, and its own way
-would take minutes in each process.
+older than WANTED, which cannot compile what takes a Record.
 """
 
 import re
@@ -17,13 +16,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, ParamSpec, TypeVar, overload
 
-WANTED = 'numba>=0.62,<0.69'  # as in setup.py; what comes later may be another one inside
-_OLDEST, _UNKNOWN = (0, 62), (0, 69)
+WANTED = 'numba>=0.62'  # as in setup.py
+_OLDEST = (0, 62)
 
 try:
     import numba
-    _known = _OLDEST <= tuple(map(int, re.findall(r'\d+', numba.__version__)[:2])) < _UNKNOWN
-    _lack = '' if _known else f'numba {numba.__version__} is not known to it'
+    _known = tuple(map(int, re.findall(r'\d+', numba.__version__)[:2])) >= _OLDEST
+    _lack = '' if _known else f'numba {numba.__version__} is too old'
 except ImportError as error:
     _lack = f'numba cannot be imported ({error})'
 if _lack:

@@ -1,108 +1,109 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels as numba knows them, compiled in less time than by `numba.njit`.
+"""Kernels as numba's dispatchers, with machine code of their own where that saves compiling.
 
-Two things took most of it. numba copies all that a function calls into the function, then optimizes
-it all again; a large kernel is too large to be inlined, so this gains nothing: `linking` has it
-called instead. And numba makes for each function a second one that Python can call, which takes
-each array and Record apart; most kernels are called by kernels only, so that one is made when
-Python calls a kernel for the first time.
+numba links all that a function calls into the function and optimizes it again. LLVM inlines what is
+small; what is large would be compiled once more for each caller, to the same code. A large kernel
+is a unit here: its callers hold its symbol, which this process resolves. Units are kept in files.
+
+numba also writes, for each function, a second one for Python, which takes arrays and Records apart.
+Most kernels are called by kernels only, so Python calls a function that does nothing but call the
+kernel; it is compiled when Python first does.
 """
 
 from __future__ import annotations
 
+import copy
+import sys
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
+import llvmlite.binding as llvm
 from numba.core import types
 from numba.core.dispatcher import OmittedArg
 from numba.core.registry import CPUDispatcher
-from numba.core.sigutils import normalize_signature
 
-from dlo_planner.kernels.cache import KernelCache
-from dlo_planner.kernels.lean import compiling
-from dlo_planner.kernels.pipeline import Pipeline
+from dlo_planner.kernels.cache import UNITS, KernelCache, Unit
+from dlo_planner.kernels.fingerprint import Unseen
+
+_OPTIONS = {'nopython': True, 'boundscheck': None}  # those of numba.njit
+_SMALL = 100  # instructions of a kernel that is copied; LLVM inlines up to about 50
 
 
-class Kernel(CPUDispatcher):  # type: ignore[misc]
-    """A compiled function that other kernels can call at once, Python when it first does."""
+class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba is not annotated
+    """A compiled function that kernels can call at once, Python when it first does."""
 
     _cache: KernelCache
-    _called: dict[tuple[Any, ...], Any]  # what Python calls, by types
 
     @classmethod
     def of(cls, function: Callable[..., Any], options: dict[str, Any]) -> Kernel:
         """Return the kernel of a function, with numba's options."""
-        options = {'nopython': True, 'boundscheck': None, 'no_cpython_wrapper': True,
-                   'no_cfunc_wrapper': True} | options
-        kernel = cls(function, targetoptions=options, pipeline_class=Pipeline)
-        kernel._cache, kernel._called = KernelCache(kernel), {}
+        kernel = cls(function, targetoptions=_OPTIONS | options | {
+            'no_cpython_wrapper': True, 'no_cfunc_wrapper': True})
+        kernel._cache = KernelCache(kernel, units_only=True)
         return kernel
-
-    @property
-    def sources(self) -> str:
-        """The fingerprint of all that it is compiled from.
-
-        Raises
-        ------
-        Unseen
-            It reads what cannot be followed.
-        """
-        return self._cache.sources
-
-    def loaded(self, kinds: tuple[Any, ...], sources: str) -> Any:
-        """Return what is kept for types of arguments, compiled where it is not.
-
-        Parameters
-        ----------
-        kinds : tuple of numba.types.Type
-            The types.
-        sources : str
-            The kernel's fingerprint, which follows from that of a kernel that calls it.
-        """
-        self._cache.sources = sources
-        self.compile(kinds)
-        return self.overloads[kinds]
-
-    def compile(self, sig: Any) -> Any:
-        """Load or compile what is for types of arguments; numba asks for it, too.
-
-        numba's own way takes the time of all that is below each level anew.
-        """
-        with compiling(), self._compiling_counter:
-            if not self._can_compile:
-                raise RuntimeError('compilation disabled')
-            kinds, returned = normalize_signature(sig)
-            if kinds in self.overloads:
-                return self.overloads[kinds].entry_point
-            result = self._cache.load(kinds, self.targetctx)
-            if result is None:
-                self._cache_misses[kinds] += 1
-                result = self._compiler.compile(kinds, returned)
-                self.add_overload(result)
-                self._cache.save_overload(sig, result)
-            else:
-                self._cache_hits[kinds] += 1
-                self.targetctx.insert_user_function(result.entry_point, result.fndesc,
-                                                    [result.library])
-                self.add_overload(result)
-            return result.entry_point
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Resolve a call by the types of arguments; numba makes a version for each constant."""
-        return super().get_call_template(tuple(types.unliteral(one) for one in args), kws)
+        return super().get_call_template(
+            tuple(map(types.unliteral, args)),
+            {name: types.unliteral(one) for name, one in dict(kws).items()})
 
     def add_overload(self, result: Any) -> None:
-        """Take what was compiled: kernels can call it."""
-        self.overloads[tuple(result.signature.args)] = result
+        """Take what was compiled or loaded: kernels can call it, Python cannot."""
+        kinds = tuple(result.signature.args)
+        self.overloads[kinds] = result
+        loaded = result.metadata is None  # which only units are
+        if loaded or self._is_unit(result):
+            with suppress(Unseen):
+                self._call_where_it_is(kinds, result)
+
+    def _is_unit(self, result: Any) -> bool:
+        """Whether a kernel is too large to be copied, and another process can find it by name."""
+        function = self.py_func
+        if self.targetoptions.get('forceinline') or '<locals>' in function.__qualname__:
+            return False
+        try:
+            if attrgetter(function.__qualname__)(sys.modules[function.__module__]) is not self:
+                return False
+        except (AttributeError, KeyError):
+            return False
+        code = result.library.get_function(result.fndesc.llvm_func_name)
+        return str(code).count('\n  ') > _SMALL  # each on a line of its own
+
+    def _call_where_it_is(self, kinds: tuple[Any, ...], result: Any) -> None:
+        """Have kernels call a unit by its symbol, which is the same in each process."""
+        unit = Unit.of(self, kinds)
+        llvm.add_symbol(unit.symbol,
+                        result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
+        described = copy.copy(result.fndesc)
+        described.mangled_name = unit.symbol
+        with suppress(KeyError):  # what is loaded is not known yet
+            result.target_context.remove_user_function(result.entry_point)
+        result.target_context.insert_user_function(result.entry_point, described)
+        UNITS[unit.symbol] = unit
+
+    @cached_property
+    def for_python(self) -> Any:
+        """The function that Python calls."""
+        function = self.py_func
+        names = ', '.join(self._compiler.pysig.parameters)
+        scope = {'__name__': function.__module__, 'kernel': self}
+        exec(f'def for_python({names}):\n    return kernel({names})', scope)
+        called: Any = scope['for_python']
+        called.__qualname__ = f'{function.__qualname__}.for_python'
+        dispatcher = CPUDispatcher(called, targetoptions=_OPTIONS | {
+            'nogil': self.targetoptions.get('nogil', False)})
+        dispatcher._cache = KernelCache(dispatcher, units_only=False)
+        return dispatcher
 
     def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
         """Return what Python calls for arguments of these types; numba asks for it once."""
-        super()._compile_for_args(*args, **kws)
         kinds = tuple(types.Omitted(one.value) if isinstance(one, OmittedArg)
                       else self.typeof_pyval(one) for one in args)
-        with compiling():
-            if kinds not in self._called:  # another thread may have asked
-                called = self._called[kinds] = self._cache.for_python(self.overloads[kinds])
-                self._insert([kind._code for kind in kinds], called, False)  # keeps no reference
-        return self._called[kinds]
+        called = self.for_python.compile(kinds)
+        self._insert([kind._code for kind in kinds], called, False)
+        return called

@@ -41,7 +41,7 @@ _DAY = 86400.0  # s, after which a file is marked as used again
 # Settings of numba that change what it compiles.
 _SETTINGS = ('BOUNDSCHECK', 'DEBUGINFO_DEFAULT', 'EXTEND_VARIABLE_LIFETIMES', 'LOOP_VECTORIZE',
              'SLP_VECTORIZE', 'USING_SVML')
-_COMPILER = ('cache.py', 'lean.py', 'linking.py', 'lowering.py', 'pipeline.py', 'shortcuts.py')
+_COMPILER = ('cache.py', 'dispatcher.py')
 
 
 class Key(NamedTuple):
@@ -55,19 +55,16 @@ class Key(NamedTuple):
         Its fingerprint.
     kinds : tuple of numba.types.Type
         Types of its arguments.
-    suffix : str
-        What is kept: 'kernel' or 'python'.
     """
 
     kernel: str
     sources: str
     kinds: tuple[Any, ...]
-    suffix: str
 
     def file(self, target: tuple[str, ...]) -> str:
         """Return the name of the file for a processor."""
         stem = _stem(self.kernel, self.sources, target)
-        return f'{stem}-{_digest(str(self.kinds))}.{self.suffix}'
+        return f'{stem}-{_digest(str(self.kinds))}.kernel'
 
 
 def kept(key: Key) -> Iterator[Any]:

@@ -277,6 +277,7 @@ _JUMP = 1e-6         # the same, between the two sides of a point
 _NARROWEST = 2e-13   # of the length: a panel that is not halved any further
 _ONE_PLACE = 1e-9    # of the length: jumps nearer to each other are one
 _MOST = 16_000       # panels
+_SHORT = 10          # terms of a Legendre series that _PANELS panels tell within _CLOSE
 
 _X, _ = np.polynomial.legendre.leggauss(_POINTS)
 _AT = 0.5 * (1 + _X)                                      # of a panel, in [0, 1]
@@ -387,7 +388,7 @@ def straight(table: Table, length: float) -> Profile:
 
 
 def smooth(content: Expanded, length: float) -> Profile:
-    """Return the Profile on [0, length] of a constant plus a series: known without a look at it."""
+    """Return the Profile on [0, length] of a constant plus a short series, without a look at it."""
     edges = np.linspace(0, length, _PANELS + 1)
     places = edges[:-1, None] + np.diff(edges)[:, None] * _AT
     values: Floats = np.asarray(content.base) + np.moveaxis(
@@ -600,7 +601,8 @@ class AlongRod(Value):
             content = getattr(self, name)
             if isinstance(content, Table) and name not in _STIFF:
                 profiles[name] = straight(content, self.length)
-            elif isinstance(content, Expanded) and not callable(content.base):
+            elif isinstance(content, Expanded) and not callable(content.base) and (
+                    len(content.coefficients) <= _SHORT):
                 profiles[name] = smooth(content, self.length)
             elif callable(content):
                 profiles[name] = resolved(f'Rod.{name}', self._one(name), self.length,

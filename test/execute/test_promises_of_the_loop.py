@@ -15,7 +15,7 @@ from dlo_planner import (
     InverseSimulator,
     Observer,
     Pose,
-    Steered,
+    Sphere,
     Trajectory,
     Workspace,
 )
@@ -25,6 +25,7 @@ from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.judge import aimed_anew
 from dlo_planner.execute.limiter import used
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
+from dlo_planner.identify import Steered
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.identify.vibration import STATED, FreeVibration
@@ -139,7 +140,7 @@ def test_a_swing_is_taken_away_before_it_is_planned(ways):
 
     def swinging(amplitude):
         state = np.array([[amplitude / size, 0], [0, 0]])
-        return FreeVibration(modes, cell.time, state, STATED, 1e-3)
+        return FreeVibration(modes, cell.time, state, STATED, 1e-3, 1e-4)
 
     cell.until(lambda: cell.time > 0.05)
     cell.seen.doubted = True
@@ -162,11 +163,34 @@ def test_a_swing_is_taken_away_before_it_is_planned(ways):
     assert ended - began < 6.0
 
 
+@pytest.mark.parametrize('there', ['nothing', 'a wall', 'a ball', 'noise'])
+def test_a_swing_is_taken_away_where_it_is_one_and_there_is_room(ways, monkeypatch, there):
+    cell = Cell(ways)
+    around = {'a wall': {'workspace': Workspace(
+        lower=START.position - 1e-5, upper=START.position + 1e-5)}, 'a ball': {
+        'keep_out': [Sphere(DIRECT.solve(START).positions[-1] + (0, 0, 0.025), 0.015)]}}
+    if there in around:
+        options = around[there].get('workspace') or Workspace(**around[there])
+        cell.loop._task = replace(cell.loop._task, inverse=InverseSimulator(
+            DIRECT, workspace=options))
+    modes = DIRECT.solve(START).modes(1)
+    state = np.array([[8e-3 / np.linalg.norm(modes.displacements[0, -1])], [0.0]])
+    deviation = 5e-3 if there == 'noise' else 1e-4
+    seen = FreeVibration(modes, 0.0, state, STATED, 1e-3, deviation)
+    cell.seen.vibrations = [seen]
+    cell.step()
+    cell.seen.doubted = True
+    cell.step()
+    cell.seen.doubted = False
+    cell.until(lambda: not cell.seen.vibrations)
+    assert (cell.loop.phase is Phase.CALM) == (there == 'nothing')
+
+
 def test_a_swing_that_cannot_be_taken_away_has_to_come_to_rest_by_itself(ways):
     cell = Cell(ways)
     modes = DIRECT.solve(START).modes(1)
     state = np.array([[3e-2 / np.linalg.norm(modes.displacements[0, -1])], [0.0]])
-    cell.seen.vibrations = [FreeVibration(modes, 0.0, state, STATED, 1e-3)] * 100
+    cell.seen.vibrations = [FreeVibration(modes, 0.0, state, STATED, 1e-3, 1e-4)] * 100
     cell.step()
     cell.seen.doubted = True
     cell.step()

@@ -17,18 +17,16 @@ from dlo_planner import (
     InvalidTask,
     InverseSimulator,
     Observer,
-    Phase,
     Pose,
-    PositionAt,
     Sheet,
     Sphere,
-    Through,
     Workspace,
-    correct,
 )
+from dlo_planner.identify import Phase, correct
 from dlo_planner.identify import correction as correction_module
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import before as part_before
+from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan.assembly import concatenate
 
 OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
@@ -284,6 +282,13 @@ def test_the_strategy_gives_up_where_looks_keep_disagreeing():
     assert loop.advanced(11.5).phase is Phase.PLAN
     assert loop.advanced(19.9, doubted=True).phase is Phase.LOOK
     assert loop.advanced(20.0, doubted=True).phase is Phase.STOP
+    calm = loop.calming(11.0)
+    assert calm.advanced(12.0, doubted=True).phase is Phase.CALM
+    again = calm.advanced(13.0, finished=True)
+    assert (again.phase, again.calm, again.tries) == (Phase.LOOK, 13.0, 0)
+    assert again.advanced(20.0, doubted=True).phase is Phase.STOP  # patience is of both together
+    with pytest.raises(InvalidTask, match="phase = 'calm': expected 'look'"):
+        calm.calming(12.0)
     plan = ClosedLoop(5e-3, most_tries=1, phase=Phase.PLAN, since=0.0)
     plan = plan.advanced(1.0, doubted=True)
     assert (plan.phase, plan.tries) == (Phase.LOOK, 1)

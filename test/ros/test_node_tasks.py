@@ -21,7 +21,6 @@ from std_msgs.msg import String
 
 import dlo_planner
 from dlo_planner import (
-    Approach,
     CutOut,
     Cylinder,
     DirectSimulator,
@@ -33,7 +32,6 @@ from dlo_planner import (
     Minimize,
     PointLoad,
     Pose,
-    PositionAt,
     Rod,
     SlideContact,
     Thread,
@@ -42,7 +40,9 @@ from dlo_planner import (
 )
 from dlo_planner.execute.causes import Cause
 from dlo_planner.inverse.task import Task
+from dlo_planner.penalties import PositionAt
 from dlo_planner.settings.tasks import task_to_yaml
+from dlo_planner.tasks import Approach
 from msg_helpers.obstacles import obstacles_msg
 from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_stamped_msg
