@@ -10,6 +10,7 @@ from glob import glob
 from pathlib import Path
 from xml.etree import ElementTree
 
+import setuptools
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
 from setuptools.command.develop import develop
@@ -47,6 +48,13 @@ class BuildPy(build_py):
 
     def _in_place(self):
         return getattr(self, 'editable_mode', False)  # since setuptools 64
+
+
+class Distribution(setuptools.Distribution):
+    """What is compiled ahead is for one Python: a wheel with it is tagged so, and no other."""
+
+    def has_ext_modules(self):  # noqa: D102
+        return os.environ.get('DLO_PLANNER_PREBUILD') != '0'
 
 
 class Develop(develop):
@@ -103,6 +111,7 @@ setup(
             'dlo-planner = dlo_planner.cli.main:main',
         ],
     },
+    distclass=Distribution,
     cmdclass={'build_py': BuildPy, 'develop': Develop},
     zip_safe=False,
 )

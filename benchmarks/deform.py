@@ -26,7 +26,8 @@ from benchmarks import report
 from benchmarks.deform_data import DT, Array, Recording, arc_lengths
 from benchmarks.deform_doubt import doubted
 from benchmarks.deform_files import recordings
-from dlo_planner import DirectSimulator, Fit, ObservedMotion, Rod, fit_rod
+from dlo_planner import DirectSimulator, Rod, fit_rod
+from dlo_planner.identify import Fit, ObservedMotion
 
 FOLDER = Path(__file__).parent.parent / 'docs' / 'benchmarks'
 PUBLISHED = {1: 0.0103, 2: 0.0102, 3: 0.0100, 4: 0.0115}  # m, the best in their own logs

@@ -16,7 +16,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.deform_data import Array, Recording
-from dlo_planner import DirectSimulator, FarEnd, NotConverged, ObservedMotion, Pose
+from dlo_planner import DirectSimulator, FarEnd, NotConverged, Pose
+from dlo_planner.identify import ObservedMotion
 
 _BEFORE = 0.05      # of the length: deviation of the grippers in the motion before
 _SMALL = 5e-3       # rad, m: displacement by which derivatives are taken

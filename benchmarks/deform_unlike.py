@@ -22,7 +22,8 @@ from benchmarks.deform_chain import by_chain
 from benchmarks.deform_data import Array, Recording, arc_lengths
 from benchmarks.deform_doubt import doubted
 from benchmarks.deform_surrogate import CABLES, softness
-from dlo_planner import DirectSimulator, Fit, fit_rod
+from dlo_planner import DirectSimulator, fit_rod
+from dlo_planner.identify import Fit
 
 _BEFORE, _FRAMES, _NOISE = 150, 300, 1e-3
 _MADE = CABLES[2]

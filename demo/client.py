@@ -17,6 +17,7 @@ from nav_msgs.msg import Goals, Path
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -81,17 +82,21 @@ class PlannerClient:
         self._obstacles_out = self.node.create_publisher(MarkerArray, f'{planner}/obstacles',
                                                          REQUEST)
         self._clients: dict[str, Any] = {}
+        self._closed = False
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
     def _spin(self) -> None:
-        with suppress(ExternalShutdownException):
-            self._executor.spin()
+        while not self._closed:
+            # a subscription that another thread destroys may be waited for just then
+            with suppress(ExternalShutdownException, InvalidHandle):
+                self._executor.spin()
 
     def close(self) -> None:
         """Stop receiving and leave the ROS graph."""
+        self._closed = True
         self._executor.shutdown()
         self._thread.join(timeout=5.0)
         self.node.destroy_node()

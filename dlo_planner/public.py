@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The public names of the package; `import dlo_planner` loads them when one is asked for."""
+"""The names of the package itself; `import dlo_planner` loads them when one is asked for.
+
+The rest is in `dlo_planner.tasks`, `.penalties`, `.identify`, `.parallel`, `.arm` and `.view`.
+"""
 
 from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.grasp import GraspedInside
@@ -17,19 +20,12 @@ from dlo_planner.errors import (
     InvalidTask,
     NotConverged,
 )
-from dlo_planner.identify.closed_loop import ClosedLoop, Phase
-from dlo_planner.identify.correction import Correction, correct
-from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.fitting import Fit, fit_rod
-from dlo_planner.identify.observation import Observation, ObservedMotion
+from dlo_planner.identify.closed_loop import ClosedLoop
+from dlo_planner.identify.fitting import fit_rod
+from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
-from dlo_planner.identify.predicted_miss import PredictedMiss
-from dlo_planner.identify.stamped import gripper_at
-from dlo_planner.identify.steering import Steered
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.search import PenaltyResult, minimize_penalty
 from dlo_planner.inverse.tasks import (
-    Approach,
     HoldContact,
     Insert,
     Minimize,
@@ -47,36 +43,20 @@ from dlo_planner.model.supports import FarEnd, PointLoad
 from dlo_planner.model.varying import Piecewise
 from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.parallel.shapes import Shapes
-from dlo_planner.plan.assembly import concatenate
-from dlo_planner.plan.goals import (
-    AwayFrom,
-    BentAtMost,
-    DirectionAt,
-    FrameAt,
-    GripperNear,
-    KeepTangent,
-    PositionAt,
-    Through,
-)
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import Plan, PlanStatus
-from dlo_planner.plan.requirements import Requirements
+from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness, robustness
 from dlo_planner.verify.uncertainty import Uncertainty
 
-__all__ = ['Approach', 'AwayFrom', 'BentAtMost', 'Box', 'Capsule', 'ClosedLoop', 'Contact',
-           'Correction', 'CutOut', 'Cylinder', 'DeadlineExceeded', 'DirectSimulator',
-           'DirectionAt', 'DloPlannerError', 'Estimate', 'FarEnd', 'Fit', 'FrameAt',
-           'GraspedInside', 'GripperNear', 'HoldContact', 'Infeasible', 'Insert', 'InvalidRod',
-           'InvalidTask', 'InverseSimulator', 'KeepTangent', 'Limits', 'Minimize', 'Modes',
-           'Motion', 'NotConverged', 'Observation', 'ObservedMotion', 'Observer', 'PenaltyResult',
-           'Phase', 'Piecewise', 'Plan', 'PlanStatus', 'Plane', 'PointLoad', 'Pose', 'PositionAt',
-           'PredictedMiss', 'Requirements', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes',
-           'Sheet', 'SlideContact', 'Sphere', 'Steered', 'Thread', 'ThreadSequence', 'ThreadTwo',
-           'Through', 'Trajectory', 'Uncertainty', 'ValidationReport', 'Workspace', 'concatenate',
-           'correct', 'fit_rod', 'gripper_at', 'minimize_penalty', 'modes_along', 'replay',
+__all__ = ['Box', 'Capsule', 'ClosedLoop', 'Contact', 'CutOut', 'Cylinder', 'DeadlineExceeded',
+           'DirectSimulator', 'DloPlannerError', 'FarEnd', 'GraspedInside', 'HoldContact',
+           'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits',
+           'Minimize', 'Modes', 'Motion', 'NotConverged', 'Observation', 'Observer', 'Piecewise',
+           'Plan', 'Plane', 'PointLoad', 'Pose', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes',
+           'Sheet', 'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Trajectory',
+           'Uncertainty', 'ValidationReport', 'Workspace', 'fit_rod', 'modes_along', 'replay',
            'robustness', 'solve_many', 'with_plug']

@@ -27,10 +27,10 @@ from dlo_planner import (  # noqa: E402
     Sheet,
     Uncertainty,
     Workspace,
-    concatenate,
     replay,
     robustness,
 )
+from dlo_planner.tasks import concatenate  # noqa: E402
 
 HOSE = Rod.tube(0.8, 0.012, 0.008, 1200.0, 8.0e7, 0.45, natural_curvature=(0.0, 0.4),
                 damping=(0.5, 0.02), max_bend_curvature=6.0)

@@ -19,8 +19,8 @@ from dlo_planner import (  # noqa: E402
     Pose,
     Rod,
     Workspace,
-    concatenate,
 )
+from dlo_planner.tasks import concatenate  # noqa: E402
 from dlo_planner.view import view  # noqa: E402
 
 HOSE = Rod.tube(0.8, 0.012, 0.008, 1200.0, 6.0e7, 0.45, natural_curvature=(0.0, 0.4),

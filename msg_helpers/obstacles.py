@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """visualization_msgs <-> obstacles, as RViz shows them."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -75,7 +77,7 @@ def obstacles_after(known: Mapping[tuple[str, int], Body], msg: MarkerArray, fra
     InvalidTask
         Naming marker, field and value; nothing of the message counts then.
     """
-    instance('known', known, dict)
+    items('known', tuple(instance('known', known, dict).values()), Body)
     instance('msg', msg, MarkerArray)
     instance('frame_id', frame_id, str)
     instance('name', name, str)

@@ -54,6 +54,7 @@ def shape_bytes(shape: Shape, frame_id: str, stamp: Time) -> bytes:
         As for `shape_path`.
     """
     instance('shape', shape, Shape)
+    instance('stamp', stamp, Time)
     name = header(frame_id, stamp).frame_id.encode() + b'\0'
     top = np.array((stamp.sec, stamp.nanosec, len(name), name), [
         ('sec', '<i4'), ('nanosec', '<u4'), ('length', '<u4'), ('name', f'S{len(name)}')]).tobytes()

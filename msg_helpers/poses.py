@@ -7,7 +7,6 @@ from __future__ import annotations
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMsg
-from nav_msgs.msg import Goals
 from numpy.typing import ArrayLike
 from std_msgs.msg import Header
 
@@ -60,34 +59,6 @@ def pose_from_msg(msg: PoseMsg) -> Pose:
     instance('msg', msg, PoseMsg)
     p, q = msg.position, msg.orientation
     return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
-
-
-def poses_from_goals(msg: Goals, frame_id: str, name: str) -> list[Pose]:
-    """Return the Poses of a nav_msgs/Goals that must be given in `frame_id`.
-
-    A goal's own header may be empty; then the outer one counts.
-
-    Parameters
-    ----------
-    msg : Goals
-    frame_id : str
-        The only frame that is understood.
-    name : str
-        How the sender knows the field, for the message.
-
-    Raises
-    ------
-    InvalidTask
-        Naming the field and its value.
-    """
-    instance('msg', msg, Goals)
-    _judge(frame_id, name)
-    poses = []
-    for index, goal in enumerate(msg.goals):
-        given = goal.header.frame_id or msg.header.frame_id
-        stamped = PoseStamped(header=header(given), pose=goal.pose)
-        poses.append(pose_from_stamped(stamped, frame_id, f'{name}.goals[{index}]'))
-    return poses
 
 
 def pose_from_stamped(msg: PoseStamped, frame_id: str, name: str) -> Pose:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wrenches -> geometry_msgs/WrenchStamped."""
 
+from __future__ import annotations
+
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Vector3, Wrench, WrenchStamped

@@ -11,7 +11,7 @@ import yaml
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod, Trajectory
 from dlo_planner.plan.assembly import concatenate
-from dlo_planner.plan.motion.leg_tasks import leg_tasks
+from dlo_planner.plan.motion.calm_search import leg_tasks
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.path import GripperPath

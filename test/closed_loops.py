@@ -26,8 +26,8 @@ from dlo_planner import (  # noqa: E402
     Pose,
     Rod,
     Uncertainty,
-    correct,
 )
+from dlo_planner.identify import correct  # noqa: E402
 from dlo_planner.identify.predicted_miss import crossing  # noqa: E402
 from dlo_planner.model.varying import Expanded  # noqa: E402
 from dlo_planner.verify.uncertainty import variation_deviations  # noqa: E402

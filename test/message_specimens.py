@@ -5,11 +5,12 @@
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Goals, Path
+from nav_msgs.msg import Path
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from dlo_planner import Pose
 from msg_helpers.clouds import cloud_msg
 
 
@@ -19,11 +20,13 @@ def arguments():
     stamped.header.frame_id = 'world'
     stamped.pose.orientation.w = 1.0
     return {
-        'stamp': Time(), 'poses.pose_from_msg.msg': stamped.pose,
+        'stamp': Time(), 'frame': Pose.identity(), 'wrenches.wrench_in.at': Pose.identity(),
+        'wrench': (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 'obstacles.obstacles_msg.friction': 0.3,
+        'poses.pose_from_msg.msg': stamped.pose,
         'marker_items.items_after.msg': MarkerArray(),
         'obstacles.obstacles_after.msg': MarkerArray(),
         'clouds.points_from_cloud.msg': cloud_msg(np.ones((2, 3)), 'world'),
-        'poses.poses_from_goals.msg': Goals(), 'poses.pose_from_stamped.msg': stamped,
+        'poses.pose_from_stamped.msg': stamped,
         'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
         'trajectories.stamped_poses.msg': MultiDOFJointTrajectory(),
         'trajectories.poses_ahead.stamp': 1.0,

@@ -16,6 +16,7 @@ from enum import Enum
 from fractions import Fraction
 
 import numpy as np
+from specimens import PUBLIC
 
 import dlo_planner
 import msg_helpers
@@ -106,14 +107,13 @@ MALFORMED = {
 
 def public_callables():
     """Yield (name, callable, class or None): what users can call; an instance is needed if so."""
-    for name in dlo_planner.__all__:
-        member = getattr(dlo_planner, name)
+    for name, member in PUBLIC.items():
         if not inspect.isclass(member):
             yield name, member, None
         elif not issubclass(member, Exception | Enum):
             yield name, member, None
             yield from _methods(name, member)
-    for name in sorted(set(parallel.__all__) - set(dlo_planner.__all__)):
+    for name in sorted(set(parallel.__all__) - set(PUBLIC)):
         yield f'parallel.{name}', getattr(parallel, name), None
     for module in pkgutil.iter_modules(msg_helpers.__path__):
         inside = importlib.import_module(f'msg_helpers.{module.name}')

@@ -7,62 +7,70 @@ from functools import cache
 
 import numpy as np
 
+import dlo_planner.identify
+import dlo_planner.penalties
+import dlo_planner.tasks
 from dlo_planner import (
-    Approach,
-    AwayFrom,
-    BentAtMost,
     Box,
     Capsule,
     ClosedLoop,
     CutOut,
     Cylinder,
-    DirectionAt,
     DirectSimulator,
     FarEnd,
-    FrameAt,
     GraspedInside,
-    GripperNear,
     HoldContact,
     Insert,
     InverseSimulator,
-    KeepTangent,
     Limits,
     Minimize,
     Observation,
-    ObservedMotion,
     Observer,
     Piecewise,
     Plane,
-    PlanStatus,
     PointLoad,
     Pose,
-    PositionAt,
-    Requirements,
     Rod,
     Section,
     Sheet,
     SlideContact,
     Sphere,
-    Steered,
     Thread,
     ThreadSequence,
     ThreadTwo,
-    Through,
     Trajectory,
     Uncertainty,
     Workspace,
-    correct,
     fit_rod,
-    minimize_penalty,
     replay,
     robustness,
     solve_many,
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.identify import ObservedMotion, Steered, correct
 from dlo_planner.inverse.context import PlanContext
 from dlo_planner.parallel import CellGrid, capability_map
+from dlo_planner.penalties import (
+    AwayFrom,
+    BentAtMost,
+    DirectionAt,
+    FrameAt,
+    GripperNear,
+    KeepTangent,
+    PositionAt,
+    Through,
+    minimize_penalty,
+)
+from dlo_planner.tasks import Approach, PlanStatus, Requirements
 
+# For those who write tasks and penalties of their own: no values that are given or got.
+_OWN = {'PlanBuilder', 'PlanContext', 'Sensitivity', 'Task', 'Value', 'Waypoint', 'put',
+        'read_task', 'task_from_yaml', 'task_to_yaml', 'threading_of', 'waypoint_at', 'write_task'}
+PUBLIC = {name: getattr(module, name)
+          for module in (dlo_planner, dlo_planner.tasks, dlo_planner.penalties,
+                         dlo_planner.identify)
+          for name in module.__all__ if name not in _OWN}
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 DEPTHS = (0.0, 0.2)
 FAR = CutOut(Pose.looking_along((0.6, 0, 1), (1, 0, 0)), radius=0.2)
@@ -153,7 +161,8 @@ def arguments():
         'Shape.s': shape.s, 'converged': True, 'n_elements': 8, 'n_terms': 4, 'path': 'saved',
         'Workspace.first_beyond.path': known['Trajectory'].path,
         'Shape.load.path': 'saved.npz', 'Plan.load.path': 'plan.npz',
-        'Motion.load.path': 'motion.npz',
+        'Motion.load.path': 'motion.npz', 'Trajectory.load.path': 'trajectory.npz',
+        **{f'{name}.load.path': f'{name}.json' for name in ('Fit', 'Robustness', 'Shapes')},
         'InverseSimulator.approach.standoff': 0.05,  # to find one takes seconds
         'InverseSimulator.approach.start': Pose.looking_along((-1.2, 0, 1), (1, 0, 0)),
         'displacement': (0.1, 0.0, 0.0), 'simulator': simulator, 'initial': None,

@@ -25,13 +25,10 @@ from dlo_planner import (
     Observer,
     Plane,
     Pose,
-    PositionAt,
     Rod,
     Sheet,
-    Through,
     Uncertainty,
     Workspace,
-    correct,
     fit_rod,
     solve_many,
 )
@@ -48,7 +45,7 @@ from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
-from dlo_planner.identify import looking
+from dlo_planner.identify import correct, looking
 from dlo_planner.identify.misfit import nearest
 from dlo_planner.inverse.nearest_goals import _nearest_goals
 from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
@@ -63,6 +60,7 @@ from dlo_planner.minimize.expected_error import foresee
 from dlo_planner.minimize.newton import led, newton_descent
 from dlo_planner.minimize.semismooth import update_multipliers
 from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_free_rods
+from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan import curve_distance, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
 from dlo_planner.verify import response

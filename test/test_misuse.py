@@ -36,6 +36,9 @@ def somewhere(tmp_path, monkeypatch):
     values()['Plan'].save('plan.npz')
     values()['Motion'].save('motion.npz')
     values()['ValidationReport'].save('report.npz')
+    values()['Trajectory'].save('trajectory.npz')
+    for name in ('Fit', 'Robustness', 'Shapes'):
+        values()[name].save(f'{name}.json')
     monkeypatch.setitem(matplotlib.rcParams, 'figure.max_open_warning', 0)
     yield
     pyplot.close('all')

@@ -4,6 +4,7 @@
 
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -137,3 +138,14 @@ def test_the_extras_are_declared_where_they_are_asked_for():
     said = set(re.findall(r"extra `\[?(\w+)\]?`", ''.join(
         path.read_text() for path in (ROOT / 'dlo_planner').rglob('*.py'))))
     assert said and said <= declared
+
+
+@pytest.mark.parametrize(('prebuild', 'tagged'), [('0', False), (None, True)])
+def test_a_wheel_with_compiled_kernels_is_for_one_python(monkeypatch, prebuild, tagged):
+    given = {}
+    monkeypatch.setattr('setuptools.setup', lambda **options: given.update(options))
+    monkeypatch.delenv('DLO_PLANNER_PREBUILD', raising=False)
+    if prebuild is not None:
+        monkeypatch.setenv('DLO_PLANNER_PREBUILD', prebuild)
+    runpy.run_path(str(ROOT / 'setup.py'))
+    assert given['distclass']().has_ext_modules() is tagged

@@ -20,12 +20,11 @@ from dlo_planner import (
     InverseSimulator,
     Plane,
     Pose,
-    PositionAt,
     Rod,
     Sheet,
     Sphere,
-    minimize_penalty,
 )
+from dlo_planner.penalties import PositionAt, minimize_penalty
 
 THIN = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)

@@ -12,7 +12,6 @@ from dlo_planner import (
     Box,
     Capsule,
     CutOut,
-    DirectionAt,
     DirectSimulator,
     FarEnd,
     InverseSimulator,
@@ -20,18 +19,16 @@ from dlo_planner import (
     Observation,
     Plane,
     Pose,
-    PositionAt,
     Rod,
     Sheet,
     Sphere,
-    Through,
     Trajectory,
     Uncertainty,
     fit_rod,
-    minimize_penalty,
     replay,
     robustness,
 )
+from dlo_planner.penalties import DirectionAt, PositionAt, Through, minimize_penalty
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,8 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
-from specimens import LEVEL, values
+from specimens import LEVEL, PUBLIC, values
 
-import dlo_planner
 from dlo_planner import (
     CutOut,
     DirectSimulator,
@@ -32,9 +31,8 @@ from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.model.value import Value, brief
 
-TYPES = [name for name in dlo_planner.__all__
-         if inspect.isclass(getattr(dlo_planner, name))
-         and not issubclass(getattr(dlo_planner, name), Exception | Enum)]
+TYPES = [name for name, member in PUBLIC.items()
+         if inspect.isclass(member) and not issubclass(member, Exception | Enum)]
 LONGEST = 200  # characters of a repr
 
 

@@ -8,22 +8,15 @@ from benchmarks.oracle.answers import Answer, Scale
 from benchmarks.oracle.contacts import body
 from benchmarks.oracle.shapes import of_shape
 from dlo_planner import (
-    AwayFrom,
-    BentAtMost,
     Capsule,
     CutOut,
-    DirectionAt,
     DirectSimulator,
-    GripperNear,
     HoldContact,
     Insert,
     InverseSimulator,
-    KeepTangent,
     Minimize,
     Plane,
     Pose,
-    PositionAt,
-    Requirements,
     Rod,
     Sheet,
     SlideContact,
@@ -31,13 +24,22 @@ from dlo_planner import (
     Thread,
     ThreadSequence,
     ThreadTwo,
-    Through,
     Trajectory,
     Uncertainty,
     Workspace,
     replay,
     robustness,
 )
+from dlo_planner.penalties import (
+    AwayFrom,
+    BentAtMost,
+    DirectionAt,
+    GripperNear,
+    KeepTangent,
+    PositionAt,
+    Through,
+)
+from dlo_planner.tasks import Requirements
 
 PLANNED = 1e-6      # of the length: places of the gripper
 _HOW = {'basis': 'local', 'n_elements': 64}, {'n_elements': 64, 'n_terms': 10}, {'accuracy': 1e-4}

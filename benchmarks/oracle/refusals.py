@@ -21,8 +21,6 @@ from dlo_planner import (
     Plane,
     PointLoad,
     Pose,
-    PositionAt,
-    Requirements,
     Rod,
     Sheet,
     SlideContact,
@@ -32,11 +30,12 @@ from dlo_planner import (
     Trajectory,
     Uncertainty,
     Workspace,
-    minimize_penalty,
     replay,
     solve_many,
     with_plug,
 )
+from dlo_planner.penalties import PositionAt, minimize_penalty
+from dlo_planner.tasks import Requirements
 
 WIRE = {'length': 1.0, 'mass_per_length': 0.05, 'bending_stiffness': 0.5,
         'torsional_stiffness': 0.4, 'radius': 2e-3}

@@ -20,11 +20,11 @@ from dlo_planner import (
     Rod,
     Uncertainty,
     fit_rod,
-    minimize_penalty,
     modes_along,
     solve_many,
     with_plug,
 )
+from dlo_planner.penalties import minimize_penalty
 
 HOW = ({}, {'basis': 'local'}, {'n_elements': 64, 'n_terms': 6}, {'n_elements': 128, 'n_terms': 20},
        {'basis': 'local', 'n_elements': 33}, {'basis': 'fourier', 'n_terms': 12},

@@ -35,6 +35,7 @@ def main(args: list[str] | None = None) -> int:
     open_loop = options.loop == 'open' or options.loop is None and options.unknown == 'nothing'
     settings = {'unknowns': unknowns, 'camera': None if open_loop else camera,
                 'damping': options.damping, 'step': options.step}
+    print(f'{len(tasks)} tasks, some seconds each', flush=True)
     driver = OpenLoop(planned) if open_loop else Looking.knowing(unknowns, camera)
     # a fresh start: a fork could take over locks of threads that it has not
     with ProcessPoolExecutor(options.workers, get_context('spawn')) as executor:
@@ -77,9 +78,9 @@ def _parser() -> ArgumentParser:
 
 
 def _progress(what: str, done: int, total: int) -> None:
-    """Show on one line how far it is."""
-    if sys.stdout.isatty() or done == total:
-        print(f'  {what}: {done}/{total}', end='\n' if done == total else '\r', flush=True)
+    """Show how far it is: on one line at a terminal, else line by line."""
+    end = '\r' if sys.stdout.isatty() and done < total else '\n'
+    print(f'  {what}: {done}/{total}', end=end, flush=True)
 
 
 if __name__ == '__main__':

@@ -329,11 +329,8 @@ def halved(system: Problem, base: Floats, origin: Floats, spring: float, node: F
             beyond = 1 if fraction[c] > 0.5 else 0
             places[c] += beyond
             fractions[c] = 2.0 * fraction[c] - beyond
-    held = with_contacts(system, ContactSet(
-        spring, force, places, obstacle.copy(), multiplier.copy(), fractions,
-        anchor - slid - origin, normal.copy(), shear.copy(), spring),
-        translated(system.effects.contact.scene, origin))
-    return with_gripper(held, base, origin)
+    return standing(system, base, origin, spring, force, places, obstacle, multiplier, fractions,
+                    anchor - slid, normal, shear)
 
 
 def _points_on(left: Left, old: Floats, s: Floats) -> Left:

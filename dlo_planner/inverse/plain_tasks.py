@@ -94,8 +94,9 @@ def write_value(path: str | PathLike[str], value: Value | Mapping[str, Any]) -> 
 
 def read_value(path: str | PathLike[str], kind: type[Value]) -> Value:
     """Return the value of a class that `write_value` wrote; raise InvalidTask."""
+    file = readable(path)
     try:
-        content = json.loads(readable(path).read_text(encoding='utf-8'))
+        content = json.loads(file.read_text(encoding='utf-8'))
         value = from_plain(kind.__name__, _not_finite(content))
     except (OSError, ValueError, RecursionError) as error:
         raise InvalidTask(f'path = {shown(str(path))}: expected a JSON file that holds a '
@@ -130,7 +131,7 @@ def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
     kind = content.get(_TYPE)
     if isinstance(kind, str) and kind in ('Shape', 'Plan'):
         return _packed(name, kind, content)
-    if kind == _DICT:
+    if isinstance(kind, str) and kind == _DICT:
         return {key: from_plain(f'{name}.{key}', part, depth + 1)
                 for key, part in content.items() if key != _TYPE}
     known: dict[str, Any] = {cls.__name__: cls for cls in classes_below(Value) if is_dataclass(cls)}

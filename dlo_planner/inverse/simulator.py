@@ -8,8 +8,8 @@ from dataclasses import replace
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.contact_shorthands import ContactShorthands
 from dlo_planner.inverse.context import PlanContext
+from dlo_planner.inverse.shorthands import Shorthands
 from dlo_planner.inverse.solvers.penalty_function import Penalty
 from dlo_planner.inverse.solvers.search import PenaltyResult
 from dlo_planner.inverse.task import Task
@@ -25,7 +25,7 @@ from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress
 
 
-class InverseSimulator(ContactShorthands):
+class InverseSimulator(Shorthands):
     """Finds the gripper poses that make the DLO's shape do a task.
 
     A waypoint is refused if it leaves the workspace, touches an obstacle against the task, bends

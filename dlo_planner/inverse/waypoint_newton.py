@@ -519,14 +519,16 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     if trend is None or not mesh.has_nodes(earlier.s):
         earlier, ahead = shape, 0.0
     before = begin if earlier is shape else earlier.element_strains
-    frames = shape.frames if mesh.has_nodes(shape.s) else np.zeros((mesh.s.size, 3, 3))
+    # of one type for the kernel, whether they may be written or not
+    frames = np.array(shape.frames) if mesh.has_nodes(shape.s) else np.zeros((mesh.s.size, 3, 3))
+    watched = np.array(NO_NODES if most is None else mesh.sampled)
     pair = np.array([earlier.gripper.rotation, shape.gripper.rotation]), np.array([before, begin])
     freeze(pair)
     limits = np.full((3, len(s)), np.inf) if most is None else most
     count, found, bases, where, axes, places = follow_goals(
-        mesh.static, *pair, frames, origin, np.array([ahead, *further], dtype=float), mesh.s, goals,
-        s, free, limits, least, NO_NODES if most is None else mesh.sampled, TOLERANCE, _EXACT,
-        _MAX_ITERATIONS)
+        mesh.static, *pair, frames, np.array(origin), np.array([ahead, *further], dtype=float),
+        mesh.s, goals, np.array(s), np.array(free), limits, float(least), watched, TOLERANCE,
+        _EXACT, _MAX_ITERATIONS)
     strains, rotations, positions, wrenches, numbers = found
     out = []
     for k in range(count):

@@ -31,7 +31,7 @@ from dlo_planner.minimize.contact_table import (
     with_springs,
 )
 from dlo_planner.minimize.convergence import Minimum, gradient_noise
-from dlo_planner.minimize.hessian import assemble, is_definite, new_hessian, safe_shift
+from dlo_planner.minimize.hessian import is_definite
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import (
     HARDLY,
@@ -195,7 +195,11 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
         bears = kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
                                       exact)
     elif bears and check:
-        stability = _stability(loaded, state, hessian, turned)
+        # by a factorization from which the DLO has hardly turned, where that tells
+        if turned < HARDLY and is_definite(loaded, hessian, 0.0):
+            stability, _ = lowest_mode(loaded, hessian, 0.0, 1e-4)
+        if not stability > WELL_STABLE:
+            stability, _ = _judged(loaded, state, tolerance, exact)
         bears = stability > -HELD_NEUTRAL
     return bears, state, residual, stability, steps + moves, kicks, loaded, violation
 
@@ -236,18 +240,6 @@ def _let_push(contacts):
             least = min(least, contacts.multiplier[c])
             contacts.multiplier[c] = max(0.0, contacts.multiplier[c])
     return least
-
-
-@kernel
-def _stability(system, state, hessian, turned):
-    """Return the smallest eigenvalue, by a factorization from which the DLO has hardly turned."""
-    if turned < HARDLY and is_definite(system, hessian, 0.0):
-        stability, _ = lowest_mode(system, hessian, 0.0, 1e-4)
-        if stability > WELL_STABLE:
-            return stability
-    assemble(system, state, hessian)
-    stability, _ = lowest_mode(system, hessian, safe_shift(system, hessian, 0.0), 1e-4)
-    return stability
 
 
 @kernel
@@ -360,15 +352,9 @@ def _off_its_grip(system, state):
 def _judged(system, state, tolerance, exact):
     """Return the smallest eigenvalue, on what a grip leaves free, and its mode."""
     always, none = exact > 0.0, 0 * state.q.shape[0]
-    if is_held(system):
-        _, _, stability, _, mode, _, _ = newton_descent(
-            system, state.q, thorough(tolerance, exact, none, always, not always),
-            new_workspace(system))
-    else:
-        hessian = new_hessian(system)
-        assemble(system, state, hessian)
-        shift = safe_shift(system, hessian, 0.0)
-        stability, mode = lowest_mode(system, hessian, shift, 1e-4)
+    _, _, stability, _, mode, _, _ = newton_descent(
+        system, state.q, thorough(tolerance, exact, none, always, not always),
+        new_workspace(system))
     return stability, mode
 
 

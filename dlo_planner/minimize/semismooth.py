@@ -169,7 +169,7 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, normal, 
         free[i] = -np.sum(answers[i] * gradient) - np.sum(compliance[i] * shift)
     reaction = _reaction(compliance, table, first, laws)
     matrix, right, soft = _equations(system, table, first, laws, reaction, free)
-    known, change = _pushing_only(system, table, first, normal, (matrix, right, soft))
+    known, change, bears = _pushing_only(system, table, first, normal, (matrix, right, soft))
     if not known:
         return False  # what slides does so by itself: no multipliers hold it there
     farthest = _FARTHEST * np.sum(system.lengths)
@@ -178,7 +178,7 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, normal, 
             return False
     for a in range(count):
         i = first[a]
-        normal[a] += contacts.stiffness * table.gap[a] + change[i]
+        normal[a] = (normal[a] + contacts.stiffness * table.gap[a] + change[i] if bears[a] else 0.0)
         if table.rubbing[a] >= 0:
             for j in range(3):
                 shear[a, j] = (contacts.shear[table.rubbing[a], j] + change[i + 1] * axes[i + 1, j]
@@ -203,7 +203,7 @@ def _stands(system, hessian, neutral):
 
 @kernel
 def _pushing_only(system, table, first, normal, equations):
-    """Return whether there are changes (K,) of the multipliers; in motion no contact pulls then.
+    """Return whether there are changes (K,) of the multipliers, these, and who bears (A,).
 
     Contacts side by side depend on each other: with no gap at any of them, some would pull as hard
     as others push. One that pulls is let go, one let go that is pressed in bears again (primal-dual
@@ -217,7 +217,8 @@ def _pushing_only(system, table, first, normal, equations):
     bears = np.ones(table.gap.size, dtype=np.bool_)
     known, change = softly_solved(matrix.copy(), right, soft, times)
     # at rest a row of contacts shares its friction, which would leave with one let go
-    for turn in range(_CHANGES if is_drawn(system.effects.anchor) else 0):
+    shares = np.max(table.rubbing) >= 0 and not is_drawn(system.effects.anchor)
+    for turn in range(0 if shares else _CHANGES):
         if not known:
             break
         same = True
@@ -242,7 +243,7 @@ def _pushing_only(system, table, first, normal, equations):
         if same:
             break
         known, change = softly_solved(rows, sides, shared, times)
-    return known, change
+    return known, change, bears
 
 
 @kernel
@@ -610,8 +611,9 @@ def _bears(contacts):
 def _loaded(system, state, previous, exact):
     """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
 
-    What has none does not push. Where nodes bear, and no point rolls, those begin to that are
-    pressed in by more than `exact`, m. Friction is that of the contacts there.
+    What has none does not push. Beside nodes that bear those begin to that are pressed in by more
+    than `exact`, m; beside a point that rolls nodes have no say. Friction is that of the contacts
+    there.
     """
     given = system.effects.contact.contacts
     contacts = with_springs(given, 0.0, given.node.copy(), given.multiplier.copy())
@@ -621,10 +623,10 @@ def _loaded(system, state, previous, exact):
     x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
         node, last, longest = near_nodes(scene, o, state.strains)
-        deep = np.inf if _rolls(contacts, o) else k * exact
         while node <= last:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            hessian)
+            deep = k * exact if _lies_beside(given.node[o], node) else np.inf
             contacts.node[o, node] = _pushing(contacts.node[o, node], k * gap, deep)
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
@@ -638,12 +640,12 @@ def _loaded(system, state, previous, exact):
 
 
 @kernel
-def _rolls(contacts, o):
-    """Whether a point that rolls is watched against body `o`: nodes beside it have no say."""
-    for c in range(contacts.element.size):
-        if contacts.obstacle[c] == o and contacts.fraction[c] == 0.0:
-            return True
-    return False
+def _lies_beside(forces, node):
+    """Whether a node that bears, one of forces (N + 1,), is next to a node, or the next but one."""
+    most = 0.0
+    for k in range(max(0, node - 2), min(forces.size, node + 3)):
+        most = max(most, forces[k])
+    return most > 0.0
 
 
 @kernel

@@ -5,17 +5,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from dlo_planner.direct.shape import Shape, carried
+from dlo_planner.energy.scene import Scene
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Sheet
+from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.rod import Surface
-from dlo_planner.plan.clearance import hole_clearances
+from dlo_planner.plan.clearance import hole_clearances, scene_about, sheet_of
 from dlo_planner.plan.passing import Passes
 
 _FREE = (np.inf,) * 3
@@ -42,25 +43,43 @@ class Waypoint(NamedTuple):
         return self._replace(position_error=max(self.position_error, other),
                              via_points=(*self.via_points, (center, s, None)))
 
-    def with_clearances(self, cutouts: Sequence[CutOut], sheets: Sequence[Sheet | None],
-                        surface: Surface) -> Waypoint:
-        """Return the same waypoint with its clearances in CutOuts.
 
-        Parameters
-        ----------
-        cutouts : sequence of CutOut
-        sheets : sequence of Sheet or None
-            The sheet of each.
-        surface : Surface
-            Surface of the DLO.
-        """
-        both = [(sheet, cutout.normal) for cutout, sheet in zip(cutouts, sheets, strict=True)]
+class Holes:
+    """Cut-outs of a plan and the sheets around them, whose scenes are made once a mesh.
+
+    Parameters
+    ----------
+    cutouts : sequence of CutOut
+    length : float
+        Length of the DLO, m.
+    obstacles : iterable of obstacle
+        A Sheet among them with the hole of a cut-out is the one around it.
+    surface : Surface
+        Surface of the DLO.
+    """
+
+    def __init__(self, cutouts: Sequence[CutOut], length: float, obstacles: Iterable[Obstacle],
+                 surface: Surface) -> None:
+        obstacles = tuple(obstacles)
+        self._all = [(sheet_of(cutout, length, obstacles), np.array(cutout.normal))
+                     for cutout in cutouts]
+        self._sheets = tuple((sheet, normal) for sheet, normal in self._all if sheet is not None)
+        self._surface, self._s = surface, np.empty(0)
+        self._scenes: list[Scene | None] = []
+
+    def passed(self, waypoint: Waypoint) -> Waypoint:
+        """Return a Waypoint with its clearances."""
+        shape = waypoint.shape
+        if shape.s is not self._s:
+            self._s, self._scenes = shape.s, [
+                None if sheet is None else scene_about(sheet, self._surface, shape.s)
+                for sheet, _ in self._all]
         return Waypoint(  # quicker than `_replace`
-            self.shape, self.misalignment, self.position_error, self.via_points,
-            clearances=tuple([
-                _FREE if sheet is None else hole_clearances(sheet, normal, surface, self.shape)
-                for sheet, normal in both]),
-            sheets=tuple([(sheet, normal) for sheet, normal in both if sheet is not None]))
+            shape, waypoint.misalignment, waypoint.position_error, waypoint.via_points,
+            tuple([_FREE if sheet is None else hole_clearances(sheet, normal, self._surface, shape,
+                                                               scene)
+                   for (sheet, normal), scene in zip(self._all, self._scenes, strict=True)]),
+            self._sheets)
 
 
 def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None,

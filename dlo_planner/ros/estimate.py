@@ -373,6 +373,9 @@ def identified(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
     stiffness, weight = (f'rod.{name}' for name in (_SECTIONS if sized else _STIFFNESSES))
     out = {stiffness: _times(values[stiffness], bend), weight: _times(values[weight], mass),
            'rod.tip_mass': values['rod.tip_mass'] * mass,
+           'rod.plug.mass': values['rod.plug.mass'] * mass,
+           'rod.point_masses': [value * (mass if k % 2 else 1.0)
+                                for k, value in enumerate(values['rod.point_masses'])],
            'rod.length': float(values['rod.length'] + uncertain.part(z, 'length', 1)[0]),
            'rod.natural_curvature': (np.array(values['rod.natural_curvature'])
                                      + terms[0]).tolist(),

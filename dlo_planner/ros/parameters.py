@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.settings.building import check_described
+from dlo_planner.settings.building import check_described, idle_warnings
 from dlo_planner.settings.entries import ENTRIES, Entry
 from dlo_planner.settings.entries import as_declared as typed
 from dlo_planner.settings.names import unknown_parameter
@@ -56,9 +56,8 @@ def descriptor(entry: Entry) -> ParameterDescriptor:
 def declare(node: Any) -> None:
     """Declare all parameters with the values given at the start; warn of those that do not exist.
 
-    A DLO that is described in part is refused.
-
-    Whole numbers in YAML are taken for doubles where doubles are due.
+    A DLO that is described in part is refused. Whole numbers in YAML are taken for doubles where
+    doubles are due.
 
     Parameters
     ----------
@@ -66,7 +65,10 @@ def declare(node: Any) -> None:
         Made with `automatically_declare_parameters_from_overrides=True`.
     """
     given = take_overrides(node)
-    check_described(given, str(given.get('rod.section', ENTRIES['rod.section'].default)))
+    section = str(given.get('rod.section', ENTRIES['rod.section'].default))
+    check_described(given, section)
+    for warning in idle_warnings(given, section):
+        node.get_logger().warning(warning)
     for name, entry in ENTRIES.items():
         value = typed(name, given.pop(name, entry.default), entry.default)
         node.declare_parameter(name, value, descriptor(entry), ignore_override=True)

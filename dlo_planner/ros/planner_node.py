@@ -37,6 +37,7 @@ from dlo_planner.ros.status import Health, Parts, Reporter
 from dlo_planner.ros.surroundings import Surroundings
 from dlo_planner.ros.warm_up import warm_up, warm_up_corrections, warm_up_loop, warm_up_proofs
 from dlo_planner.ros.worker import Worker
+from dlo_planner.settings.building import doubts
 from dlo_planner.settings.entries import ENTRIES
 from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
@@ -64,7 +65,9 @@ class PlannerNode(ManagedNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('dlo_planner', **options)
         declare(self)
-        build_scene(self._values())  # what makes no sense is said at once
+        direct = build_scene(self._values()).direct  # what makes no sense is said at once
+        for doubt in doubts(direct.rod, direct.gravity):
+            self.get_logger().warning(doubt)
         self.add_pre_set_parameters_callback(as_declared)
         # Timers stand still with a clock of simulated time that does; these must not.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)

@@ -78,6 +78,12 @@ def without_effect(section: str) -> set[str]:
     return {f'rod.{name}' for name in others}
 
 
+def idle_warnings(given: Iterable[str], section: str) -> list[str]:
+    """Return a warning of each parameter that was given and has no effect on this section."""
+    return [f'parameter {name} has no effect where rod.section is {section}'
+            for name in sorted(without_effect(section) & set(given))]
+
+
 def doubts(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> list[str]:
     """Return what of a Rod is probably not meant, or beyond the model, as warnings."""
     middle = [0.5 * rod.length]

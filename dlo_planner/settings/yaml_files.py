@@ -10,7 +10,7 @@ from typing import Any
 from dlo_planner.errors import InvalidTask
 from dlo_planner.files import readable, writable
 from dlo_planner.model.checks import instance, shown
-from dlo_planner.settings.building import check_described, without_effect
+from dlo_planner.settings.building import check_described, idle_warnings, without_effect
 from dlo_planner.settings.entries import ENTRIES, as_declared, within_limits
 from dlo_planner.settings.guarded_yaml import load_yaml, read_yaml, yaml_of
 from dlo_planner.settings.names import unknown_parameter
@@ -54,10 +54,7 @@ def read_values(source: str | Path,
     warnings = [unknown_parameter(name, ENTRIES) for name in unknown[:_MOST_WARNINGS]]
     if len(unknown) > _MOST_WARNINGS:  # what is near to a name is slow to find
         warnings.append(f'{len(unknown) - _MOST_WARNINGS} more parameters do not exist')
-    section = values['rod.section']
-    warnings += [f'parameter {name} has no effect where rod.section is {section}'
-                 for name in sorted(without_effect(section) & set(given))]
-    return values, warnings
+    return values, warnings + idle_warnings(given, values['rod.section'])
 
 
 def write_values(path: Path, values: Mapping[str, object]) -> None:

@@ -178,6 +178,12 @@ class Frame:
         if self.own and self.titled:
             self.figure.suptitle(text, fontsize=10)
 
+    def settle(self) -> None:
+        """Place all for good: a film's pictures need not be laid out again."""
+        if not self.space:
+            self.figure.draw_without_rendering()
+            self.figure.set_layout_engine('none')
+
     def legend(self, tints: Mapping[str, object]) -> None:
         """Say what lines mean: name -> color."""
         line = extra('matplotlib.lines', 'figures', 'pictures').Line2D

@@ -52,6 +52,8 @@ def film(value: Plan | Motion, path: str | PathLike[str], color: str = 'curvatur
     top = common_top(value.shapes)
     painted = [coloring(shape, color, top) for shape in value.shapes]
     frame.color_bar(painted[0].top, painted[0].label)
+    frame.title('0.00 s of 0.00 s')
+    frame.settle()
     moving: list[Any] = []
     tips: list[Floats] = []
 

@@ -72,6 +72,9 @@ class PlanPage:
         """Where the page is."""
         return self.page.url
 
+    def __repr__(self) -> str:
+        return f'PlanPage({self.url})'
+
     def wait(self) -> None:
         """Return when the page is closed, or at Ctrl-C."""
         self.page.wait()

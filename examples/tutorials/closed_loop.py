@@ -16,8 +16,8 @@ from dlo_planner import (
     Pose,
     Rod,
     Uncertainty,
-    correct,
 )
+from dlo_planner.identify import correct
 
 stated = Rod.circular(1.0, 1.5e-3, 8960, 110e9, 0.34)
 hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)

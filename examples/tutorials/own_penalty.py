@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner import DirectSimulator, InverseSimulator, Minimize, Pose, PositionAt, Rod
-from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.model.value import Value, put
+from dlo_planner import DirectSimulator, InverseSimulator, Minimize, Pose, Rod
+from dlo_planner.penalties import PositionAt, Sensitivity, Value, put
 
 
 @dataclass(frozen=True, eq=False, repr=False)

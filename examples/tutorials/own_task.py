@@ -10,14 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlo_planner import DirectSimulator, InverseSimulator, Plan, Pose, PositionAt, Rod
-from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.context import PlanContext
-from dlo_planner.inverse.solvers.search import minimize_penalty
-from dlo_planner.inverse.task import Task
-from dlo_planner.model.checks import integer, vector
-from dlo_planner.model.value import put
-from dlo_planner.plan.waypoint import waypoint_at
+from dlo_planner import DirectSimulator, Infeasible, InvalidTask, InverseSimulator, Plan, Pose, Rod
+from dlo_planner.penalties import PositionAt, minimize_penalty
+from dlo_planner.tasks import PlanContext, Task, put, waypoint_at
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,8 +34,9 @@ class DrawLine(Task):
     points: int = 5
 
     def __post_init__(self):
-        put(self, begin=vector('begin', self.begin, 3), end=vector('end', self.end, 3),
-            points=integer('points', self.points, minimum=2, maximum=1000))
+        put(self, begin=np.array(self.begin, dtype=float), end=np.array(self.end, dtype=float))
+        if self.begin.shape != (3,) or self.end.shape != (3,) or not 2 <= self.points <= 1000:
+            raise InvalidTask(f'{self}: expected two points (3,) in m, and 2 to 1000 waypoints')
         super().__post_init__()
 
     def solve(self, context: PlanContext) -> Plan:
@@ -72,7 +68,8 @@ assert len(plan) == 5 and plan.position_error.max() < 1e-5
 
 # %%
 # What is refused says why, and carries the plan up to there.
-from dlo_planner import Requirements, Workspace  # noqa: E402
+from dlo_planner import Workspace  # noqa: E402
+from dlo_planner.tasks import Requirements  # noqa: E402
 
 low = Requirements(workspace=Workspace((-1, -1, 0), (1, 0.1, 2)))
 try:
@@ -83,7 +80,7 @@ except Infeasible as error:
 
 # %%
 # The task as a YAML file, and back.
-from dlo_planner.settings.tasks import task_from_yaml, task_to_yaml  # noqa: E402
+from dlo_planner.tasks import task_from_yaml, task_to_yaml  # noqa: E402
 
 print(task_to_yaml(line))
 assert task_from_yaml(task_to_yaml(line)) == line

@@ -137,6 +137,13 @@ def test_on_a_corner_the_branch_is_the_same_in_any_steps(corner):
     np.testing.assert_allclose(ends[1:], ends[:-1], atol=1e-3)
 
 
+@pytest.mark.parametrize('elements', [64, 128])
+def test_a_bow_that_may_turn_about_its_chord_is_followed_in_small_steps(elements):
+    # its eigenvalue there is 1e-5, of either sign: a descent creeps along that until it is given up
+    how = {'basis': 'local', 'n_elements': elements}
+    assert column(0.2, 0.001, how, 0.006) == (0.0, '')
+
+
 def test_what_friction_takes_is_no_fall():
     # a weight is drawn over a bar: what the gripper's work does not raise it by friction takes
     radius, thin = 0.1, 5e-4

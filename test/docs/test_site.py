@@ -13,7 +13,10 @@ import pytest
 
 import dlo_planner
 import dlo_planner.arm
+import dlo_planner.identify
 import dlo_planner.parallel
+import dlo_planner.penalties
+import dlo_planner.tasks
 import dlo_planner.view
 from dlo_planner.settings.entries import ENTRIES
 
@@ -31,7 +34,9 @@ def shown(module):
     return sorted(found)
 
 
-@pytest.mark.parametrize('module', [dlo_planner, dlo_planner.arm, dlo_planner.view],
+@pytest.mark.parametrize('module', [dlo_planner, dlo_planner.arm, dlo_planner.view,
+                                    dlo_planner.tasks, dlo_planner.penalties,
+                                    dlo_planner.identify],
                          ids=lambda module: module.__name__)
 def test_every_public_name_is_in_the_reference_once(module):
     assert shown(module.__name__) == sorted(module.__all__)

@@ -10,16 +10,7 @@ import numpy as np
 import pytest
 from closed_loops import DEPTHS, NOISE, SPREAD, START, Truth, plan_of
 
-from dlo_planner import (
-    Box,
-    CutOut,
-    InverseSimulator,
-    Pose,
-    Steered,
-    Thread,
-    Trajectory,
-    correct,
-)
+from dlo_planner import Box, CutOut, InverseSimulator, Pose, Thread, Trajectory
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.judge import (
     bound_of,
@@ -29,6 +20,7 @@ from dlo_planner.execute.judge import (
     looked_at,
     unexplained,
 )
+from dlo_planner.identify import Steered, correct
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.plan.motion.trajectory import restored

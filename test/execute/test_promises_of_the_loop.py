@@ -16,7 +16,6 @@ from dlo_planner import (
     Observer,
     Pose,
     Sphere,
-    Steered,
     Trajectory,
     Workspace,
 )
@@ -26,6 +25,7 @@ from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.judge import aimed_anew
 from dlo_planner.execute.limiter import used
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
+from dlo_planner.identify import Steered
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.identify.vibration import STATED, FreeVibration

@@ -5,8 +5,9 @@
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, Pose, Rod, Through
+from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.geometry.kinematics import nearest_place
+from dlo_planner.penalties import Through
 
 LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
 

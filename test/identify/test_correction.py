@@ -17,18 +17,16 @@ from dlo_planner import (
     InvalidTask,
     InverseSimulator,
     Observer,
-    Phase,
     Pose,
-    PositionAt,
     Sheet,
     Sphere,
-    Through,
     Workspace,
-    correct,
 )
+from dlo_planner.identify import Phase, correct
 from dlo_planner.identify import correction as correction_module
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import before as part_before
+from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan.assembly import concatenate
 
 OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)

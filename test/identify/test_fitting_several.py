@@ -14,13 +14,13 @@ from dlo_planner import (
     InvalidTask,
     Motion,
     Observation,
-    ObservedMotion,
     Pose,
     Rod,
     Uncertainty,
     fit_rod,
 )
 from dlo_planner.direct.boundary_motion import Guide
+from dlo_planner.identify import ObservedMotion
 from dlo_planner.identify.misfit import seen_in
 from dlo_planner.identify.observed import Observed
 from dlo_planner.identify.unknowns import Unknowns

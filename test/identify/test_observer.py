@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from dlo_planner import (
     CutOut,
     DirectSimulator,
-    Estimate,
     InvalidTask,
     InverseSimulator,
     Observation,
@@ -20,8 +19,8 @@ from dlo_planner import (
     Pose,
     Rod,
     Uncertainty,
-    gripper_at,
 )
+from dlo_planner.identify import Estimate, gripper_at
 from dlo_planner.identify.memory import Consistency
 from dlo_planner.identify.predicted_miss import PredictedMiss, _bound, crossing
 from dlo_planner.identify.settling import settled

@@ -7,17 +7,8 @@ import pytest
 from closed_loops import DEPTHS, NOISE, SPREAD, WIRE, plan_of
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import (
-    DirectSimulator,
-    InvalidTask,
-    Limits,
-    Observer,
-    Pose,
-    Steered,
-    Trajectory,
-    correct,
-)
-from dlo_planner.identify import blending, steering
+from dlo_planner import DirectSimulator, InvalidTask, Limits, Observer, Pose, Trajectory
+from dlo_planner.identify import Steered, blending, correct, steering
 from dlo_planner.identify.blending import Change, step_response
 
 PLAN = plan_of(depths=DEPTHS)

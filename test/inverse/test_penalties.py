@@ -9,37 +9,39 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
-    AwayFrom,
-    BentAtMost,
     CutOut,
     DeadlineExceeded,
-    DirectionAt,
     DirectSimulator,
-    FrameAt,
-    GripperNear,
     Infeasible,
     InvalidTask,
     InverseSimulator,
-    KeepTangent,
     Minimize,
     NotConverged,
     Plane,
     Pose,
-    PositionAt,
-    Requirements,
     Rod,
     Sphere,
     Thread,
-    Through,
     Workspace,
-    minimize_penalty,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse.solvers.penalty_function import PenaltyFunction
+from dlo_planner.penalties import (
+    AwayFrom,
+    BentAtMost,
+    DirectionAt,
+    FrameAt,
+    GripperNear,
+    KeepTangent,
+    PositionAt,
+    Through,
+    minimize_penalty,
+)
 from dlo_planner.plan.builder import PlanRequirements
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.requirements import STABILITY
 from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.tasks import Requirements
 
 STIFF = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), radius=0.003)
 START = Pose((0, 0, 1), (0, 0, 0, 1))

@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import (
-    Approach,
     CutOut,
-    DirectionAt,
     DirectSimulator,
     HoldContact,
     Infeasible,
@@ -26,8 +24,6 @@ from dlo_planner import (
     Minimize,
     Plan,
     Pose,
-    PositionAt,
-    Requirements,
     Rod,
     SlideContact,
     Sphere,
@@ -40,8 +36,10 @@ from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import threading_of
 from dlo_planner.model.value import put
+from dlo_planner.penalties import DirectionAt, PositionAt
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.settings.tasks import read_task, task_from_yaml, task_to_yaml, write_task
+from dlo_planner.tasks import Approach, Requirements
 
 DEPTHS = (0.0, 0.1, 0.25)
 BACK = Pose((-1.3, 0, 1), (0, 0, 0, 1))

@@ -7,14 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import (
-    DirectionAt,
-    DirectSimulator,
-    Pose,
-    PositionAt,
-    Rod,
-    Through,
-)
+from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse import nearest_goals as nearest_module
 from dlo_planner.inverse.nearest_goals import nearest_goals
@@ -22,6 +15,7 @@ from dlo_planner.inverse.solvers.conditions import TwoPoints, aligned_shape
 from dlo_planner.inverse.solvers.continuation.following import Passing
 from dlo_planner.inverse.waypoint_newton import follow, free_axis
 from dlo_planner.model.pose import displaced, turned_by
+from dlo_planner.penalties import DirectionAt, PositionAt, Through
 from dlo_planner.plan.goal_rows import (
     DIRECTION,
     POSITION,

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Pose, Rod, Sheet
+from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
 from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, shape_of
 from dlo_planner.direct.step import bearing_on, corrected_by, past_of
 from dlo_planner.minimize.contact_solver import carried_newton
@@ -80,6 +80,23 @@ def test_a_dlo_that_comes_free_is_not_held_back(bearing):
     alone = simulator.without_obstacles().solve(away.gripper)
     assert away.converged and not away.contacts
     np.testing.assert_allclose(away.positions, alone.positions, atol=1e-9)
+
+
+@pytest.mark.parametrize('options', [{}, {'basis': 'local', 'n_elements': 64}])
+def test_a_row_of_nodes_on_a_table_takes_few_steps(options):
+    # what pulls is let go, what is pressed in bears: else one node after the other, 17 steps
+    rod = Rod(1.0, 0.05, 0.02, 0.015, radius=2e-3)
+    direct = DirectSimulator(rod, obstacles=[Plane((0, 0, -0.1), (0, 0, 1))], **options)
+    shape = direct.track([at(0.0), at(0.001)])[-1]
+    for height in (0.0, 0.001, 0.003):
+        shape = direct.solve(at(height), shape)
+        assert shape.converged and shape.iterations <= 4
+        assert len(shape.contacts) >= (3 if not options else 14)
+        assert min(contact.force for contact in shape.contacts) > 0
+        assert max(contact.penetration for contact in shape.contacts) < 1e-9
+        held = shape.gripper_wrench[2] + sum(contact.force for contact in shape.contacts)
+        assert held == pytest.approx(0.05 * 9.81, rel=1e-9)
+        assert shape.positions[:, 2].min() > -0.098 - 1e-9
 
 
 @pytest.mark.parametrize('obstacle', [BAR, ROUGH])

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from nav_msgs.msg import Goals
+from nav_msgs.msg import Path
 from rclpy.serialization import deserialize_message, serialize_message
 from scipy.spatial.transform import Rotation
-from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from dlo_planner import (
@@ -20,15 +19,22 @@ from dlo_planner import (
 )
 from msg_helpers.diagnostics import WARN, diagnostics_msg
 from msg_helpers.markers import plan_markers, shape_markers
-from msg_helpers.paths import later, plan_path, poses_from_path, shape_path, times_from_path
+from msg_helpers.paths import (
+    later,
+    plan_path,
+    poses_from_path,
+    shape_bytes,
+    shape_path,
+    times_from_path,
+)
 from msg_helpers.poses import (
     pose_from_msg,
     pose_from_stamped,
     pose_msg,
     pose_stamped_msg,
-    poses_from_goals,
 )
 from msg_helpers.trajectories import timed_trajectory
+from msg_helpers.wrenches import wrench_in, wrench_msg
 
 POSE = Pose((1.0, -2.0, 3.5), (0.1, -0.2, 0.3, 0.9))
 STAMP = Time(sec=7, nanosec=999_999_999)
@@ -69,6 +75,25 @@ def test_shape_path(shape):
     np.testing.assert_allclose([pose.rotation for pose in poses], shape.frames, atol=1e-14)
 
 
+@pytest.mark.parametrize('length', range(9))  # of the name: what follows it is aligned
+def test_the_bytes_of_a_shape_are_those_of_its_message(shape, length):
+    message = shape_path(shape, length * 'f', STAMP)
+    sent = shape_bytes(shape, length * 'f', STAMP)
+    assert len(sent) == len(serialize_message(message))
+    assert deserialize_message(sent, Path) == message
+
+
+def test_a_wrench_by_the_axes_of_a_sensor():
+    sensor = Pose((0.0, 0.0, 1.0), Rotation.from_euler('z', 90, degrees=True).as_quat())
+    at = Pose((2.0, 0.0, 1.0), (0, 0, 0, 1))
+    force = wrench_in(sensor, at, (0.0, 0.0, -3.0, 0.0, 0.0, 0.5))
+    # x of the sensor is y of the world, its y is -x; the arm of 2 m turns about y by 6 N m
+    np.testing.assert_allclose(force, (0.0, 0.0, -3.0, 6.0, 0.0, 0.5), atol=1e-12)
+    msg = over_the_wire(wrench_msg(force, 'tool0', STAMP))
+    assert (msg.header.frame_id, msg.header.stamp) == ('tool0', STAMP)
+    assert (msg.wrench.force.z, msg.wrench.torque.x, msg.wrench.torque.z) == (-3.0, 6.0, 0.5)
+
+
 def test_plan_path_is_stamped():
     path = over_the_wire(plan_path([POSE, POSE, POSE], [0.0, 0.25, 2.5], 'world', STAMP))
     np.testing.assert_allclose(times_from_path(path), [0.0, 0.25, 2.5], atol=1e-9)
@@ -104,16 +129,6 @@ def test_markers_of_two_cutouts():
     markers = over_the_wire(plan_markers(holes, [POSE], 'world', STAMP)).markers
     assert len({(marker.ns, marker.id) for marker in markers}) == len(markers) == 6
     assert markers[2].points[0].y == pytest.approx(0.03)
-
-
-def test_goals():
-    inner = pose_stamped_msg(POSE, '')
-    goals = Goals(header=Header(frame_id='world'), goals=[inner, pose_stamped_msg(POSE, 'world')])
-    for pose in poses_from_goals(over_the_wire(goals), 'world', 'goals'):
-        np.testing.assert_allclose(pose.matrix, POSE.matrix)
-    goals.goals[1].header.frame_id = 'map'
-    with pytest.raises(InvalidTask, match=r'goals\[1\].header.frame_id'):
-        poses_from_goals(goals, 'world', 'goals')
 
 
 def test_timed_trajectory_moves_the_tool_not_the_gripper():

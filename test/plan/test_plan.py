@@ -8,18 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import (
-    CutOut,
-    DirectSimulator,
-    InvalidTask,
-    InverseSimulator,
-    PlanStatus,
-    Pose,
-    Rod,
-)
+from dlo_planner import CutOut, DirectSimulator, InvalidTask, InverseSimulator, Pose, Rod
 from dlo_planner.plan.assembly import concatenate, truncate
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.waypoint import waypoint_at
+from dlo_planner.tasks import PlanStatus
 
 DIRECT = DirectSimulator(Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2),
                              radius=0.003), n_elements=24)

@@ -18,8 +18,8 @@ from dlo_planner import (
     Rod,
     Trajectory,
     Workspace,
-    concatenate,
 )
+from dlo_planner.tasks import concatenate
 
 WIRE = Rod.circular(1.0, 2e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)

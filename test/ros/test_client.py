@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import rclpy
 from node_inside import GOAL, HERE, state, until
-from test_tasks import BAR, DIRECT, HOLES, ON_BAR
+from test_node_tasks import BAR, DIRECT, HOLES, ON_BAR
 
 from demo.follower import Follower
 from dlo_planner import FarEnd, HoldContact, Pose, Thread

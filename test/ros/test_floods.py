@@ -70,7 +70,7 @@ def test_clouds_do_not_starve_identify(client, node):
 
 def test_goals_do_not_starve_the_services_of_plans(client, node):
     with flood(lambda: client.send_goal(FAR), pause=1e-2):
-        assert until(lambda: state(node).goals)
+        assert until(lambda: state(node).task)
         path, _ = client.plan_threading(HERE, Pose.looking_along((0, 0, 1), (1, 0, 0)))
     assert len(path.poses) > 2
     clear(client, node)

@@ -62,7 +62,8 @@ def test_obstacles_come_and_go(client):
     client.send_obstacles([cube(0.5, 1, frame='map')])
     assert 'expected \'world\'' in status(client, lambda _, m: 'obstacles refused' in m)[1]
     client.send_obstacles([cube(0.5, 1, kind=Marker.TEXT_VIEW_FACING)])
-    assert 'CUBE, SPHERE or CYLINDER' in status(client, lambda _, m: 'markers[0]: type' in m)[1]
+    said = status(client, lambda _, m: 'markers[0]: type' in m)[1]
+    assert 'CUBE, SPHERE, CYLINDER or ARROW' in said
     client.send_obstacles([cube(0, action=Marker.DELETEALL)])
     until(lambda: np.allclose(tip(client, LEVEL), free))
     np.testing.assert_allclose(tip(client, LEVEL), free, atol=1e-9)

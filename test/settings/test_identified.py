@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dlo_planner import Fit, InvalidTask
+from dlo_planner import InvalidTask
+from dlo_planner.identify import Fit
 from dlo_planner.settings.building import rod_of
 from dlo_planner.settings.identified import identified
 from dlo_planner.settings.yaml_files import read_values

@@ -51,6 +51,7 @@ def drawn(page, group):
 
 
 def test_the_slider_shows_the_waypoint_whose_time_has_come(page, plan):
+    assert repr(page) == f'PlanPage({page.url})' and page.url.startswith('http://')
     for time, index in ((0.0, 0), (plan.times[5] + 0.01, 5), (page.time.max, 11)):
         page.time.value = float(time)
         np.testing.assert_array_equal(drawn(page, 'dlo')[0].points, plan.shapes[index].positions)

@@ -1,25 +1,187 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Bring the gripper from its present pose to the beginning of a threading."""
+"""From the present pose of the gripper to the beginning of a threading, clear of the sheet.
+
+The gripper goes straight, turning evenly, to where the free end is `standoff` before the center,
+stops there, and goes in along the normal: few corners set the DLO swinging least. If the DLO would
+come too near to the sheet, the gripper backs off along the normal first, turns, and comes straight.
+While it only translates, a DLO that is behind the sheet at both ends is behind it all along; while
+it turns, it has to keep away by as much as may happen between two poses. The gripper backs off by
+the smallest distance that allows that; from farther than its length the DLO cannot reach the sheet.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
+from dlo_planner.direct.continuation import between
 from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.inverse.context import PlanContext
-from dlo_planner.inverse.solvers.threading.approach import approach
+from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
 from dlo_planner.inverse.task import Task
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.assembly import concatenate
+from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
+from dlo_planner.plan.clearance import sheet_of
+from dlo_planner.plan.continuity import apart, same
 from dlo_planner.plan.motion.trajectory import quickest_plan
 from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.waypoint import Waypoint
+
+_MARGIN = 0.02        # of the length
+_LONGEST = 0.1        # of the length, and
+_SHARPEST = 0.15      # rad: between two waypoints
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the distance back that is safe in any case
+_STRAIGHT = None      # instead of backing off: translation and rotation at once
+
+
+# A pose of the gripper, and how far (m) the DLO has to be behind the sheet there.
+_Station: TypeAlias = tuple[Pose, float]
+
+
+class _Request(NamedTuple):
+    """An approach: cut-out, Pose of the gripper now, standoff in m, Shape now or None."""
+
+    cutout: CutOut
+    start: Pose
+    standoff: float
+    initial: Shape | None
+
+
+def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
+             demands: PlanRequirements) -> Plan:
+    """Return the Plan from `start` to the Shape `first` of an Approach, where a threading begins.
+
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    task : Approach
+        Approach: cutout, first, standoff.
+    start : Pose
+        Pose of the gripper.
+    initial : Shape or None
+        Shape at `start`. If None, the natural shape set down there.
+    demands : PlanRequirements
+    """
+    cutout, first, standoff = task.cutout, task.first, task.standoff
+    assert standoff is not None  # the task chooses one
+    behind = float((cutout.center - start.position) @ cutout.normal)
+    back = max(0.0, (1 + _MARGIN) * simulator.rod.length + demands.surface.bound - behind)
+    quick = quick_simulator(simulator)
+    own = quick is simulator
+    demands = demands.made_with(simulator)
+    end = first if own else quick.solve(first.gripper, first)
+    refused: Infeasible | None = None
+    trial = demands if own else demands.silent(quick)
+    request = _Request(cutout, start, standoff, initial)
+    for share in (_STRAIGHT, *(_SHARES if back else (0.0,))):
+        away = share if share is _STRAIGHT else share * back
+        try:
+            plan = _from_behind(quick, end, request, trial, away)
+        except Infeasible as error:
+            if refused is None or error.waypoint >= refused.waypoint:
+                refused = error
+            continue
+        return plan if own else _from_behind(simulator, first, request, demands, away)
+    assert refused is not None  # one is tried at least
+    raise refused
+
+
+def _from_behind(simulator: DirectSimulator, first: Shape, request: _Request,
+                 demands: PlanRequirements, back: float | None) -> Plan:
+    """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT.
+
+    Parameters
+    ----------
+    request : _Request
+        The cut-out, start, standoff and initial shape of `approach`.
+    """
+    cutout, start, standoff, initial = request
+    normal, length, radius = cutout.normal, simulator.rod.length, demands.surface.bound
+    entering = _entering(first.gripper, normal, standoff, length)
+    before = entering[0]
+    coming = (_blended(start, before, standoff, radius, length) if back is _STRAIGHT else
+              _cornered(cutout, start, before, radius, length, back))
+    # the free end may wait in the hole, and comes to be there
+    hole = -(1 + _MARGIN) * radius - _MARGIN**2 * length
+    stations = [(start, hole), *coming]
+    stop = len(stations) - 1
+    if standoff <= radius:
+        stations[-1] = (stations[-1][0], hole)
+    stations += [(pose, 0.0) for pose in entering[1:]]
+    stations[-1] = (stations[-1][0], hole)
+    builder = PlanBuilder(np.zeros(len(stations)), demands, 'start phase, waypoint', stops=(stop,))
+    sheet = sheet_of(cutout, length, demands.obstacles)
+    sheets = () if sheet is None else ((sheet, normal),)
+    for gripper, least in stations:
+        demands.progress.check()
+        initial = simulator.track([gripper], initial=initial)[0]
+        if not initial.converged:
+            raise builder.refusal('equilibrium', _distance_left(stations[len(builder.waypoints):]),
+                                  'no stable shape is found')
+        if initial.jumped and builder.waypoints:
+            raise builder.refusal('continuity', apart(initial, builder.waypoints[-1].shape),
+                                  'the DLO would fall into another shape on the way there')
+        room = float(((cutout.center - initial.positions) @ normal).min()) - demands.surface.bound
+        if room < least:
+            raise builder.refusal('clearance', least - room, 'the DLO is not behind the sheet' if
+                                  room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
+        if len(builder.waypoints) == len(stations) - 1 and not same(initial, first):
+            raise builder.refusal('start', apart(initial, first), 'the DLO does not come into '
+                                  'the shape in which the threading begins')
+        behind = room if least >= 0 else np.inf  # else it is in the hole
+        builder.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),), sheets=sheets))
+    return builder.finished()
+
+
+def _entering(first: Pose, normal: Floats, standoff: float, length: float) -> list[Pose]:
+    """Return the Poses from where the free end is `standoff` before the center to `first`."""
+    before = Pose.from_rotation(first.position - standoff * normal, first.rotation)
+    return [before, *_interpolated(before, first, length)]
+
+
+def _blended(start: Pose, before: Pose, standoff: float, radius: float,
+             length: float) -> list[_Station]:
+    """Return [(Pose, least distance of the DLO from the sheet, m)] of the straight motion."""
+    margin = min(_MARGIN * length, 0.5 * max(standoff - radius, 0.0))
+    return [(pose, margin) for pose in _interpolated(start, before, length)]
+
+
+def _cornered(cutout: CutOut, start: Pose, before: Pose, radius: float, length: float,
+              back: float) -> list[_Station]:
+    """Return the same of a motion back along the normal by `back` (m), a turn, and one forward."""
+    safe = (cutout.center - start.position) @ cutout.normal + back >= length + radius
+    away = start.position - back * cutout.normal
+    lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, before))
+    return ([(pose, 0.0) for pose in _interpolated(start, lifted, length)]
+            + [(pose, 0.0 if safe else _SHARPEST * length)
+               for pose in _interpolated(lifted, turned, length)]
+            + [(pose, 0.0) for pose in _interpolated(turned, before, length)])
+
+
+def _distance_left(stations: Sequence[_Station]) -> float:
+    """Return how far (m) the gripper has still to go through stations [(Pose, room)]."""
+    positions = np.array([pose.position for pose, _ in stations])
+    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+
+
+def _interpolated(one: Pose, other: Pose, length: float) -> list[Pose]:
+    """Return Poses from `one`, which is left out, to `other`; none where they are the same."""
+    shift = np.linalg.norm(other.position - one.position)
+    turn = angle_between(one.rotation, other.rotation)
+    parts = int(np.ceil(max(float(shift) / (_LONGEST * length), turn / _SHARPEST) - 1e-9))
+    return [between(one, other, k / parts) for k in range(1, parts + 1)]
+
 
 _FARTHEST = 100  # of the length: from where the gripper may come
 _STANDOFFS = 0.1, 0.05, 0.15  # of the length: the first one where motion does not tell

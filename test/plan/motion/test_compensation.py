@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from calm_cases import cell, tasks
 
-from dlo_planner.plan.motion.calm import predicted
-from dlo_planner.plan.motion.compensation import compensated
+from dlo_planner.plan.motion.calm import compensated, predicted
 from dlo_planner.plan.motion.fastest import fastest_rates
 from dlo_planner.plan.motion.in_motion import in_motion
 from dlo_planner.plan.motion.timed_path import TimedPath, smoothed

@@ -19,7 +19,6 @@ from dlo_planner import (
     Pose,
     Rod,
     Trajectory,
-    concatenate,
     replay,
 )
 from dlo_planner.plan.motion.feed import Feed
@@ -27,6 +26,7 @@ from dlo_planner.plan.motion.in_motion import in_motion
 from dlo_planner.plan.motion.inserted import Instants, pushed
 from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.progress import Progress
+from dlo_planner.tasks import concatenate
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.3, 0.0))
 BENT = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4), natural_twist=0.3)

@@ -22,6 +22,7 @@ from dlo_planner.model.rod import Rod
 
 _ALIKE = 1e-9  # part of the stiffness, rad along the length: what makes no difference
 _ROLLS = 24  # of the free end, tried
+_OPPOSITE = 1e-9  # 1 + cosine of two unit vectors
 
 
 class Candidate(NamedTuple):
@@ -105,20 +106,14 @@ def is_axisymmetric(rod: Rod) -> bool:
 
 def least_turn(one: Floats, other: Floats) -> Floats:
     """Return the rotation (3, 3) about the axis across both that takes unit vector one to other."""
-    return turned_by(_rotvec_between(one, other))
-
-
-def _rotvec_between(one: Floats, other: Floats) -> Floats:
-    axis = np.cross(one, other)
-    sine = np.linalg.norm(axis)
-    if sine < 1e-12:
-        if one @ other > 0:
-            return np.zeros(3)
-        helper = np.eye(3)[np.argmin(np.abs(one))]  # opposite: any perpendicular axis
-        axis = np.cross(one, helper)
-        sine = np.linalg.norm(axis)
-        return axis / sine * np.pi
-    return axis / sine * np.arctan2(sine, one @ other)
+    (a, b, c), (d, e, f) = one.tolist(), other.tolist()
+    x, y, z, cosine = b * f - c * e, c * d - a * f, a * e - b * d, a * d + b * e + c * f
+    if 1.0 + cosine < _OPPOSITE:  # any perpendicular axis
+        across = np.cross(one, np.eye(3)[np.argmin(np.abs(one))])
+        return turned_by(across / np.linalg.norm(across) * np.pi)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn: Floats = np.eye(3) + cross + cross @ cross / (1.0 + cosine)  # Rodrigues
+    return turn
 
 
 def _shape_at(discretization: Discretization, strains: Floats, base: Floats) -> Shape:

@@ -3,21 +3,26 @@
 """A threading through one cut-out, continued from where it begins through all depths.
 
 The gripper rolls as its route says, or only where the DLO would hardly be stable. Such rolls come
-in jerks: afterwards the same plan is tried with even ones.
+in jerks, each a corner of its path: afterwards the same plan is tried with even ones. The sum of
+the rolls is how far it has to be rolled at each depth; a smooth curve along it (Whittaker 1923) is
+about the same path without corners.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.solvers.conditions import Aligned
 from dlo_planner.inverse.solvers.continuation.ahead import Ahead
-from dlo_planner.inverse.solvers.continuation.even_rolls import EvenRolls, even_rolls
 from dlo_planner.inverse.solvers.continuation.following import (
+    Condition,
     Passing,
     Rolls,
     Step,
@@ -32,10 +37,49 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
-from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import largest_turn
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import waypoint_of
+from dlo_planner.plan.waypoint import Holes, waypoint_of
+
+_FIRM = (1e3, 1e2, 1e1, 1.0)  # how much smoothness counts: features of 35 to 6 waypoints go
+_NO_ROLL = 1e-3               # rad between two waypoints
+
+
+@dataclass(frozen=True, eq=False)
+class EvenRolls:
+    """How far the gripper has rolled at n depths; a route for `following.follow`.
+
+    Attributes
+    ----------
+    depths : ndarray, shape (n,)
+        Depths in m.
+    turned : ndarray, shape (n,)
+        Rotation about the free axis at each depth, rad.
+    """
+
+    depths: Floats
+    turned: Floats
+
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
+        """Return the roll (rad) to make between two depths, m."""
+        del condition, passing
+        return float(np.diff(np.interp((depth, target), self.depths, self.turned))[0])
+
+
+def even_rolls(condition: Condition, depths: Floats,
+               passings: Sequence[Passing]) -> Iterator[EvenRolls]:
+    """Yield EvenRolls, ever less smooth, along the rolls between n Passings at n depths."""
+    rolls = [Rotation.from_matrix(after.shape.gripper.rotation @ before.shape.gripper.rotation.T)
+             .as_rotvec() @ condition.axis(before.shape)
+             for before, after in zip(passings, passings[1:], strict=False)]
+    if len(rolls) < 2 or np.abs(rolls).max() < _NO_ROLL:
+        return
+    turned = np.append(0.0, np.cumsum(rolls))
+    bends = np.diff(np.eye(turned.size), 2, axis=0)
+    for firm in _FIRM:
+        yield EvenRolls(depths, np.linalg.solve(np.eye(turned.size) + firm * bends.T @ bends,
+                                                turned))
+
 
 _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
 _DOUBTFUL = 0.05    # stability below which another roll is looked for
@@ -98,7 +142,7 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
     """
     length, cutout, demands = simulator.rod.length, task.cutout, task.demands
     builder = PlanBuilder(task.depths, demands, initial=task.initial)
-    sheet = sheet_of(cutout, length, demands.obstacles)
+    holes = Holes([cutout], length, demands.obstacles, demands.surface)
     aligned = Aligned(simulator, cutout.normal, task.method)
     may_roll = not is_axisymmetric(simulator.rod) and not isinstance(route, EvenRolls)
     guess, reference, depth = begin
@@ -126,7 +170,7 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
         passings.append(last)
         waypoint = waypoint_of(last.shape, cutout.center, length - target, cutout.normal,
                                last.known)
-        builder.add(waypoint.with_clearances([cutout], [sheet], demands.surface))
+        builder.add(holes.passed(waypoint))
     plan = builder.finished()
     return _evenly(simulator, task, begin, plan, passings) if jerks else plan
 

@@ -18,11 +18,11 @@ from dlo_planner import (
     Pose,
     Rod,
     Trajectory,
-    concatenate,
 )
 from dlo_planner.inverse.tasks import Approach
 from dlo_planner.plan.motion.calm_search import CalmSearch
 from dlo_planner.plan.motion.in_motion import InMotion
+from dlo_planner.tasks import concatenate
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0.2, 0.1, 1.0), (1, 0.3, 0)), radius=0.01)

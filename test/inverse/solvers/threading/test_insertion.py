@@ -20,7 +20,7 @@ from dlo_planner import (
     Rod,
     replay,
 )
-from dlo_planner.inverse.solvers.threading.insertion import _Insertion, _unconverged
+from dlo_planner.inverse.tasks.insert import _Insertion, _unconverged
 from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)

@@ -11,10 +11,10 @@ from dlo_planner import (
     Infeasible,
     InvalidTask,
     InverseSimulator,
-    PlanStatus,
     Pose,
     Rod,
 )
+from dlo_planner.tasks import PlanStatus
 
 GOAL = CutOut(Pose.looking_along((0.3, -0.2, 1.0), (1.0, 0.0, 0.0)))
 STRIP = Rod(1.0, 0.2, (0.5, 2.0), 0.4, natural_curvature=(0.6, -0.3), natural_twist=0.5,

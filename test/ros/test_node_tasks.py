@@ -21,7 +21,6 @@ from std_msgs.msg import String
 
 import dlo_planner
 from dlo_planner import (
-    Approach,
     CutOut,
     Cylinder,
     DirectSimulator,
@@ -33,7 +32,6 @@ from dlo_planner import (
     Minimize,
     PointLoad,
     Pose,
-    PositionAt,
     Rod,
     SlideContact,
     Thread,
@@ -42,7 +40,9 @@ from dlo_planner import (
 )
 from dlo_planner.execute.causes import Cause
 from dlo_planner.inverse.task import Task
+from dlo_planner.penalties import PositionAt
 from dlo_planner.settings.tasks import task_to_yaml
+from dlo_planner.tasks import Approach
 from msg_helpers.obstacles import obstacles_msg
 from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_stamped_msg
@@ -310,10 +310,6 @@ def test_what_loads_the_dlo_is_stated_by_parameters(inside, node, values, simula
         assert at_once(inside, **before).successful
 
 
-PAGE = (ROOT / 'docs' / 'ros_interface.md').read_text()
-LINES = re.findall(r'^    ros2 (topic pub --once|service call) (\S+) (\S+) "(.*)"$', PAGE, re.M)
-
-
 def of_type(name):
     """Return the class of a type, 'package/msg/Name' or 'package/Name'."""
     package, *kind, name = name.split('/')
@@ -335,9 +331,11 @@ def fill(message, values):
 
 def test_the_commands_of_the_page_are_answered(inside, node):
     """Each does what it says, one after the other, from where the gripper is."""
-    assert len(LINES) == 15
+    page = (ROOT / 'docs' / 'ros_interface.md').read_text()
+    lines = re.findall(r'^    ros2 (topic pub --once|service call) (\S+) (\S+) "(.*)"$', page, re.M)
+    assert len(lines) == 15
     inside.trigger('reset')
-    for how, name, type_name, text in LINES:
+    for how, name, type_name, text in lines:
         drain(inside.statuses)
         kind = of_type(type_name)
         if 'far_end' in name or 'predict_shape' in name:
