@@ -275,7 +275,10 @@ def _off(path: GripperPath, poses: Sequence[Pose], length: float) -> float:
     on_it = ahead(*path.at(np.linspace(path.times[0], path.times[-1], 2 * _TRIED)))
     wanted = ahead(np.array([pose.position for pose in poses]),
                    np.array([pose.rotation for pose in poses]))
-    apart = np.linalg.norm(wanted[:, None] - on_it, axis=3).max(axis=2)
+    steps, since = np.diff(on_it, axis=0), wanted[:, None] - on_it[:-1]
+    part = np.clip(np.einsum('mkij,kij->mk', since, steps)
+                   / np.maximum((steps**2).sum(axis=(1, 2)), 1e-300), 0, 1)
+    apart = np.linalg.norm(since - part[:, :, None, None] * steps, axis=3).max(axis=2)
     return float(apart.min(axis=1).max())
 
 
