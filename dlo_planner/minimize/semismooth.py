@@ -216,8 +216,10 @@ def _pushing_only(system, table, first, normal, equations):
     k, times = system.effects.contact.contacts.stiffness, _refinements(system)
     bears = np.ones(table.gap.size, dtype=np.bool_)
     known, change = softly_solved(matrix.copy(), right, soft, times)
-    # at rest a row of contacts shares its friction, which would leave with one let go
-    shares = np.max(table.rubbing) >= 0 and not is_drawn(system.effects.anchor)
+    # at rest a row of contacts shares its friction, which would leave with one let go; between two
+    # grips what begins deep inside obstacles would not come out
+    shares = (not is_drawn(system.effects.anchor)
+              and (np.max(table.rubbing) >= 0 or _refinements(system) == 0))
     for turn in range(0 if shares else _CHANGES):
         if not known:
             break
