@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
-from dlo_planner.kernels import COMPILED, kernel
+from dlo_planner.kernels import COMPILED, folders, kernel
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='kernels are plain Python')
 TERMS = '    y = (y - 1.0) * (x - 0.5) + 1.0\n' * 40
@@ -40,13 +40,17 @@ def constants(x):
 
 
 @pytest.fixture(params=['', '(forceinline=True)'], ids=['', 'forceinline'])
-def made(request, monkeypatch):
-    """Return a module of kernels, and the number of those that are units."""
+def made(request, monkeypatch, tmp_path):
+    """Return a module of kernels that nobody has compiled, and the number of units among them."""
+    monkeypatch.setattr(folders, '_only', [tmp_path])
+    folders.folders.cache_clear()
     module = type(sys)('made_for_a_test')
     monkeypatch.setitem(sys.modules, module.__name__, module)
     module.kernel = kernel
     exec(TEXT.replace('{options}', request.param), module.__dict__)
-    return module, 1 if request.param else 2
+    yield module, 1 if request.param else 2
+    monkeypatch.undo()
+    folders.folders.cache_clear()
 
 
 def plain(name, *args):
