@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from dlo_planner.direct.discretization import Discretization
 
 class Inertia(Part):
-    """Inertia, `energy.inertia`, which `direct.stepper` brings; at rest there is none."""
+    """Inertia, `energy.inertia`, which `direct.integrator` brings; at rest there is none."""
 
     name = 'anchor'
     rests = True

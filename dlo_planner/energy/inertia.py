@@ -6,7 +6,7 @@ Whatever the time integrator, a step minimizes the static potential plus
 
     W_dyn = sum of weight |x - anchor|^2 / 2
 
-over the nodes; the integrator (`direct.dynamics`) says where the anchors are and how strong.
+over the nodes; the integrator (`direct.integrator`) says where the anchors are and how strong.
 The section's own rotational inertia is neglected (of order (d/L)^2).
 """
 
