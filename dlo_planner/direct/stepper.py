@@ -671,7 +671,8 @@ class Stepper:
         frames, plastic = np.empty((rows, elements + 1, 3, 3)), mesh.start.left['set']
         frames[PAST] = memory.frames[0]
         held = ends[3].shape[1]
-        reactions, sets = np.zeros((rows, held)), np.empty((rows, *plastic.shape))
+        # zeros: steps without what may act leave nothing of it
+        reactions, sets = np.zeros((rows, held)), np.zeros((rows, *plastic.shape))
         node_forces = np.zeros((rows, *mesh.start.left['node_force'].shape))
         for kept, array in ((reactions, memory.reactions), (sets, memory.plastic),
                             (node_forces, memory.node_forces)):

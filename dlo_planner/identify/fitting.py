@@ -96,8 +96,8 @@ class Fit(Answer):
                  if not np.isfinite(np.array(value, dtype=float)).all()]
         return brief(self, 'converged' if self.converged else 'not converged',
                      f'misfit {self.misfit:.2g} m',
-                     *(f'{name} {figures(value)}' for name, value in self.values.items()),
-                     f'not told by the observations: {", ".join(open_)}' if open_ else '')
+                     f'not told by the observations: {", ".join(open_)}' if open_ else '',
+                     *(f'{name} {figures(value)}' for name, value in self.values.items()))
 
     @property
     def names(self) -> tuple[str, ...]:

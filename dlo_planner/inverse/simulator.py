@@ -160,6 +160,7 @@ class InverseSimulator(Shorthands):
     def demands(self, plan: Plan, progress: Progress | None = None) -> PlanRequirements:
         """Return the demands by which a Plan is judged, which touches what it touches."""
         touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
+        instance('progress', progress, Progress, optional=True)
         return PlanContext(self._given, self.simulator, requirements=self.requirements,
                            touching=touching, progress=progress or Progress()).demands
 

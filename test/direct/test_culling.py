@@ -14,8 +14,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, parallel
+from dlo_planner.direct.boundary_motion import Grips, Guide
 from dlo_planner.direct.culling import Culled
-from dlo_planner.direct.stepper import Stepper
+from dlo_planner.direct.integrator import Scheme
+from dlo_planner.direct.stepper import Limits, Stepper
 
 UP = (0, 0, 1)
 HOLE = CutOut(Pose.looking_along((0.9, -0.6, 0.8), (1, 0, 0)), radius=0.02)
@@ -198,6 +200,20 @@ def test_a_motion_reaches_what_acts(around, all_acts):
         assert np.abs(ours.positions - theirs.positions).max() < 1e-6
         assert len(ours.contacts) == len(theirs.contacts)
     np.testing.assert_allclose(one.losses, other.losses, atol=1e-7)
+
+
+def test_steps_without_what_may_act_leave_nothing_of_it(monkeypatch):
+    direct = simulator(SOFT)
+    start = direct.solve(turned(-70, z=1.5))
+    stepper = Stepper(start.mesh, Grips(Guide([start.gripper] * 3, 0.01)), 0.01)
+    with monkeypatch.context() as patch:  # what nobody fills has to be seen
+        patch.setattr(np, 'empty', lambda shape, dtype=float: np.full(
+            shape, np.nan if dtype is float else 7, dtype))
+        now = stepper.begin(start)
+        batch = stepper.steps(now, (), np.array([1.0, 2.0]), Scheme.named('paper', 0.01), Limits())
+    assert batch.refused is None and batch.last.rows.free
+    assert batch.last.memory.plastic.size and not batch.last.memory.plastic.any()
+    assert not batch.last.memory.node_forces.any()
 
 
 def test_nothing_is_passed_between_two_poses(all_acts):

@@ -20,6 +20,7 @@ from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
 import dlo_planner
+import dlo_planner.tasks
 from dlo_planner import (
     CutOut,
     Cylinder,
@@ -117,7 +118,7 @@ def at_once(client, **values):
 
 
 def test_each_public_task_has_its_way_through_the_node():
-    public = {one for one in vars(dlo_planner.public).values()
+    public = {one for one in (*vars(dlo_planner.public).values(), *vars(dlo_planner.tasks).values())
               if isinstance(one, type) and issubclass(one, Task) and one is not Task}
     assert public == set(TASKS)
 

@@ -137,13 +137,6 @@ def test_files_of_the_first_format_are_readable(tmp_path, name):
     assert type(value).load(tmp_path / 'old.npz') == value
 
 
-def test_reports_that_were_saved_under_the_old_name_are_readable(tmp_path):
-    report = values()['ValidationReport']
-    report.save(tmp_path / 'new.npz')
-    rewritten(tmp_path / 'new.npz', tmp_path / 'old.npz', kind='Report')
-    assert ValidationReport.load(tmp_path / 'old.npz') == report
-
-
 def test_a_file_says_what_it_holds(tmp_path):
     values()['Plan'].save(tmp_path / 'plan.npz')
     for kind in (Shape, Motion, ValidationReport):
