@@ -241,7 +241,8 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
     """Return why the motion of a Plan must not be executed, '' if it may be."""
     missed = plan.position_error.max()  # as planned: more than two cut-outs are not hit exactly
     if not figures['converged']:
-        return 'the DLO does not follow the poses, even slowly'
+        why = f": {figures['reason']}" if figures.get('reason') else ''
+        return f'the DLO does not follow the poses, even slowly{why}'
     if not motion.converged:
         return 'the motion could not be simulated to its end'
     if 'reason' in figures:
