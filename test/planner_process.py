@@ -28,9 +28,11 @@ class Planner:
 
     def __init__(self, directory, *arguments):
         self.log_file = directory / 'planner.log'
+        # of two files rcl takes the second one's values, whatever is said after it
+        wire = () if '--params-file' in arguments else WIRE
         with self.log_file.open('w') as log:
             self.process = subprocess.Popen(
-                [sys.executable, '-m', 'dlo_planner.ros.planner_node', '--ros-args', *WIRE,
+                [sys.executable, '-m', 'dlo_planner.ros.planner_node', '--ros-args', *wire,
                  *arguments],
                 stdout=log, stderr=subprocess.STDOUT, cwd=ROOT,
                 env={**os.environ, 'PYTHONUNBUFFERED': '1'})
