@@ -80,6 +80,7 @@ _OLD = 1e-4          # rad, turned since: an older factorization tells nothing o
 _PER_TURN = 100.0    # change of an eigenvalue per rad, at most
 _FREE = 1e-14        # of the squares of all rows: what no goal tells stays as it is
 _EXACT = 1e-10       # rad, and of the length: what goals may miss
+_POLISHED = 0.1      # of that: what misses more gets a step more: where it began shall not tell
 _MAX_ITERATIONS = 60
 _ORIGIN = np.zeros(3)
 freeze(_ORIGIN)
@@ -135,19 +136,22 @@ def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, ori
     _go_to_first(goals, nodes, here, state, origin)
     _miss(here, state, goals, nodes, origin, missed, where, places)
     merit = residual_of(here, state) + _size(missed)
-    converged, iterations, negative, since = False, 0, 1, np.inf  # rad turned since factorized
+    converged, polished = False, False
+    iterations, negative, since = 0, 1, np.inf  # rad turned since factorized
     while True:
         residual = residual_of(here, state)
         converged = residual < tolerance and _size(missed) < exact
-        if converged and negative == 0 and since < _OLD:
+        done = converged and (polished or _size(missed) < _POLISHED * exact)
+        if done and negative == 0 and since < _OLD:
             break
         # near the end the factorization before is as good
-        fresh = converged or negative > 0 or not _LEAVES * since * merit < tolerance
+        fresh = done or negative > 0 or not (converged or _LEAVES * since * merit < tolerance)
+        polished = converged
         if fresh:
             negative, since = 0, 0.0
             if not assembled_definite(here, state, hessian, 0.0):
                 negative = factorize(here, hessian, 0.0)
-        if converged or iterations >= max_iterations:
+        if done or iterations >= max_iterations:
             break
         iterations += 1
         _answers(here, state, hessian, fresh, load, answers)
