@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from planner_process import PATIENCE, ROOT
+from planner_process import PATIENCE, ROOT, WIRE
 
 # The system itself, read-only but for the devices, entered as nobody. Reading everything stays
 # allowed: the interpreter may be installed where only root can look.
@@ -43,7 +43,7 @@ def make():
     return node, executor
 
 main._planner = make
-sys.exit(main.main([]))
+sys.exit(main.main({arguments!r}))
 """
 
 
@@ -56,7 +56,7 @@ def inside(*command):
 def test_it_starts_and_ends_as_nobody_in_a_read_only_system(domain):
     if not shutil.which('unshare') or inside('true').returncode != 0:
         pytest.skip('this machine lets nobody make a read-only system')
-    done = inside(sys.executable, '-c', NODE.format(root=str(ROOT)))
+    done = inside(sys.executable, '-c', NODE.format(root=str(ROOT), arguments=['--ros-args', *WIRE]))
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ['active', '65534']
     assert 'Traceback' not in done.stderr

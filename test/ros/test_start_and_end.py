@@ -75,7 +75,8 @@ def test_a_file_that_is_not_there_is_said_in_a_line(domain, tmp_path):
 
 def test_whole_numbers_in_yaml_are_taken_for_doubles(domain, tmp_path):
     config = tmp_path / 'whole.yaml'
-    config.write_text('dlo_planner:\n  ros__parameters:\n    rod: {length: 2, density: 8960}\n'
+    config.write_text('dlo_planner:\n  ros__parameters:\n    rod: {length: 2, density: 8960, '
+                      'diameter: 0.001, youngs_modulus: 1.1e11, poisson_ratio: 0.34}\n'
                       '    gravity: [0, 0, -10]\n')
     arguments = ('--params-file', str(config))
     with running_planner(tmp_path, *arguments) as planner, connected_client(planner) as client:

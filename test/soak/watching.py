@@ -8,12 +8,12 @@ from contextlib import suppress
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Path as PathMsg
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from dlo_planner.ros.managed import LATCHED, REQUEST
+from dlo_planner.ros.managed import LATCHED, LATEST, REQUEST
 
 OUTPUTS = {
     '~/predicted_shape': (PathMsg, LATCHED), '~/gripper_trajectory': (PathMsg, LATCHED),
@@ -21,6 +21,7 @@ OUTPUTS = {
     '~/joint_trajectory': (JointTrajectory, LATCHED), '~/markers': (MarkerArray, LATCHED),
     '~/status': (DiagnosticStatus, LATCHED), '~/execution': (DiagnosticStatus, LATCHED),
     '~/gripper_command': (PoseStamped, REQUEST),
+    **{f'~/{name}_wrench': (WrenchStamped, LATEST) for name in ('gripper', 'far_end')},
     '~/gripper_commands_ahead': (MultiDOFJointTrajectory, REQUEST),
     '/diagnostics': (DiagnosticArray, REQUEST)}
 MEGABYTE = 1024.0  # kB
