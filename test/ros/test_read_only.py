@@ -56,7 +56,8 @@ def inside(*command):
 def test_it_starts_and_ends_as_nobody_in_a_read_only_system(domain):
     if not shutil.which('unshare') or inside('true').returncode != 0:
         pytest.skip('this machine lets nobody make a read-only system')
-    done = inside(sys.executable, '-c', NODE.format(root=str(ROOT), arguments=['--ros-args', *WIRE]))
+    node = NODE.format(root=str(ROOT), arguments=['--ros-args', *WIRE])
+    done = inside(sys.executable, '-c', node)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == ['active', '65534']
     assert 'Traceback' not in done.stderr
