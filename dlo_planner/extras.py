@@ -11,22 +11,7 @@ from dlo_planner.errors import MissingExtra
 
 
 def extra(module: str, name: str, purpose: str) -> ModuleType:
-    """Return a module of an optional package.
-
-    Parameters
-    ----------
-    module : str
-        Its name, e.g. 'matplotlib.figure'.
-    name : str
-        Name of the extra that installs it, e.g. 'figures'.
-    purpose : str
-        What needs it, in the plural, for the message: 'pictures'.
-
-    Raises
-    ------
-    MissingExtra
-        It is not installed; the message names the extra and the command.
-    """
+    """Return a module of an optional package."""
     package = module.split('.', maxsplit=1)[0]
     try:
         return import_module(module)

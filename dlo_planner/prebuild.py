@@ -23,13 +23,7 @@ _PROCESSES = 2
 
 
 def main(args: list[str] | None = None) -> int:
-    """Fill the folder; return the exit status.
-
-    Parameters
-    ----------
-    args : list of str, optional
-        Arguments of the command line. If None, sys.argv.
-    """
+    """Fill the folder; return the exit status."""
     parser = argparse.ArgumentParser(prog='python -m dlo_planner.prebuild', description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--into', type=Path, metavar='FOLDER',
@@ -48,18 +42,7 @@ def main(args: list[str] | None = None) -> int:
 
 
 def prebuild(into: Path | None = None) -> Path:
-    """Compile all kernels for any processor of this kind; return the folder they are in.
-
-    Parameters
-    ----------
-    into : Path, optional
-        Folder of such folders, one for each Python. If None, that of the package.
-
-    Raises
-    ------
-    RuntimeError
-        This processor is older than what the kernels are compiled for.
-    """
+    """Compile all kernels for any processor of this kind; return the folder they are in."""
     from dlo_planner import exercises  # noqa: PLC0415
     from dlo_planner.kernels import folders  # noqa: PLC0415
     folder = folders.IN_PACKAGE if into is None else into / folders.IN_PACKAGE.name

@@ -56,23 +56,7 @@ def followed(arm: Arm, targets: Sequence[Target], times: Floats, start: Floats, 
              check: Callable[[], object]) -> Floats:
     """Return joint positions (n, m) that place the tool at n targets, each from the one before.
 
-    Parameters
-    ----------
-    targets : sequence of Target
-        n positions (3,) and rotations (3, 3) in the root link.
-    times : ndarray, shape (n,)
-        Times in s of them.
-    start : ndarray, shape (m,)
-        Positions for the first one.
-    centering : float
-        rad by which joints are drawn to their middles, per m and rad of the tool's way.
-    check : callable
-        Called now and then; it may raise.
-
-    Raises
-    ------
-    Lost
-        Out of reach, beyond a joint's limits, or only with a jump.
+    Shapes: times (n,), start (m,).
     """
     chain, out, ways = arm.chain, [start], ways_between(targets)
     for k in range(1, len(targets)):

@@ -11,13 +11,7 @@ _REMEDY = ("the joints of an arm need Pinocchio: expected the extra 'dlo_planner
 
 
 def pinocchio() -> Any:
-    """Return the module.
-
-    Raises
-    ------
-    InvalidTask
-        It is not installed, or another package of that name is.
-    """
+    """Return the module."""
     try:
         import pinocchio as module  # noqa: PLC0415 - an extra
     except ImportError as error:

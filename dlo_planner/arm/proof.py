@@ -29,17 +29,7 @@ def tool_errors(arm: Arm, curve: PPoly, targets: Sequence[Target], times: Floats
 
 
 def judge_curve(arm: Arm, curve: PPoly, still: Sequence[Floats], fastest: Sequence[Floats]) -> None:
-    """Raise Lost unless positions and speeds keep the limits at their extremes.
-
-    Parameters
-    ----------
-    curve : PPoly
-        PPoly of m joints.
-    still : sequence of ndarray
-        m arrays of times in s, in which the positions are largest and smallest.
-    fastest : sequence of ndarray
-        m arrays of times in s, in which the speeds are.
-    """
+    """Raise Lost unless positions and speeds keep the limits at their extremes."""
     times = np.unique(np.concatenate(still))
     for time, positions in zip(times, curve(times), strict=True):
         judge_limits(arm, positions, time)
@@ -58,11 +48,6 @@ def smallest_distance(arm: Arm, curve: PPoly, check: Callable[[], object]) -> fl
 
     Between two samples of a pair's distance it is no less than half of their sum, less half of what
     the joints' way moves a link at most. A step in which that is too little is halved.
-
-    Raises
-    ------
-    Lost
-        Links come nearer than the arm's clearance.
     """
     collision = arm.collision
     if not collision.pairs:

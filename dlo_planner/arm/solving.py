@@ -47,18 +47,6 @@ def solve(chain: Chain, positions: Floats, target: Target, iterations: int, clip
     Dubey, IEEE Transactions on Robotics and Automation 11, 1995), damped in proportion to the
     squared error (Levenberg and Marquardt): quadratic convergence, and near what is out of reach
     the nearest placement.
-
-    Parameters
-    ----------
-    chain : Chain
-    target : Target
-        Position (3,) and rotation (3, 3) of the link in the root link.
-    iterations : int
-        At most.
-    clipped : bool, optional
-        Whether joints stay within their limits on the way.
-    plain : bool, optional
-        Whether all joints weigh the same.
     """
     best = Solved(positions, np.full(_COORDINATES, np.inf))
     for _ in range(iterations):
@@ -76,15 +64,7 @@ def solve(chain: Chain, positions: Floats, target: Target, iterations: int, clip
 
 
 def centered(chain: Chain, positions: Floats, target: Target, most: float) -> Floats:
-    """Return positions (m,) from which to go on: nearer to the middles, the tool about unmoved.
-
-    Parameters
-    ----------
-    target : Target
-        Where the tool goes next.
-    most : float
-        rad or m that a joint goes for it.
-    """
+    """Return positions (m,) from which to go on: nearer to the middles, the tool about unmoved."""
     if positions.size <= _COORDINATES or most == 0:
         return positions
     slope = _slope(chain, positions)

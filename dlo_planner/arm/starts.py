@@ -30,19 +30,7 @@ def starts(arm: Arm, target: Target, current: Floats | None, number: int) -> lis
     configuration counts. Where the present positions are not known, those farthest from limits come
     first, and an arm with a choice goes away from its limits before.
 
-    Parameters
-    ----------
-    target : Target
-        Position (3,) and rotation (3, 3) of the tool in the root link.
-    current : ndarray, shape (m,) or None
-        Present joint positions, or None.
-    number : int
-        Number of points over the ranges.
-
-    Raises
-    ------
-    Lost
-        There is none.
+    Shapes: current (m,).
     """
     chain = arm.chain
     if current is not None and is_there(arm, target, current):

@@ -59,18 +59,6 @@ def resolve_meshes(root: ElementTree.Element, packages: Sequence[str]) -> list[s
 
     `package://name/rest` is looked for as `folder/name/rest`, and as `folder/rest` where the folder
     itself has that name.
-
-    Parameters
-    ----------
-    root : ElementTree.Element
-        <robot>, which is changed; its visual elements are taken out.
-    packages : sequence of str
-        Folders.
-
-    Returns
-    -------
-    list of str
-        For each collision element taken out, its link and path.
     """
     missing = []
     for link in root.findall('link'):
@@ -103,12 +91,6 @@ def _path_of(filename: str, packages: Sequence[str]) -> Path | None:
 
 
 def disabled_pairs(srdf: str) -> set[frozenset[str]]:
-    """Return the pairs of links that an SRDF says need not be looked at.
-
-    Raises
-    ------
-    InvalidTask
-        No SRDF.
-    """
+    """Return the pairs of links that an SRDF says need not be looked at."""
     return {frozenset((pair.get('link1', ''), pair.get('link2', '')))
             for pair in parsed('srdf', srdf).iter('disable_collisions')}

@@ -29,32 +29,7 @@ def bench(tasks: Sequence[Task], driver: Driver, *, unknowns: Unknowns = NOTHING
           disturbances: Disturbances = UNDISTURBED, camera: Camera | None = None,
           damping: float = 0.005, step: float = STEP,
           executor: Executor | None = None, progress: OnProgress = None) -> list[Outcome]:
-    """Return the Outcomes of Tasks, in their order; the k-th is run with the seed k.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-        Tasks of any number.
-    driver : Driver
-        See `run`.
-    unknowns : Unknowns, optional
-        See `run`.
-    disturbances : Disturbances, optional
-        See `run`.
-    camera : Camera, optional
-        See `run`.
-    damping, step : float, optional
-        See `run`.
-    executor : Executor, optional
-        Executor of concurrent.futures or with the same interface. If None, one after the other.
-    progress : callable, optional
-        Called as progress(done, total).
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
-    """
+    """Return the Outcomes of Tasks, in their order; the k-th is run with the seed k."""
     tasks = items('tasks', tasks, Task)
     report = callback('progress', progress) or _silent
     options: dict[str, Any] = {'unknowns': unknowns, 'disturbances': disturbances,

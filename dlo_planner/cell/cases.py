@@ -25,13 +25,7 @@ _SECOND = 0.2         # of the points
 
 
 def case(name: str, seed: int) -> tuple[Disturbances, Camera]:
-    """Return the Disturbances and the Camera of a case in CASES and a seed, always the same.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
-    """
+    """Return the Disturbances and the Camera of a case in CASES and a seed, always the same."""
     choice('name', name, CASES)
     return CASES[name](np.random.default_rng(
         [integer('seed', seed, minimum=0, maximum=2**31), 80]))

@@ -60,17 +60,7 @@ class Looking:
     @classmethod
     def knowing(cls, unknowns: Unknowns, camera: Camera, limits: Limits | None = None,
                 **seeing: Any) -> 'Looking':
-        """Return the driver that knows the standard deviations of what is unknown, not the values.
-
-        Parameters
-        ----------
-        unknowns : Unknowns
-            Unknowns; a gradient of the mass has no counterpart in the driver's Uncertainty.
-        camera : Camera
-        limits : Limits, optional
-        seeing : object
-            Further attributes of `Seeing`, as of the robot.
-        """
+        """Return the driver that knows standard deviations of what is unknown, not the values."""
         bent, *varying = unknowns.natural_curvature
         spread = Uncertainty(unknowns.stiffness, unknowns.stiffness, unknowns.mass, unknowns.length,
                              float(bent), unknowns.gripper_position, unknowns.gripper_rotation,

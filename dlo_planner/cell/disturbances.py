@@ -105,17 +105,7 @@ class Bump(Value):
     def response(self, frequencies: Floats, lag: float) -> Floats:
         """Return how oscillators of unit mass answer its `profile` while it pushes and after.
 
-        Parameters
-        ----------
-        frequencies : ndarray, shape (n,)
-            Angular frequencies of the oscillators without damping, rad/s, ascending.
-        lag : float
-            Their damping in proportion to their stiffness, s, above 0.
-
-        Returns
-        -------
-        ndarray, shape (n, k)
-            Displacements in s^2 at k times, until half a period of the slowest after its end.
+        Shapes: frequencies (n,).
         """
         times = np.linspace(0, self.duration + _AHEAD * 2 * np.pi / frequencies[0], _PUSH)
         begun = _switched_on(frequencies, lag, self.duration, times)
@@ -224,15 +214,7 @@ class Course(Value):
         return bump.profile(time - self.since)
 
     def robot_error(self, place: Floats, rotation: Floats, time: float) -> tuple[Floats, Floats]:
-        """Return the robot's shift (3,) in m and rotation vector (3,) in rad in a pose, at a time.
-
-        Parameters
-        ----------
-        place, rotation : ndarray
-            Measured place (3,), m, and rotation (3, 3) of the gripper.
-        time : float
-            Time in s.
-        """
+        """Return a robot's shift (3,) in m and rotation vector (3,) in rad at a pose and time."""
         of = self.disturbances
         at = np.concatenate([place, _LEVER * rotation[:, 0], _LEVER * rotation[:, 1]])
         error = np.zeros(6)
@@ -252,15 +234,7 @@ class Course(Value):
                     np.zeros(3)))
 
     def held(self, place: Floats, rotation: Floats, time: float) -> tuple[Floats, Floats]:
-        """Return place (3,) and rotation (3, 3) of the beginning of the DLO.
-
-        Parameters
-        ----------
-        place, rotation : ndarray
-            Place (3,) and rotation (3, 3) of the gripper that would be without disturbances.
-        time : float
-            Time in s.
-        """
+        """Return place (3,) and rotation (3, 3) of the beginning of the DLO."""
         shift, turn = self.robot_error(place, rotation, time)
         back, about = self.in_grip(time)
         place = place + rotation @ shift

@@ -69,40 +69,13 @@ class _Replayed:
 
 
 def planned(task: Task, limits: Limits | None = None) -> Trajectory:
-    """Return start phase and threading of the DLO as stated, as one motion.
-
-    Parameters
-    ----------
-    task : Task
-    limits : Limits, optional
-        Limits of the gripper. If None, the default ones.
-
-    Raises
-    ------
-    Infeasible
-        There is no plan, or no calm motion.
-    """
+    """Return start phase and threading of the DLO as stated, as one motion."""
     return Trajectory(concatenate(*ways(task, limits=limits)), limits)
 
 
 def ways(task: Task, standoff: float | None = None,
          limits: Limits | None = None) -> tuple[Plan, Plan]:
-    """Return the start phase and the threading.
-
-    Parameters
-    ----------
-    task : Task
-    standoff : float, optional
-        Distance of the free end from the hole between both, m. If None, the one with which the
-        calm motion through both is the quickest, see `InverseSimulator.approach`.
-    limits : Limits, optional
-        Limits of that motion. If None, the default ones.
-
-    Raises
-    ------
-    Infeasible
-        There is no plan.
-    """
+    """Return the start phase and the threading."""
     inverse = InverseSimulator(DirectSimulator(task.rod, obstacles=[task.sheet]))
     depths = np.linspace(0, task.depth, _WAYPOINTS)
     through = inverse.thread(task.cutout, start=task.start, depths=depths)

@@ -34,13 +34,7 @@ class Passage(Value):
 def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
     """Return the Passage of a line through a CutOut.
 
-    Parameters
-    ----------
-    cutout : CutOut
-    s : ndarray, shape (n,)
-        Arc lengths, m, from 0 to the length.
-    places : ndarray, shape (n, 3)
-        Places in m, of the line at `s`.
+    Shapes: s (n,), places (n, 3).
     """
     local = (places - cutout.center) @ cutout.pose.rotation
     before, after = local[:-1], local[1:]
@@ -59,19 +53,7 @@ def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
 def between(places: Floats, tangents: Floats, scaled: Floats, cell: float) -> Floats:
     """Return places on the cubic curve through nodes with unit tangents.
 
-    Parameters
-    ----------
-    places, tangents : ndarray, shape (n + 1, 3)
-        Of the nodes, evenly spaced by `cell` along the curve; m and no unit.
-    scaled : ndarray, shape (k,)
-        Arc lengths in cells, 0 to n.
-    cell : float
-        Length of a cell, m.
-
-    Returns
-    -------
-    ndarray, shape (k, 3)
-        Places in m.
+    Shapes: places, tangents (n + 1, 3), scaled (k,).
     """
     k = np.minimum(scaled.astype(int), len(places) - 2)
     x = (scaled - k)[:, None]

@@ -123,15 +123,7 @@ class Plant:
         self.largest_forces = self.forces.copy()
 
     def move(self, gripper: Pose, seconds: float) -> None:
-        """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there.
-
-        Raises
-        ------
-        InvalidTask
-            An argument makes no sense; the message names it, its value and what would be right.
-        NotConverged
-            The simulation became unstable, as it may under extreme forces.
-        """
+        """Move the gripper to a Pose in a time in s, evenly; the next call goes on from there."""
         instance('gripper', gripper, Pose)
         seconds = number('seconds', seconds, above=0)
         begin, end = self._held, self._holding(gripper, self.time + seconds)

@@ -138,29 +138,6 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
 
     The driver gets what a robot has: the DLO, sheet and damping as stated (the latter as
     `Rod.damping`), the images, and the poses that the robot measures.
-
-    Parameters
-    ----------
-    task : Task
-    driver : Driver
-        See `drivers`.
-    seed : int, optional
-        Seed of the Truth and of the camera's errors.
-    unknowns : Unknowns, optional
-        Unknowns from which one Truth is drawn.
-    disturbances : Disturbances, optional
-        What happens on the way, drawn with the seed as well.
-    camera : Camera, optional
-        Camera. If None, there is none.
-    damping, step : float, optional
-        Stated ratio, and s, see `Plant`: a shorter step allows less damping.
-    watch : callable, optional
-        Called as watch(plant) after each period.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense, or the driver gives one that makes none.
     """
     instance('task', task, Task)
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 78])

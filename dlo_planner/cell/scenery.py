@@ -21,13 +21,7 @@ Part = tuple[str, Sequence[float] | Floats, Floats, Floats]  # kind, size, cente
 
 
 def add_obstacle(spec: mujoco.MjSpec, obstacle: Obstacle, number: int) -> None:
-    """Add an obstacle to an MjSpec; the names of its geoms are 'number/part'.
-
-    Raises
-    ------
-    InvalidTask
-        A sheet with more than one cut-out, or another obstacle.
-    """
+    """Add an obstacle to an MjSpec; the names of its geoms are 'number/part'."""
     for part, (kind, size, center, rotation) in enumerate(_parts(obstacle)):
         spec.worldbody.add_geom(
             name=f'{number}/{part}', type=getattr(mujoco.mjtGeom, f'mjGEOM_{kind}'), size=size,

@@ -84,22 +84,7 @@ class Task(Value):
 
 
 def draw_task(seed: int, name: str | None = None, radius: float | None = None) -> Task:
-    """Return the Task of a seed, always the same.
-
-    Parameters
-    ----------
-    seed : int
-        0 to 2^31.
-    name : str, optional
-        Name of a DLO in RODS. If None, one after the other with the seed.
-    radius : float, optional
-        Radius of the hole, m. If None, drawn from the range RADII, with 2.5 mm of room at least.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
-    """
+    """Return the Task of a seed, always the same."""
     rng = np.random.default_rng([integer('seed', seed, minimum=0, maximum=2**31), 77])
     name = list(RODS)[seed % len(RODS)] if name is None else choice('name', name, list(RODS))
     rod = RODS[name]

@@ -16,18 +16,6 @@ def linear(model: Any, data: Any) -> tuple[Floats, Floats]:
     """Return the stiffness and mass matrices of the joints about a state at rest.
 
     The stiffness is a difference quotient of the joints' forces.
-
-    Parameters
-    ----------
-    model : object
-        MjModel of a gripper and 3 n joints.
-    data : object
-        MjData at rest, which is changed.
-
-    Returns
-    -------
-    (ndarray, ndarray)
-        Stiffness (3 n, 3 n) in N m/rad and mass (3 n, 3 n) in kg m^2, both over `Chain.unit` in kg.
     """
     size = model.nv - 6
     mujoco.mj_forward(model, data)

@@ -90,13 +90,6 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
     A shape that misses the accuracy on the largest mesh says so: `converged` is False. What is in
     contact may miss it on any: that is for `judged` to say, at the end of a step.
-
-    Parameters
-    ----------
-    wanted : Wanted
-    initial : Shape or None
-    how : How
-        As of `step.step`, by Newton's method.
     """
     (first, fine, accuracy), history, far_end = wanted, how.history, how.far_end
     discretization = mesh_to_begin_with(first, fine, accuracy, initial, history)
@@ -330,17 +323,7 @@ def _smooth_start(discretization: Discretization, shape: Shape) -> Floats:
 
 
 def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = None) -> bool:
-    """Return whether a Shape is certain to be within `accuracy` (m), without a further solution.
-
-    Parameters
-    ----------
-    shape : Shape
-        Shape from a simulator.
-    accuracy : float
-        Accuracy in m.
-    mesh : Discretization, optional
-        Mesh to which the shape would be transferred. If None, its own.
-    """
+    """Return whether a Shape is certain to be within `accuracy` (m), without a further solution."""
     here = shape.state.made_on if mesh is None else mesh
     times = _times(shape, here.rod)
     if (times is None or not here.told_by_truncation
@@ -357,15 +340,7 @@ def hanging_surely_within(told: bool | Bools, stability: np.ndarray, truncated: 
                           accuracy: float | Floats) -> Bools:
     """Return (n,) what `surely_within` says of DLOs that hang freely.
 
-    Parameters
-    ----------
-    told : bool or ndarray
-        Whether `truncation_error` bounds their errors, see `Discretization.told_by_truncation`.
-    stability : ndarray, shape (n,)
-    truncated : ndarray, shape (n,)
-        `truncation_error` of each, m.
-    accuracy : float
-        Accuracy in m.
+    Shapes: stability (n,), truncated (n,).
     """
     return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & told
 
@@ -426,13 +401,6 @@ def foreseen(shape: Shape, accuracy: float) -> tuple[Discretization, Floats] | N
     """Return the mesh on which a Shape will be within an `accuracy` (m), and its strains there.
 
     None where that is not told, or no mesh is fine enough.
-
-    Parameters
-    ----------
-    shape : Shape
-        Shape on a coarser mesh.
-    accuracy : float
-        In m.
     """
     known, elements = shape.state.made_on, shape.element_strains.shape[0]
     own, *rest = _foresee(shape)

@@ -38,21 +38,7 @@ def hanging_shapes(simulator: DirectSimulator, positions: Floats, rotations: Flo
 
     The interpreter is free meanwhile, so threads work side by side.
 
-    Parameters
-    ----------
-    simulator : DirectSimulator
-        Simulator with `hangs_in_a_loop`.
-    positions : ndarray, shape (n, 3)
-        Positions of the grippers, m.
-    rotations : ndarray, shape (n, 3, 3)
-    filled : Filled
-        Of n shapes.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        Whether a shape is within the accuracy that is wanted, and nothing acts on it that may.
-        Where that is not known, `solve` has to look.
+    Shapes: positions (n, 3), rotations (n, 3, 3).
     """
     mesh = simulator.mesh
     solve_free_many(mesh.free.static, read_only(rotations), read_only(positions), mesh.relaxed,
@@ -135,14 +121,7 @@ _OTHERS = 'iterations', 'converged', 'jumped', 'dissipated', 'violation'
 
 
 def even(simulator: DirectSimulator, rod: Rod) -> bool:
-    """Return whether a Rod hangs freely and all is the same along it, so `hanging_rods` takes it.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-        Simulator whose surroundings and options it has.
-    rod : Rod
-    """
+    """Return whether a Rod hangs freely and all is the same along it, as `hanging_rods` asks."""
     around = simulator.surroundings
     return not (around.obstacles or around.pinned or around.point_loads or callable(around.load)
                 or rod.yields or rod.varies or rod.nodes or simulator.method != 'newton')
@@ -153,20 +132,7 @@ def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
                  ) -> tuple[dict[str, Any], NDArray[np.bool_]]:
     """Return what `simulator.with_rod(rod).solve` finds for many rods, as arrays.
 
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    rods : sequence of Rod
-        n Rods, one at least, which are all `even`.
-    positions : ndarray, shape (n, 3)
-        Positions of the grippers, m.
-    rotations : ndarray, shape (n, 3, 3)
-
-    Returns
-    -------
-    (dict, ndarray)
-        Arrays of n rows each, named as the attributes of `Shape`; and (n,) whether a shape is
-        within the accuracy that is wanted, as of `hanging_shapes`.
+    Shapes: positions (n, 3), rotations (n, 3, 3).
     """
     mesh, accuracy = simulator.mesh, simulator.accuracy
     if not even(simulator, simulator.rod):

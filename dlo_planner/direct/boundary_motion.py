@@ -214,20 +214,7 @@ def ends_of(far_ends: Iterable[Any] | None, count: int) -> list[FarEnd | None]:
 
 def moving_grips(grippers: Sequence[Pose], ends: Sequence[FarEnd | None], dt: float, at_rest: bool,
                  initial: Shape | None) -> Grips:
-    """Return the smooth motion of what holds a DLO, at instants `dt` (s) apart.
-
-    Parameters
-    ----------
-    at_rest : bool
-        Whether everything stands still at time 0.
-    initial : Shape or None
-        Shape at time 0. If None, not known.
-
-    Raises
-    ------
-    InvalidTask
-        The far end is not held in one way from `initial` to the end.
-    """
+    """Return the smooth motion of what holds a DLO, at instants `dt` (s) apart."""
     if len({None if end is None else end.grip for end in ends}) > 1:
         raise InvalidTask('far_ends: expected the same grip from the beginning to the end of a '
                           'motion')

@@ -390,12 +390,6 @@ def ended(system: Problem, state: KernelState, origin: Floats) -> Any:
 
     Args:
         origin: (3,) the gripper's position, m
-
-    Returns
-    -------
-        strains, frames, positions (world), tangents of the nodes; wrench (6,) of the gripper;
-        energies stored and whole, J; what rounding errors may leave of the residual; then what
-        `forces_after` returns, then `contact_rows`
     """
     n = system.lengths.size
     positions, tangents, wrench = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty(6)

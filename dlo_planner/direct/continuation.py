@@ -65,20 +65,6 @@ def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: Fa
     None does where, in parts of the step however short, it changes more than these can cause,
     loses energy that neither work nor friction accounts for, or comes from an unstable shape: that
     has lost its stability there, and the DLO takes one of several sides (a pitchfork).
-
-    Parameters
-    ----------
-    equilibrium : callable
-        Function (gripper, initial, far_end, most) -> (Shape, how often an unstable shape was left
-        on the way to it); where it leaves `initial` by more than `most` (rad) it may give up.
-    previous : Shape
-        Shape at the pose where the step starts.
-    gripper : Pose
-        Pose where it ends.
-    far_end : FarEnd or None, optional
-        FarEnd where it ends, or None.
-    at_once : bool, optional
-        Whether a DLO that hangs freely may turn by any angle at once, if nothing speaks against it.
     """
     if previous.pinned:  # a ball joint: the DLO does not turn with it
         gripper = Pose.from_rotation(gripper.position, previous.gripper.rotation)
@@ -87,15 +73,7 @@ def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: Fa
 
 def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: bool,
               halvings: int | None, tried: tuple[Shape, int] | None = None) -> Shape:
-    """Return what `follow` does.
-
-    Parameters
-    ----------
-    halvings : int or None
-        How often the step may still be cut in two. If None, as often as makes sense.
-    tried : tuple or None
-        What `equilibrium` returns for the whole step, if that is known.
-    """
+    """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
     turn = angle_between(previous.gripper.rotation, goal.gripper.rotation)
     if last or not _is_long(previous, previous, goal, turn, at_once):
@@ -196,14 +174,7 @@ def _halvings(previous: Shape, goal: _Grips) -> int:
 
 
 def sound(previous: Shape, shape: Shape, kicks: int) -> bool:
-    """Return whether nothing speaks against a step of the grips from `previous` to `shape`.
-
-    Parameters
-    ----------
-    previous, shape : Shape
-    kicks : int
-        How often an unstable shape was left on the way.
-    """
+    """Return whether nothing speaks against a step of the grips from `previous` to `shape`."""
     turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
     return shape.converged and kicks == 0 and _continues(previous, shape, turn)
 

@@ -109,10 +109,7 @@ def remembers_nothing(shape: Shape) -> bool:
 def acts_between(mesh: Discretization, shape: Shape, before: Floats) -> bool:
     """Whether something acts on a Shape on a mesh, or on the way to it.
 
-    Parameters
-    ----------
-    before : ndarray, shape (N + 1, 3)
-        Where its nodes were, m, read-only.
+    Shapes: before (N + 1, 3).
     """
     found = np.empty(1, dtype=bool)
     _fill_acting(mesh.full, shape.element_strains[None], shape.positions[None], before[None], found)
@@ -122,14 +119,7 @@ def acts_between(mesh: Discretization, shape: Shape, before: Floats) -> bool:
 def acting_on(mesh: Discretization, strains: Floats, positions: Floats, before: Floats) -> Bools:
     """Return (n,) whether something acts on shapes, or on the straight way to them.
 
-    Parameters
-    ----------
-    mesh : Discretization
-        Mesh with all that may act.
-    strains : ndarray, shape (n, N, 3)
-        Strains of the elements, 1/m.
-    positions, before : ndarray, shape (n, N + 1, 3)
-        Where the nodes are, and were, world, m.
+    Shapes: strains (n, N, 3), positions, before (n, N + 1, 3).
     """
     found = np.empty(len(strains), dtype=bool)
     freeze([strains, positions, before])

@@ -122,15 +122,7 @@ class Discretization(Value):
                history: Memory | None = None, far_end: FarEnd | None = None) -> Problem:
         """Return the kernel's Problem, its multipliers fresh copies.
 
-        Parameters
-        ----------
-        rotation : ndarray, shape (3, 3)
-            Rotation of the gripper.
-        origin : array_like or None, optional
-            (3,) position of the gripper; only obstacles and a far end need it.
-        history : Memory or None, optional
-            Memory on this mesh. If None, no past.
-        far_end : FarEnd or None, optional
+        Shapes: rotation (3, 3).
         """
         system = self.static if far_end is None else self.full
         left = (self.start if history is None else history).left

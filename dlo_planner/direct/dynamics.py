@@ -99,20 +99,7 @@ def moving_mesh(known: Discretization) -> Discretization:
 
 def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd | None,
                 initial: Shape, history: Memory | None) -> Shape:
-    """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings.
-
-    Parameters
-    ----------
-    far_end : FarEnd or None
-        FarEnd at time 0, or None.
-    history : Memory or None
-        Memory that the DLO has if `initial` is not one of its shapes.
-
-    Raises
-    ------
-    InvalidTask
-        `initial` is held elsewhere than the motion begins, or lies in an obstacle.
-    """
+    """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings."""
     length = discretization.s[-1]
     _meets('initial', 'gripper', 'grippers[0]', initial.gripper, gripper, length)
     if far_end is not None:
@@ -170,20 +157,7 @@ def _alike(one: Shape, other: Shape) -> bool:
 
 
 def nodes_velocity(velocity: Velocity | None, initial: Shape | None, first: Shape) -> Floats | None:
-    """Return (N + 1, 3) m/s at the nodes of the Shape `first`, None for a DLO at rest.
-
-    Parameters
-    ----------
-    velocity : array_like or callable or None
-        (n + 1, 3) at the nodes of `initial`, a callable of s (m), or None.
-    initial : Shape or None
-        Shape. If None, its nodes are those of `first`.
-
-    Raises
-    ------
-    InvalidTask
-        It is something else.
-    """
+    """Return (N + 1, 3) m/s at the nodes of the Shape `first`, None for a DLO at rest."""
     if velocity is None:
         return None
     if callable(velocity):
@@ -197,12 +171,7 @@ def nodes_velocity(velocity: Velocity | None, initial: Shape | None, first: Shap
 def check_velocity(masses: Floats, wanted: Floats, possible: Floats) -> None:
     """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible.
 
-    Parameters
-    ----------
-    masses : ndarray, shape (N + 1,)
-        Masses of the nodes, kg.
-    wanted, possible : ndarray, shape (N + 1, 3)
-        Velocities, m/s.
+    Shapes: masses (N + 1,), wanted, possible (N + 1, 3).
     """
     size, change = (np.sqrt(masses @ np.sum(one**2, axis=1)) for one in (
         wanted, possible - wanted))

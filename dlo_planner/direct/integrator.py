@@ -348,12 +348,7 @@ def credit_renewal(budget: Floats, balance: float, began: float) -> None:
 
     As far as steps before have lost it. So a motion never has more than there was and was done.
 
-    Parameters
-    ----------
-    budget : ndarray, shape (5,)
-        Changed.
-    balance, began : float
-        Balance with these rates, and where the motion began, J.
+    Shapes: budget (5,).
     """
     spent = max(began - budget[4], 0.0)
     budget[0] = min(budget[0] + min(max(balance - budget[4], 0.0), spent), balance)
@@ -540,12 +535,7 @@ def _is_blocked(contact, problem, buffer, row, q):
 
 @kernel
 def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
-    """Seek the minimum from q (m, 3).
-
-    Returns
-    -------
-        state, residual, stability, iterations, Problem with its multipliers, violation
-    """
+    """Seek the minimum from q (m, 3)."""
     if contact is None:
         return _unobstructed(problem, how, q, buffer, row, memory, options, check)
     if contact.scene.kind.size == 0:

@@ -110,13 +110,7 @@ class Memory(Value):
         return cls(solved.mesh.s, left, positions, tangents, solved.mesh.surroundings)
 
     def judged(self, length: float) -> Memory:
-        """Return the same past, from a file, if it can be of a DLO of that length, m.
-
-        Raises
-        ------
-        InvalidTask
-            Naming an array that cannot be.
-        """
+        """Return the same past, from a file, if it can be of a DLO of that length, m."""
         s = row('past_s', self.s, least=2, minimum=0)
         if s[0] != 0 or (np.diff(s) <= 0).any() or abs(s[-1] - length) > _SAME * length:
             raise InvalidTask(f'past_s = {shown(s.tolist())}: expected arc lengths that grow from '
@@ -185,13 +179,6 @@ def past_on(mesh: Discretization, history: Memory | None, own: Memory | None = N
 
     What an effect left for good belongs to a rod; contacts and grips to a rod and all that acts on
     it: all by value. What does not belong there is forgotten.
-
-    Parameters
-    ----------
-    mesh : Discretization
-    history : Memory or None
-    own : Memory or None, optional
-        Memory that counts if `history` is None or of another rod. If None, no past.
     """
     if history is not None and history.of is mesh.surroundings and history.s is mesh.s:
         return history  # most steps: the one before was made here

@@ -17,14 +17,7 @@ _NEAR = 0.3  # of an element: a node nearer to a jump moves there
 def even_mesh(length: float, elements: int, breaks: Breaks = ()) -> NDArray[np.float64]:
     """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere.
 
-    Parameters
-    ----------
-    length : float
-        Length in m.
-    elements : int
-        Number of elements. If there are more jumps than that, the jumps are ignored.
-    breaks : ndarray, shape (n,), optional
-        Arc lengths of jumps, ascending, inside the DLO, m.
+    Shapes: breaks (n,).
     """
     if not len(breaks) or len(breaks) + 1 > elements:
         s = np.arange(elements + 1.0) * np.float64(length / elements)
@@ -44,16 +37,7 @@ def graded_mesh(s: NDArray[np.float64], strains: NDArray[np.float64], elements: 
                 breaks: Breaks = ()) -> NDArray[np.float64]:
     """Return nodes that share out evenly the error of arcs of constant strain: `equidistribute`.
 
-    Parameters
-    ----------
-    s : ndarray, shape (N + 1,)
-        Nodes of a known shape.
-    strains : ndarray, shape (N, 3)
-        Its strains, less what jumps in the natural ones.
-    elements : int
-        Number of elements wanted; jumps may add some.
-    breaks : ndarray, shape (n,), optional
-        Arc lengths of jumps, m.
+    Shapes: s (N + 1,), strains (N, 3), breaks (n,).
     """
     return nodes_at(s, equidistribute(np.diff(s), np.array(strains)), elements, breaks)
 
@@ -62,16 +46,7 @@ def nodes_at(s: NDArray[np.float64], shares: NDArray[np.float64], elements: int,
              breaks: Breaks = ()) -> NDArray[np.float64]:
     """Return nodes (elements + 1,), more where there are jumps, with as much in each element.
 
-    Parameters
-    ----------
-    s : ndarray, shape (N + 1,)
-        Nodes, m.
-    shares : ndarray, shape (N + 1,)
-        What lies before each of them, as a part of it all.
-    elements : int
-        Number of elements wanted.
-    breaks : ndarray, shape (n,), optional
-        Arc lengths of jumps, m.
+    Shapes: s (N + 1,), shares (N + 1,), breaks (n,).
     """
     nodes = np.interp(np.arange(elements + 1.0) * (1.0 / elements), shares, s)
     nodes[0], nodes[-1] = 0.0, s[-1]
@@ -96,14 +71,7 @@ def straight_between(s: NDArray[np.float64], values: NDArray[np.float64],
                      nodes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n, k) values in the middles of the elements of another mesh, straight in between.
 
-    Parameters
-    ----------
-    s : ndarray, shape (N + 1,)
-        Nodes, m.
-    values : ndarray, shape (N, k)
-        In the middles of their elements, N > 1.
-    nodes : ndarray, shape (n + 1,)
-        Nodes of the other mesh, m, on the same length.
+    Shapes: s (N + 1,), values (N, k), nodes (n + 1,).
     """
     middle, wanted = 0.5 * (s[1:] + s[:-1]), 0.5 * (nodes[1:] + nodes[:-1])
     after = np.clip(np.searchsorted(middle, wanted), 1, middle.size - 1)

@@ -96,10 +96,7 @@ def _turned(like: Floats, found: Floats) -> Floats:
 
     Orthogonal Procrustes: Golub and Van Loan, Matrix Computations, ch. 6.4.
 
-    Parameters
-    ----------
-    like : ndarray, shape (n, c)
-        Products of the modes before with the coordinates.
+    Shapes: like (n, c).
     """
     product = like @ found
     nearest = np.sort(np.argsort(-np.sum(product**2, axis=1), kind='stable')[:found.shape[1]])

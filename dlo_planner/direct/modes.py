@@ -111,13 +111,7 @@ class Linearized:
 
     @cached_property
     def vibration(self) -> Vibration:
-        """The Vibration about the shape.
-
-        Raises
-        ------
-        InvalidTask
-            The shape is not in equilibrium, like one of a motion.
-        """
+        """The Vibration about the shape."""
         mesh, gripper = self._mesh, self.shape.gripper
         system = mesh.system(gripper.rotation, gripper.position, self._past, self.shape.far_end)
         q = mesh.unknowns(self.shape.element_strains)
@@ -391,18 +385,7 @@ def modes_from(linear: Linearized, vibration: Vibration, squares: Floats, found:
                places: Ints, overlap: Floats | None = None) -> Modes:
     """Return the Modes that `solved` found about a Linearized shape.
 
-    Parameters
-    ----------
-    linear : Linearized
-        Linearized shape.
-    vibration : Vibration
-        Vibration about it, with the nodes of its own mesh.
-    squares : ndarray, shape (n,)
-        Squares of the angular frequencies, 1/s^2.
-    found : ndarray, shape (c, n)
-    overlap : ndarray, shape (n,), optional
-    places : ndarray, shape (n,)
-        How many modes of this DLO are slower than each.
+    Shapes: squares (n,), found (c, n), overlap (n,), places (n,).
     """
     shape = linear.shape
     rates = np.sqrt(squares)
@@ -423,19 +406,6 @@ def solved(vibration: Vibration, n: int, name: str) -> tuple[Floats, Floats]:
 
     Each mode has the generalized mass 1, and the largest component of its displacements is
     positive. There may be fewer than n.
-
-    Parameters
-    ----------
-    vibration : Vibration
-    n : int
-        Number of modes.
-    name : str
-        Name of the shape, for messages.
-
-    Raises
-    ------
-    InvalidTask
-        The shape is not stable.
     """
     size = len(vibration.mass)
     slowest = [max(size - n, 0), size - 1]
@@ -458,11 +428,6 @@ def _definite(vibration: Vibration, name: str) -> Floats:
     """Return the stiffness, made positive for neutral motions that move no mass.
 
     An example is a round DLO between two joints, which may spin about its own axis.
-
-    Raises
-    ------
-    InvalidTask
-        It is not a positive number.
     """
     values, vectors = np.linalg.eigh(vibration.stiffness)
     low = values < _TIE

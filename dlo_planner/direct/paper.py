@@ -32,16 +32,7 @@ def described_equilibrium(discretization: Discretization, gripper: Pose, strains
 
     `residual` is that of the series' coefficients; `stability` is the DLO's own, freed from them.
 
-    Parameters
-    ----------
-    discretization : Discretization
-        Its mesh, basis ('chebyshev' or 'fourier') and number of terms are used.
-    strains : ndarray, shape (N, 3)
-        Components where the search begins, 1/m.
-    method : str
-        'dfp' or 'downhill_simplex'.
-    history : Memory
-        Memory of the DLO on this mesh.
+    Shapes: strains (N, 3).
     """
     free = Discretization(discretization.surroundings, discretization.s, 'local', 0)
     system = free.system(gripper.rotation, gripper.position, history)

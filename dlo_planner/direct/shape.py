@@ -379,13 +379,7 @@ class State(Value):
 
     @property
     def made_on(self) -> Discretization:
-        """The mesh, of a Shape from a simulator.
-
-        Raises
-        ------
-        InvalidTask
-            It is from elsewhere.
-        """
+        """The mesh, of a Shape from a simulator."""
         if self.mesh is None:
             raise InvalidTask('Shape.mesh = None: expected a shape that comes from a simulator')
         return self.mesh

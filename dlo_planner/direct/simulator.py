@@ -469,16 +469,7 @@ class DirectSimulator(Value):
 
     def _found(self, find: Callable[[Equilibrium, Shape | None], tuple[Shape, int]],
                initial: Shape | None, far_end: FarEnd | None) -> tuple[Shape, int]:
-        """Return what `find` does: without what may act, if it does not; else with all of that.
-
-        Parameters
-        ----------
-        find : callable
-            Function of an equilibrium as `_with_all`, and the Shape to begin with.
-        initial : Shape or None
-            That Shape.
-        far_end : FarEnd or None
-        """
+        """Return what `find` does: without what may act, if it does not; else with all of that."""
         culled = None
         if (self.method == 'newton' and self._history is None
                 and (far_end is None or initial is not None)):
@@ -606,16 +597,7 @@ _ENOUGH = 64  # nodes of a mesh that a motion is begun with as it is
 
 def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, task: Prescribed,
               steps: Progress) -> Motion:
-    """Return what `DirectSimulator.simulate` does, with another Stepper.
-
-    Parameters
-    ----------
-    make : callable
-        Makes the Stepper, of its mesh, grips, period and method.
-    simulator : DirectSimulator
-    task : Prescribed
-    steps : Progress
-    """
+    """Return what `DirectSimulator.simulate` does, with another Stepper."""
     return simulator._motion(make, task, steps)
 
 

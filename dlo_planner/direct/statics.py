@@ -79,16 +79,7 @@ def balanced(solved: Callable[[Problem, Floats], Minimum], system: Problem, q: F
 
     The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
 
-    Parameters
-    ----------
-    solved : callable
-        Function (system, q) -> Minimum.
-    system : Problem
-        Problem without the moments.
-    q : ndarray, shape (m, 3)
-        Unknowns to begin with.
-    moments : ndarray, shape (N + 1, 3)
-        Moments on the nodes, N m, world axes.
+    Shapes: q (m, 3), moments (N + 1, 3).
     """
     free, unit = system, np.abs(moments).sum()
     state = new_configuration(system)
@@ -163,17 +154,7 @@ def equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
                 far_end: FarEnd | None = None) -> tuple[Shape, int]:
     """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
 
-    Parameters
-    ----------
-    discretization : Discretization
-    gripper : Pose
-    strains : ndarray, shape (N, 3)
-        Of the elements, 1/m, where the descent starts.
-    method : str, optional
-        One of METHODS.
-    history : Memory or None, optional
-        Memory on the same mesh. If None, no past.
-    far_end : FarEnd or None, optional
+    Shapes: strains (N, 3).
     """
     if method == 'newton' and far_end is None and discretization.hangs:
         return hanging(discretization, gripper, strains)
@@ -189,16 +170,7 @@ def equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
 
 def hanging(discretization: Discretization, gripper: Pose, strains: Floats,
             near: Shape | None = None, most: float = np.inf) -> tuple[Shape, int]:
-    """Return what `equilibrium` does for a DLO that hangs freely, see `Discretization.hangs`.
-
-    Parameters
-    ----------
-    strains : ndarray
-        As in `equilibrium`.
-    near : Shape or None, optional
-        Shape on the same mesh. Where it is left by more than `most` (rad, of a node in the
-        gripper), the search is given up.
-    """
+    """Return what `equilibrium` does for a DLO that hangs freely, see `Discretization.hangs`."""
     frames, before, nodes = NO_FRAMES, gripper.rotation, NO_NODES
     if near is not None and most < np.inf:
         frames, before, nodes = near.frames, near.gripper.rotation, discretization.sampled
@@ -254,15 +226,7 @@ class Way(NamedTuple):
 
 def shape_from(mesh: Discretization, gripper: Pose, solution: Solution, way: Way,
                estimate: Callable[[], float] | None = None) -> Shape:
-    """Return the Shape of a Solution on a mesh: all that simulators return are made here.
-
-    Parameters
-    ----------
-    gripper : Pose
-        In which the DLO begins.
-    estimate : callable or None, optional
-        Function that returns its error, m. If None, it is `estimated`.
-    """
+    """Return the Shape of a Solution on a mesh: all that simulators return are made here."""
     for array in solution[:4]:
         array.flags.writeable = False
     if estimate is None:
@@ -278,13 +242,7 @@ def unknown() -> float:
 
 
 def hanging_shape(mesh: Discretization, gripper: Pose, found: Found) -> Shape:
-    """Return the Shape of a DLO that hangs freely, or on which nothing acts that may.
-
-    Parameters
-    ----------
-    found : tuple
-        What `minimize.solve.solve_free` returns.
-    """
+    """Return the Shape of a DLO that hangs freely, or on which nothing acts that may."""
     (strains, frames, positions, wrench, elastic, energy, residual, stability, steps,
      _) = found
     after = mesh.start
@@ -334,15 +292,7 @@ def held_nearby(mesh: Discretization, gripper: Pose, far_end: FarEnd, strains: F
                 force: Floats) -> list[Any] | None:
     """Return what `solve_between_grips` finds next to given strains; None if it is not near.
 
-    Parameters
-    ----------
-    mesh : Discretization
-    gripper : Pose
-    far_end : FarEnd
-    strains : ndarray, shape (N, 3)
-        Strains of the elements, 1/m, read-only.
-    force : ndarray, shape (K,)
-        Forces of the far end's grip before, N, read-only.
+    Shapes: strains (N, 3), force (K,).
     """
     length = float(mesh.s[-1])
     limits = limits_of(mesh, gripper, far_end, Limits(MAX_ITERATIONS, EXACT))

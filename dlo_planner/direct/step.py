@@ -82,17 +82,6 @@ def lead(discretization: Discretization, strains: Floats, grippers: tuple[Pose, 
     """Return gripper, strains (N, 3) and the past near the end of a straight way of both grips.
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
-
-    Parameters
-    ----------
-    strains : ndarray, shape (N, 3)
-        Strains at the beginning.
-    grippers : tuple
-        Two Poses.
-    far_ends : tuple
-        Two FarEnds of the same grip.
-    parts : int
-        Number of parts into which the way is cut.
     """
     begin, end = grippers
     held, far_end = far_ends
@@ -182,23 +171,7 @@ _LEAST_GROWTH = 2.0**-10  # of the growth: if smaller steps fail, the growth end
 def set_down(discretization: Discretization, gripper: Pose, strains: np.ndarray,
              far_ends: tuple[FarEnd, FarEnd], history: Memory,
              parts: int) -> tuple[Pose, np.ndarray, Memory]:
-    """Return gripper, strains (N, 3) and the past of a DLO that is in its grips.
-
-    Parameters
-    ----------
-    discretization : Discretization
-        Discretization of the DLO.
-    gripper : Pose
-        The final pose.
-    strains : ndarray, shape (N, 3)
-        Strains to begin with, 1/m.
-    far_ends : tuple
-        Two FarEnds of the same grip: where the end is with these strains, and where it is held.
-    history : Memory
-        Memory on this mesh.
-    parts : int
-        Number of parts into which the way of the far end is cut.
-    """
+    """Return gripper, strains (N, 3) and the past of a DLO that is in its grips."""
     from dlo_planner.direct.taut import first_shape  # noqa: PLC0415  (SciPy: a free DLO needs none)
     far_end = far_ends[1]
     firm = _resisting_twist(discretization)
@@ -299,14 +272,7 @@ def advance_boundary(discretization: Discretization, previous: Shape | None, str
     way. Where an obstacle is between here and there, the motion is made in smaller parts. The past
     is `history` with the forces of the far end's grip at the end of the way.
 
-    Parameters
-    ----------
-    previous : Shape or None
-        Shape before. If None, the DLO is set down as it is, wherever that may be.
-    strains : ndarray, shape (N, 3)
-        Element strains of it on this mesh.
-    history : Memory
-        Memory on this mesh.
+    Shapes: strains (N, 3).
     """
     obstacles = discretization.surroundings.obstacles
     if previous is None and far_end is None or not obstacles and far_end is None:
@@ -331,13 +297,7 @@ def advance_boundary(discretization: Discretization, previous: Shape | None, str
 def _in_parts(discretization: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
               far_ends: tuple[FarEnd | None, FarEnd | None], history: Memory,
               longest: float) -> Advanced:
-    """Return where the search begins after a way in parts, around obstacles where it can.
-
-    Parameters
-    ----------
-    longest : float
-        The longest part of the way.
-    """
+    """Return where the search begins after a way in parts, around obstacles where it can."""
     (begin, gripper), (held, far_end) = grippers, far_ends
     done, step = 0.0, longest
     where, past, left = begin, history, round(1.0 / longest) + _MORE_PARTS
@@ -373,20 +333,7 @@ def _in_parts(discretization: Discretization, strains: Floats, grippers: tuple[P
 
 def holding_on(mesh: Discretization, gripper: Pose, initial: Shape | None,
                far_end: FarEnd, past: Memory) -> tuple[Shape, int] | None:
-    """Return the Shape next to `initial` in grips that moved a little, and 0 kicks; else None.
-
-    Parameters
-    ----------
-    mesh : Discretization
-    gripper : Pose
-        Pose of the gripper after the step.
-    initial : Shape or None
-        Shape before.
-    far_end : FarEnd
-        What holds the far end after the step.
-    past : Memory
-        What `initial` leaves to the step, on this mesh.
-    """
+    """Return the Shape next to `initial` in grips that moved a little, and 0 kicks; else None."""
     if (initial is None or not mesh.hangs or initial.far_end is None
             or initial.far_end.grip != far_end.grip):
         return None
@@ -397,14 +344,7 @@ def held_from(mesh: Discretization, gripper: Pose, strains: Floats, far_end: Far
               past: Memory) -> tuple[Shape, int] | None:
     """Return the Shape next to given strains, and 0 kicks; None where it is not near.
 
-    Parameters
-    ----------
-    mesh, gripper, far_end
-        As of `holding_on`.
-    strains : ndarray, shape (N, 3)
-        Strains of the elements, 1/m, read-only.
-    past : Memory
-        What is left to the step, on this mesh, with the forces of the far end's grip.
+    Shapes: strains (N, 3).
     """
     found = held_nearby(mesh, gripper, far_end, strains, past.left['hold'])
     if found is None:
@@ -420,18 +360,7 @@ def held_from(mesh: Discretization, gripper: Pose, strains: Floats, far_end: Far
 
 def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | None,
                past: Memory) -> tuple[Shape, int] | None:
-    """Return the Shape in which a DLO bears on where it does, and the kicks; None if it does not.
-
-    Parameters
-    ----------
-    discretization : Discretization
-    gripper : Pose
-        Pose of the gripper after the step.
-    initial : Shape or None
-        Shape before.
-    past : Memory
-        What it leaves to the step, on this mesh.
-    """
+    """Return the Shape in which a DLO bears on where it does, and the kicks, or None."""
     around = discretization.surroundings
     if initial is None or around.pinned or around.has_moments or not _bears(past):
         return None
@@ -471,13 +400,6 @@ def _shape(mesh: Discretization, gripper: Pose, proof: Sequence[Any], past: Memo
     """Return what `shape_of` does of a DLO that only touches.
 
     Of numbers and arrays alone: Records take as long to get to Python as to compute.
-
-    Parameters
-    ----------
-    proof : tuple
-        Residual, stability, steps, violation, as of a Minimum.
-    known : tuple
-        What `contact.ended` returns.
     """
     residual, stability, steps, violation = proof
     (strains, frames, positions, tangents, wrench, elastic, energy, noise), forces, rows = known
@@ -495,14 +417,6 @@ def corrected_by(mesh: Discretization, shape: Shape, left: Memory) -> float:
 
     About what `Shape.error_estimate` says, which makes all steps and proves what it finds. Infinite
     where such a step tells nothing.
-
-    Parameters
-    ----------
-    mesh : Discretization
-    shape : Shape
-        Shape on this mesh.
-    left : Memory
-        What it leaves.
     """
     around = mesh.surroundings
     if (not shape.contacts or shape.far_end is not None or mesh.yields or around.pinned
@@ -527,11 +441,6 @@ def _borne_on(system: Problem, begin: Floats, start: Floats, strains: Floats, po
         strains: (N, 3), positions: (N + 1, 3), tangents: (N + 1, 3) before, 1/m and m, world
         tolerance, exact, max_iterations: as of `predictor_corrector`
         system; base, and all after it: as of `contact.halved`, base and origin after the step
-
-    Returns
-    -------
-        whether; kicks, and the proof that `_shape` takes; what `contact.ended` returns. If it does
-        not go on, nothing else means anything.
     """
     here, shift = origin.copy(), np.empty(3)
     now = standing(system, base.copy(), here, spring, node, element, obstacle, multiplier,
@@ -600,14 +509,7 @@ FREELY = How()
 
 def step(discretization: Discretization, gripper: Pose, initial: Shape | None,
          how: How = FREELY) -> tuple[Shape, int]:
-    """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks.
-
-    Parameters
-    ----------
-    initial : Shape or None
-        Shape to begin with. Of this DLO, its past counts; of any other, it is only a start.
-    how : How, optional
-    """
+    """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks."""
     history, far_end, method, unknowns, most = how
     if far_end is None and method == 'newton' and discretization.hangs:
         return _hanging(discretization, gripper, initial, most)
@@ -658,13 +560,7 @@ def held_by(surroundings: Surroundings, gripper: Pose, initial: Shape | None) ->
 
 def past_of(discretization: Discretization, initial: Shape | None,
             history: Memory | None) -> Memory:
-    """Return the Memory, on a mesh, of the DLO in the Shape `initial` or None.
-
-    Parameters
-    ----------
-    history : Memory or None
-        Memory that counts if `initial` is None or of another rod.
-    """
+    """Return the Memory, on a mesh, of the DLO in the Shape `initial` or None."""
     known = None if initial is None else initial.state.history
     if (initial is not None and known is not None and known.positions is not initial.positions
             and not np.array_equal(known.positions, initial.positions)):

@@ -437,16 +437,6 @@ class Stepper:
         """Return the StepBatch of steps that end at `places` (n,), each the end of one of a Scheme.
 
         It may end before that, where something begins to act.
-
-        Parameters
-        ----------
-        now : TimePoint
-            Where they begin.
-        past : sequence
-            The last but one and the last pair of a time and node positions before; empty: not
-            known, and no local errors.
-        limits : Limits
-            Until when to go on.
         """
         return self.steps_from(now, past, places, scheme, limits, _NO_GUESS)
 
@@ -533,11 +523,7 @@ class Stepper:
 
         Its acceleration is what a very short first step, of constant acceleration, finds.
 
-        Parameters
-        ----------
-        shape : Shape
-        velocity : ndarray, shape (N + 1, 3), optional
-            Velocities of the nodes, m/s. If None, at rest.
+        Shapes: velocity (N + 1, 3).
         """
         mesh, strains = self.discretization, np.array(shape.element_strains)
         here = configuration_at(mesh.system(shape.gripper.rotation), strains)
@@ -613,13 +599,7 @@ class Stepper:
 
     def problem(self, nodes: KinematicState, bends: KinematicState, memory: StepMemory,
                 place: float, scheme: Scheme) -> Problem:
-        """Return the Problem of one step of a Scheme to a place.
-
-        Parameters
-        ----------
-        nodes, bends, memory
-            Of the TimePoint where it begins.
-        """
+        """Return the Problem of one step of a Scheme to a place."""
         buffer = self._buffer(np.array([place, place]), nodes, bends, memory)
         result: Problem = step_problem(self._problem, self.coefficients(scheme), buffer, PAST + 1,
                                        PAST, self._options(scheme, Limits()))

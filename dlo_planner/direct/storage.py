@@ -34,13 +34,7 @@ def write_json(path: str | PathLike[str], arrays: Mapping[str, NDArray[Any]]) ->
 
 
 def read_json(path: str | PathLike[str]) -> dict[str, NDArray[Any]]:
-    """Return the mapping of arrays in a file.
-
-    Raises
-    ------
-    OSError, ValueError, KeyError, TypeError
-        It cannot be read, or says something else.
-    """
+    """Return the mapping of arrays in a file."""
     known = json.loads(Path(path).read_text(encoding='utf-8'))
     if not isinstance(known, dict):
         raise TypeError(f'it holds a {type(known).__name__}, not named arrays')
@@ -74,16 +68,6 @@ def save(path: str | PathLike[str], arrays: Mapping[str, Any], kind: str) -> Non
     """Write a mapping of arrays: as JSON where `path` ends with .json, else as compressed npz.
 
     Both keep every number exactly.
-
-    Parameters
-    ----------
-    kind : str
-        Name of the value that they hold, e.g. 'Plan'.
-
-    Raises
-    ------
-    InvalidTask
-        Nothing can be written there.
     """
     target = writable(path)
     if not _is_json(path) and target.suffix != '.npz':
@@ -100,13 +84,7 @@ def save(path: str | PathLike[str], arrays: Mapping[str, Any], kind: str) -> Non
 
 
 def load(path: str | PathLike[str], read: Callable[[dict[str, NDArray[Any]]], T], kind: str) -> T:
-    """Return what `read` makes of the mapping of arrays in a file that `save` wrote for a `kind`.
-
-    Raises
-    ------
-    InvalidTask
-        Not such a file; the message names it.
-    """
+    """Return what `read` makes of the mapping of arrays in a file saved for a `kind`."""
     readable(path)
     written = 'a JSON' if _is_json(path) else 'an npz'
     try:

@@ -111,14 +111,7 @@ def _pulls(mesh: Discretization) -> Floats:
 
 def bent_mesh(mesh: Discretization, gripper: Pose, far_end: FarEnd,
               basis: str) -> Discretization:
-    """Return a Discretization whose elements can bend as they have to next to clamps; or `mesh`.
-
-    Parameters
-    ----------
-    mesh : Discretization
-    basis : str
-        Of the finer one.
-    """
+    """Return a Discretization whose elements can bend as they have to next to clamps; or `mesh`."""
     span = span_of(mesh, gripper, far_end)
     if span is None:
         return mesh
@@ -149,11 +142,6 @@ def first_shape(mesh: Discretization, gripper: Pose, far_end: FarEnd,
 
     The gripper is turned to its beginning if that is pinned. The past has the forces of the far
     end's grip. All torsion is that which the clamps need, as near to the natural one as they allow.
-
-    Parameters
-    ----------
-    history : Memory
-        Memory on this mesh.
     """
     span = span_of(mesh, gripper, far_end)
     if span is None:

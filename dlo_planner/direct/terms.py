@@ -187,14 +187,7 @@ class Part:
 
 def filed(left: Left, name: str, shape: tuple[int, ...], *, kind: type = float,
           lowest: float = -np.inf, highest: float = np.inf) -> Any:
-    """Return an array of what a file says was left, with numbers of a `kind`, float or int.
-
-    Raises
-    ------
-    InvalidTask
-        It is not there, has another shape, or numbers that are not finite, or beyond the limits:
-        kernels would take them as they are.
-    """
+    """Return an array of what a file says was left, with numbers of a `kind`, float or int."""
     value = np.asarray(left.get(name, ()))
     if (name not in left or value.shape != shape
             or value.dtype.kind not in ('iu' if kind is int else 'iuf')
@@ -298,11 +291,7 @@ def hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
     the shorter it is. An element that is bent or twisted far beyond its limit bears its limit
     moment to 0.3 %; if the next ones but one bear 8 % less, so the moment in it is beyond that.
 
-    Parameters
-    ----------
-    rod : Rod
-    bent : ndarray, shape (N, 3)
-        Strains of the elements less the natural ones, 1/m.
+    Shapes: bent (N, 3).
     """
     if not rod.yields or rod.hardening > 0 or len(bent) < _FEW:
         return None

@@ -71,13 +71,6 @@ def node_masses(rod: Rod, s: Floats) -> Floats:
 
     Each element's own mass goes to its two nodes, as does a point mass to the two around it: the
     total and the center are right.
-
-    Parameters
-    ----------
-    rod : Rod
-        The DLO.
-    s : ndarray, shape (N + 1,)
-        Arc lengths of the nodes, m.
     """
     masses = rod.node_masses(s)
     masses[-1] += rod.tip_mass
@@ -89,12 +82,7 @@ def node_masses(rod: Rod, s: Floats) -> Floats:
 def node_forces(surroundings: Loaded, s: Floats) -> Floats:
     """Return the forces (N + 1, 3) in N on the nodes, of all loads but the weight.
 
-    Parameters
-    ----------
-    surroundings : Loaded
-        What acts on the DLO.
-    s : ndarray, shape (N + 1,)
-        Arc lengths of the nodes, m.
+    Shapes: s (N + 1,).
     """
     forces = np.zeros((s.size, 3))
     load = surroundings.load
@@ -112,12 +100,7 @@ def node_forces(surroundings: Loaded, s: Floats) -> Floats:
 def node_moments(surroundings: Loaded, s: Floats) -> Floats:
     """Return the dead moments (N + 1, 3) in N m on the nodes.
 
-    Parameters
-    ----------
-    surroundings : Loaded
-        What acts on the DLO.
-    s : ndarray, shape (N + 1,)
-        Arc lengths of the nodes, m: all places of moments are among them.
+    Shapes: s (N + 1,).
     """
     moments = np.zeros((s.size, 3))
     for one in surroundings.point_loads:

@@ -325,12 +325,7 @@ def elastic_part(rod: Rod) -> Elastic:
 def yielding_layers(rod: Rod, stiffness: Floats) -> PlasticSection:
     """Return the PlasticSection of a Rod without a set; without springs if it does not yield.
 
-    Parameters
-    ----------
-    rod : Rod
-        The DLO.
-    stiffness : ndarray, shape (N, 3)
-        Stiffness of the elements, N m^2.
+    Shapes: stiffness (N, 3).
     """
     elements = len(stiffness)
     strength = np.column_stack([stiffness, np.zeros(elements)])

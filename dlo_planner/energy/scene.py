@@ -153,22 +153,7 @@ def build_scene(obstacles: Iterable[Obstacle], surface: Surface | float, s: Floa
                 *, sharp: bool = False) -> Scene:
     """Return the Scene of obstacles for a DLO, relative to the world's origin.
 
-    Parameters
-    ----------
-    obstacles : iterable of obstacles
-        What the DLO may touch.
-    surface : Surface or float
-        Surface of the DLO, or its radius in m.
-    s : ndarray, shape (N + 1,), optional
-        Arc lengths of its nodes, m. Only a radius that varies needs them.
-    sharp : bool, optional
-        Whether the edges of its section are sharp against obstacles that have edges, too: for
-        distances alone, whose derivatives would be infinite in contact.
-
-    Raises
-    ------
-    InvalidTask
-        The section of the DLO cannot be watched against an obstacle.
+    Shapes: s (N + 1,).
     """
     if not isinstance(surface, Surface):
         surface = Surface(float(surface))

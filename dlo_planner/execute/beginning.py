@@ -33,23 +33,6 @@ def from_where_it_is(way: TimedPath, here: Pose, shape: Shape, limits: Limits,
 
     The gripper goes to the beginning of the way without swinging the DLO, within the limits, and
     stands still; then it goes its way as that was proved.
-
-    Parameters
-    ----------
-    way : TimedPath
-        TimedPath of the gripper.
-    here : Pose
-        Pose of the gripper now, near the beginning of the way.
-    shape : Shape
-        Shape of the DLO there.
-    limits : Limits
-    period : float
-        Seconds between two commands.
-
-    Raises
-    ------
-    Refused
-        The limits are too narrow for it.
     """
     first = way.poses([0.0])[0]
     turn = Rotation.from_matrix(here.rotation @ first.rotation.T).as_rotvec()
@@ -90,11 +73,7 @@ def blending_as(steered: Steered, windows: Floats, time: float) -> Steered | Non
 
     None as long as one of its changes is still being blended in: the motion would leap.
 
-    Parameters
-    ----------
-    windows : ndarray, shape (k,)
-    time : float
-        Time of the motion, s.
+    Shapes: windows (k,).
     """
     if np.array_equal(steered.windows, windows):
         return steered

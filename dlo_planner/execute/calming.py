@@ -57,22 +57,7 @@ class Calming:
     @classmethod
     def of(cls, vibration: FreeVibration, stamp: float, delay: float, here: Pose, limits: Limits,
            period: float, farthest: float = FARTHEST) -> Calming:
-        """Return that from a stamp (s) on: as much as is possible within the limits.
-
-        Parameters
-        ----------
-        vibration : FreeVibration
-        stamp : float
-        delay : float
-            Seconds from a command until the DLO is seen to answer, see `delay_of`.
-        here : Pose
-            Pose of the gripper as commanded, which stands.
-        limits : Limits
-        period : float
-            Seconds between two commands.
-        farthest : float, optional
-            By how much the gripper may be displaced, m.
-        """
+        """Return that from a stamp (s) on: as much as is possible within the limits."""
         slowest = float(2 * np.pi / vibration.rates.min())
         windows: Floats = np.full(3, float(np.clip(_WIDTH * slowest, 0.02, 5.0)))
         begins: Floats = _APART * slowest * np.arange(float(_PULSES))

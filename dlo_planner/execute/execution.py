@@ -127,18 +127,7 @@ class Execution:
 
     def stop(self, cause: Cause, reason: str, at_once: bool = False,
              lasting: float = 0.0) -> 'Execution':
-        """Return the execution that decelerates, for the first reason that was given.
-
-        Parameters
-        ----------
-        cause : Cause
-        reason : str
-            In words.
-        at_once : bool, optional
-            Whether the last command is the end.
-        lasting : float, optional
-            Seconds in which it decelerates at least, so that the DLO swings less.
-        """
+        """Return the execution that decelerates, for the first reason that was given."""
         if self.phase not in ('running', 'settling', 'waiting'):
             return self
         named = replace(self, cause=cause, reason=reason, since=0.0)
@@ -185,17 +174,6 @@ class Execution:
         stands still meanwhile, and does not leap. Where the gripper has come to rest by that, it
         begins again from rest. With a horizon the motion goes on by what has passed, if the robot
         was told so much.
-
-        Parameters
-        ----------
-        now : float
-            Now in s.
-        heard : Heard, optional
-            The last gripper pose.
-        stamp : float, optional
-            Now in s on the clock of the stamps. If None, that is the steady clock.
-        enabled : Enabled, optional
-            What was heard last of whether the gripper may move.
         """
         if not self.active:
             return self

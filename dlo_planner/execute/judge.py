@@ -44,13 +44,6 @@ def unexplained(observing: Observing, speed: float = 0.0) -> str:
     """Return in words why an Estimate is not of the DLO that is seen, '' if it may be.
 
     It tells of a DLO that hangs freely; one that touches something, or is held elsewhere, is none.
-
-    Parameters
-    ----------
-    observing : Observing
-        Observing that has looked.
-    speed : float, optional
-        Speed in m/s, of the gripper at most: stamps may be wrong.
     """
     # a point is off across the DLO, along two axes
     seeing, estimate = observing.seeing, observing.estimate
@@ -71,14 +64,6 @@ def doubts(correction: Correction, inverse: InverseSimulator, largest: float) ->
 
     It is not simulated as a plan is: the gripper has to keep its workspace, and the DLO clear of
     obstacles, at each waypoint.
-
-    Parameters
-    ----------
-    correction : Correction
-    inverse : InverseSimulator
-        Of the DLO as stated, with its workspace.
-    largest : float
-        By how much a correction may move the gripper, m.
     """
     if not correction.converged:
         return 'a waypoint has no stable shape for the DLO as it is estimated'
@@ -115,17 +100,6 @@ def kept_out(miss: float, room: float, left: float, moving: float) -> str:
     It goes in if the DLO is inside the cut-out with 95 %, as far as the estimate tells, and with
     what motion adds. Whether it is, is judged when the stop has to begin; after the entry it would
     be of no use.
-
-    Parameters
-    ----------
-    miss : float
-        By how much the DLO may miss the cut-out at rest, with 95 %, m.
-    room : float
-        By how much it may without touching the rim, m.
-    left : float
-        Seconds of the motion until the first cut-out is reached.
-    moving : float
-        By how much motion displaces the DLO in the cut-out at most, m.
     """
     bound = miss + moving
     return '' if not 0 < left <= _STOPPING or bound <= room else (
@@ -162,19 +136,7 @@ def bound_of(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now:
     half the time in which a correction is blended in, by which what changes evenly is late. It may
     be blended in only after the entry.
 
-    Parameters
-    ----------
-    estimate : Estimate
-    plan : Plan
-        In poses to be commanded.
-    way : Steered
-        Steered along the plan.
-    reached : ndarray, shape (n,)
-        Times of the motion at which the plan's waypoints are reached, s.
-    now : float
-        Time of the motion of the last look, s.
-    lag : float
-        Seconds from a look until the motion is changed by it; inf: it is not corrected.
+    Shapes: reached (n,).
     """
     chosen = looked_at(plan)
     if not chosen.size:
@@ -209,27 +171,7 @@ def aimed_anew(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: S
                lag: float, against: str = '') -> Aimed:
     """Return the rest of a motion, Aimed anew for an estimate: in the closed loop and without it.
 
-    Parameters
-    ----------
-    inverse : InverseSimulator
-        Of the DLO as stated, with its workspace and obstacles.
-    estimate : Estimate
-    plan : Plan
-        In poses to be commanded.
-    way : Steered
-        The motion.
-    free : float
-        From which time of the motion on it may be changed, s.
-    reached : ndarray, shape (n,)
-        Times of the motion at which the plan's waypoints are reached, s.
-    before : Correction or None
-        The Correction before.
-    largest : float
-        By how much a correction may move the gripper, m.
-    lag : float
-        Seconds from a look until the motion is changed by it, see `lag_of`.
-    against : str, optional
-        What else speaks against it, as that the DLO is not the one that is estimated.
+    Shapes: reached (n,).
     """
     first = int(np.searchsorted(reached, free))
     known = before if before is not None and before.converged else None

@@ -79,13 +79,7 @@ class Limiter:
         return replace(self, rates=np.zeros((2, 6)))
 
     def after(self, wanted: Pose) -> 'Limiter':
-        """Return the Limiter whose `pose` is the next command: the one that is wanted, if it may.
-
-        Parameters
-        ----------
-        wanted : Pose
-            Pose of the gripper frame, one period after the last.
-        """
+        """Return the Limiter whose `pose` is the next command: the wanted one if allowed."""
         if self.rest is not None:
             return replace(self, pose=self.rest[0] if self.rest else self.pose, rest=self.rest[1:])
         if self.pose is None:
@@ -118,14 +112,7 @@ def shortest_stop(rates: Floats, most: Floats, period: float) -> Floats:
     Three phases: even jerk, none, even jerk. If none of the stops that are tried keeps the limits,
     the one that exceeds them least.
 
-    Parameters
-    ----------
-    rates : ndarray, shape (2, 3)
-        Velocity and acceleration with which it begins.
-    most : ndarray, shape (3,)
-        Limits of the sizes of velocity, acceleration, jerk.
-    period : float
-        s.
+    Shapes: rates (2, 3), most (3,).
     """
     if not rates.any():
         return np.zeros((0, 3))

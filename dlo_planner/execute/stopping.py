@@ -32,23 +32,7 @@ Rising = tuple[int, int]  # periods since time began to run, periods until it ru
 
 def decelerate(way: TimedPath | Steered, done: float, limits: Limits, period: float,
                lead: int = 0, rising: Rising | None = None, lasting: float = 0.0) -> Floats:
-    """Return the times along a way, s, one for each coming period, on which it comes to rest.
-
-    Parameters
-    ----------
-    way : TimedPath
-    done : float
-        Time along it now, s.
-    limits : Limits
-    period : float
-        s.
-    lead : int, optional
-        Periods in which it goes on as it does.
-    rising : tuple of int, optional
-        Where time along the way does not run evenly yet: since when, and until when, in periods.
-    lasting : float, optional
-        Seconds that it takes at least.
-    """
+    """Return the times along a way, s, one for each coming period, on which it comes to rest."""
     def rate(since: Floats, steps: int) -> Floats:
         begun = _smooth((since + rising[0]) / rising[1]) if rising else 1.0
         return begun * (1 - _smooth((since - lead) / steps))

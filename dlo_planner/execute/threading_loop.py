@@ -120,16 +120,7 @@ class Threading:
         return max(_LEAST_TOLERANCE, _FOR_MOTION * self.room)
 
     def ways(self, estimate: Estimate, here: Pose, standoff: float) -> tuple[Plan, Plan]:
-        """Return the way to the entry, and on to the depth, in true poses of the estimated DLO.
-
-        Parameters
-        ----------
-        estimate : Estimate
-        here : Pose
-            Measured pose of the gripper.
-        standoff : float
-            Distance of the free end from the hole where the first way stops, m.
-        """
+        """Return the way to the entry, and on to the depth, in true poses of the estimated DLO."""
         known = self.inverse
         inverse = InverseSimulator(known.simulator.with_rod(estimate.rod),
                                    workspace=known.workspace,
@@ -202,18 +193,7 @@ def way_to_standoff(task: Threading, estimate: Estimate, here: Pose) -> _Motion:
 
 
 def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: float) -> _Entry:
-    """Return the way from a measured pose at the standoff to the depth.
-
-    Parameters
-    ----------
-    task : Threading
-    estimate : Estimate
-    here : Pose
-    most : float
-        Largest bound of the miss with which it may be entered, m.
-    lag : float
-        Seconds from a look until the motion is changed by it; inf: it is not corrected.
-    """
+    """Return the way from a measured pose at the standoff to the depth."""
     way, through = task.ways(estimate, here, 0.0)
     whole, stated = concatenate(replace(way, stops=()), through), task.cutout.center
     commanded = replace(
@@ -240,11 +220,6 @@ def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose], known: 
     """Return the motion through many measured poses; the DLO hangs, and leaves the hole freely.
 
     `known` is its Shape near the first of them.
-
-    Raises
-    ------
-    Infeasible
-        The DLO would come into what it has to stay clear of.
     """
     for count in _BACK:
         some = _evenly(poses, count)
@@ -432,17 +407,7 @@ class ThreadingLoop:
 
     def tick(self, time: float, now: float | None = None,
              enabled: Enabled | None = None) -> Pose | None:
-        """Return the Pose of the tool frame to be commanded now; None: it has ended.
-
-        Parameters
-        ----------
-        time : float
-            Time of the clock of the stamps, s.
-        now : float, optional
-            Time of a steady clock, s. If None, that is the clock of the stamps.
-        enabled : Enabled, optional
-            What was heard last of whether the gripper may move.
-        """
+        """Return the Pose of the tool frame to be commanded now; None: it has ended."""
         done, self._enabled = self._done, enabled
         if isinstance(done, Exception):  # in motion: a correction, without which it comes to rest
             self._done = None

@@ -63,14 +63,7 @@ def orthonormal_basis(basis: str, n_terms: int, s: Floats) -> Floats:
     N strains are all that N elements can have, so m is n_terms or N, whichever is less: further
     terms could not be told from the first N, and nothing is lost without them.
 
-    Parameters
-    ----------
-    basis : str
-        One of BASES; 'local' gives (N, 0), one unknown strain per element.
-    n_terms : int
-        Number of terms, N_c.
-    s : ndarray, shape (N + 1,)
-        Nodes, s[0] = 0, s[-1] = L.
+    Shapes: s (N + 1,).
     """
     if basis == 'local':
         return np.zeros((s.size - 1, 0))
@@ -126,12 +119,7 @@ def element_rotation(described: ArrayLike, length: float) -> Floats:
     R(t, q_d) R(n, q_kappa ds) R(t, -q_d) R(t, q_tau ds): bending first, then torsion. For
     ds -> 0 it is the exponential of the components, which treats both alike.
 
-    Parameters
-    ----------
-    described : array_like, shape (3,)
-        q_d, q_kappa, q_tau.
-    length : float
-        Length of the element (ds), m.
+    Shapes: described (3,).
     """
     direction, amount, torsion = np.asarray(described, dtype=float)
     return (_about_t(direction) @ _about_n(amount * length) @ _about_t(-direction)

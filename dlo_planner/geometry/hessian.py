@@ -109,13 +109,6 @@ def element_blocks(h, strain, c, scale, frame, force, moment, rolling):
             potential
         rolling: (9 numbers) second derivative of the potential by rotations of all that lies
             beyond: of dead loads first - trace I, of their first moment
-
-    Returns
-    -------
-        turned: (9 numbers) world rotation of all that lies beyond, per scaled strain
-        shifted: (9 numbers) displacement of its far end, likewise
-        coupling: (9 numbers) turned^T rolling, and the lever of the force
-        pivot: (6 numbers: 00, 11, 22, 01, 02, 12) second derivative by the scaled strain
     """
     x, y, z = h * strain[0], h * strain[1], h * strain[2]
     rotation_jacobian, chord_jacobian = jacobians_with(x, y, z, h, c)

@@ -83,13 +83,7 @@ def step_response(times: Floats, windows: Floats, order: int = 0) -> Floats:
     In closed form: the Laplace transform of a step is 1 / s, and a window of width w multiplies it
     by (1 - exp(-s w)) / (s w).
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-    windows : ndarray, shape (k,)
-        Widths, s.
-    order : int, optional
-        Order of the derivative by time, below k.
+    Shapes: times (n,), windows (k,).
     """
     power, out = len(windows) - order, np.zeros(np.shape(times))
     times = np.minimum(times, np.sum(windows))  # at rest from there on

@@ -215,12 +215,7 @@ class Errors:
 def _inverse(information: Floats, least: float) -> tuple[Floats, Floats]:
     """Return the inverse (n, n) where it is known, and a basis (n, j) of what nothing is known of.
 
-    Parameters
-    ----------
-    information : ndarray, shape (n, n)
-    least : float
-        Least of the largest eigenvalue, with all unknowns in their own size: what is less is
-        nothing but errors of the derivatives.
+    Shapes: information (n, n).
     """
     size = np.sqrt(np.diag(information))
     size[size == 0] = 1.0

@@ -74,19 +74,7 @@ class Distances:
     arms: Floats
 
     def cost(self, scale: float, outliers: float, own: Own, length: float) -> float:
-        """Return minus the logarithm of the likelihood, up to a constant.
-
-        Parameters
-        ----------
-        scale : float
-            Noise of a point along each axis, m.
-        outliers : float
-            Part of the points that do not belong to the DLO.
-        own : Own
-            Of the look.
-        length : float
-            Length of the DLO, m.
-        """
+        """Return minus the logarithm of the likelihood, up to a constant."""
         d = self.away.shape[1]
         _, square, likely, _, _ = _most_likely(self.away, self.by_own(own, length), 0.0, scale,
                                                outliers, 2 * _ABOUT * length)
@@ -187,15 +175,7 @@ def squares(shape: Shape, points: Floats, s: Floats | None,
             bent: Floats | None = None) -> Distances:
     """Return the Distances of points from a Shape.
 
-    Parameters
-    ----------
-    shape : Shape
-    points : ndarray, shape (m, 3)
-        Points in m, world axes, less the camera's bias.
-    s : ndarray, shape (m,) or None
-        Their arc lengths, m. If None, not known.
-    bent : ndarray, shape (k, 3), optional
-        By how much the DLO is off the Shape at k even arc lengths, m.
+    Shapes: points (m, 3), s (m,), bent (k, 3).
     """
     nodes, kernels = np.array(shape.s), shape.for_kernels  # copies: see `Shape.for_kernels`
     at: Floats = nearest(nodes, *kernels, points)[0] if s is None else np.clip(
@@ -223,16 +203,7 @@ def looked_at(uncertain: Uncertain, shape: Shape, slopes: Floats, off: Distances
               known: bool) -> Look:
     """Return the Look of Distances.
 
-    Parameters
-    ----------
-    uncertain : Uncertain
-    shape : Shape
-    slopes : ndarray, shape (N + 1, 3, n)
-        Derivatives of the nodes by the state.
-    off : Distances
-        Distances from the shape.
-    known : bool
-        Whether arc lengths were seen.
+    Shapes: slopes (N + 1, 3, n).
     """
     length = shape.s[-1]
     by_state = at_arc_lengths(slopes, shape.s, off.s)
@@ -290,26 +261,7 @@ def _most_likely(away: Floats, rows: Floats, noise: float, scale: float, outlier
     searched in turn, first with a scale by the median of the squares, so that a large displacement
     of all points makes no outliers of them.
 
-    Parameters
-    ----------
-    away : ndarray, shape (m, d)
-        See `Distances`.
-    rows : ndarray, shape (m, d, k)
-        See `Distances.by_own`.
-    noise : float
-        Noise as stated, m: while the points fit badly, the scale is larger. 0: see `scale`.
-    scale : float
-        Noise with which points are weighed in the end, m, where no `noise` is given.
-    outliers : float
-        Part of the points that do not belong to the DLO.
-    side : float
-        Side of the cube in which these lie, m.
-
-    Returns
-    -------
-    tuple
-        Weights (m,), squared distances (m,) that are left, most likely values (k,) and their
-        covariance (k, k), scale.
+    Shapes: away (m, d), rows (m, d, k).
     """
     m, d, k = rows.shape
     likely = np.zeros(k)

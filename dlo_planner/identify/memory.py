@@ -227,13 +227,6 @@ class Memory:
 
         Looks at the same pose, with the same noise and sway, are joined in one Group, as long as
         the robot's error is hardly another.
-
-        Parameters
-        ----------
-        new : Group
-        elapsed : float
-            Seconds since the look before.
-        robot : RobotError
         """
         old = self.groups
         lasts = old[-1].lasts + elapsed if old else 0.0

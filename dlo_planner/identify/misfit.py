@@ -65,16 +65,7 @@ def nowhere(points: Floats, length: float, size: int, shape: Shape) -> Misfit:
 
 
 def at_rest(one: Observation, shape: Shape, nearby: Nearby, errors: PoseErrors) -> Misfit:
-    """Return the Misfit of an Observation from its Shape.
-
-    Parameters
-    ----------
-    nearby : Nearby
-        Function (shape) -> (column, Discretization ahead, Discretization back) of each unknown that
-        the rod depends on.
-    errors : PoseErrors
-        PoseErrors of this observation.
-    """
+    """Return the Misfit of an Observation from its Shape."""
     m = len(one.points)
     s, counts = one.s, np.ones((m, 3), dtype=bool)
     if s is None:
@@ -107,15 +98,7 @@ def at_rest(one: Observation, shape: Shape, nearby: Nearby, errors: PoseErrors) 
 def in_motion(one: ObservedMotion, x: Floats,
               positions_at: Callable[[Floats], tuple[Floats | None, Shape]],
               columns: Sequence[tuple[int, bool]], size: int, length: float) -> Misfit:
-    """Return the Misfit of an ObservedMotion at unknowns x (n,).
-
-    Parameters
-    ----------
-    positions_at : callable
-        Function (x) -> (k, m, 3) where the points are then, or None; and a Shape.
-    columns : sequence of (int, bool)
-        (column, whether x may be less there) of each unknown that the motion depends on.
-    """
+    """Return the Misfit of an ObservedMotion at unknowns x (n,)."""
     points = one.points.reshape(-1, 3)
     positions, shape = positions_at(x)
     if positions is None:
@@ -140,14 +123,7 @@ def in_motion(one: ObservedMotion, x: Floats,
 def with_others(misfit: Misfit, displacements: Floats, amounts: Floats, where: slice) -> Misfit:
     """Return the Misfit where points are displaced by other causes in addition.
 
-    Parameters
-    ----------
-    displacements : ndarray, shape (j, k, m, 3)
-        Of each cause, in m.
-    amounts : ndarray, shape (j,)
-        Of each cause.
-    where : slice
-        Slice of the unknowns that are these amounts.
+    Shapes: displacements (j, k, m, 3), amounts (j,).
     """
     if not misfit.converged:
         return misfit

@@ -135,13 +135,6 @@ def judge_points(name: str, seen: Observation | ObservedMotion, length: float) -
     """Raise InvalidTask where points cannot be of a DLO of this length, m, as it is held.
 
     Some may be outliers, but not half of them: these are in another unit, or another frame.
-
-    Parameters
-    ----------
-    name : str
-        How the user knows it.
-    seen : Observation or ObservedMotion
-    length : float
     """
     if seen.s is not None and ((seen.s < 0) | (seen.s > length)).any():
         raise InvalidTask(f'{name}.s: expected 0 to the length {length:g} m')

@@ -117,16 +117,6 @@ class Observed:
         """Halve the steps of the motions until that changed little at x (n,).
 
         They then stay the same: steps that follow an error would make derivatives noisy.
-
-        Parameters
-        ----------
-        tolerance : float
-            Change of a point that is little, of the length.
-
-        Returns
-        -------
-        bool
-            Whether any step is shorter now.
         """
         before = list(self._parts)
         for index, one in enumerate(self.motions):

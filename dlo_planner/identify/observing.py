@@ -128,13 +128,7 @@ class Swing:
 
     @classmethod
     def of(cls, way: TimedPath, simulator: DirectSimulator, first: Shape) -> Swing:
-        """Return the Swing of a DLO along a way, at rest in the Shape `first` before.
-
-        Raises
-        ------
-        NotConverged
-            The motion could not be simulated.
-        """
+        """Return the Swing of a DLO along a way, at rest in the Shape `first` before."""
         count = int(np.ceil((way.duration + _LASTS) / _SWING_STEP)) + 1
         grippers = way.poses(np.minimum(_SWING_STEP * np.arange(count), way.duration))
         motion = simulator.simulate(grippers, _SWING_STEP, first)
@@ -282,14 +276,6 @@ class Observing:
         """Return how the DLO vibrates since the gripper stands in a Pose; None: it is not known.
 
         Looks that were not believed count as well.
-
-        Parameters
-        ----------
-        gripper : Pose
-        since : float
-            Stamp in s.
-        factor : (float, float), optional
-            See `FreeVibration.of`.
         """
         with self._lock:
             clouds = [cloud for cloud in self._clouds if cloud[0] >= since]
@@ -317,11 +303,6 @@ class Observing:
         """Take in where the center of a cut-out was seen; see `Observer.see_cutout`.
 
         It has no effect where `seeing.cutout` is 0.
-
-        Raises
-        ------
-        InvalidTask
-            It was seen where it cannot be.
         """
         seeing = self.seeing
         if not seeing.cutout:
@@ -355,18 +336,7 @@ class Observing:
     def look(self, stamp: float, points: Floats) -> Estimate:
         """Return the Estimate after one more cloud; if that does not agree, the one before.
 
-        Parameters
-        ----------
-        stamp : float
-            Stamp in s, when it was taken.
-        points : ndarray, shape (n, 3)
-            Points in m, world.
-
-        Raises
-        ------
-        InvalidTask
-            There are too few points, or no gripper pose of that time is known, or no equilibrium of
-            the DLO explains what is seen.
+        Shapes: points (n, 3).
         """
         if len(points) < _LEAST_POINTS:
             raise InvalidTask(f'observed_points has {len(points)} points: expected {_LEAST_POINTS} '
@@ -462,12 +432,6 @@ def deviation(plan: Plan, time: float, points: Floats) -> float:
     """Return the median distance of points (n, 3), m, from the DLO as planned at a time.
 
     Between two waypoints the nodes are taken to go straight; the median does not mind outliers.
-
-    Parameters
-    ----------
-    plan : Plan
-    time : float
-        Time in s, of `Plan.times`.
     """
     times = plan.times
     k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(plan) - 2, 0)))

@@ -117,20 +117,7 @@ class PredictedMiss(Value):
 def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
             shapes: Sequence[Shape] | None = None,
             seen: Sequence[Pose] | None = None) -> PredictedMiss:
-    """Return the PredictedMiss of an Estimate at some waypoints of a Plan.
-
-    Parameters
-    ----------
-    estimate : Estimate
-    plan : Plan
-        Plan of the same DLO.
-    waypoints : sequence of int
-        Indices of waypoints that pass a center.
-    shapes : sequence of Shape, optional
-        Shapes of the estimated DLO there. If None, they are computed.
-    seen : sequence of Pose, optional
-        See `Estimate.miss`.
-    """
+    """Return the PredictedMiss of an Estimate at some waypoints of a Plan."""
     count, n, error = len(waypoints), estimate.mean.size, estimate.robot_error
     off, bound = np.full((count, 3), np.inf), np.full(count, np.inf)
     rows, changed = np.zeros((count, 3, n + 6)), np.zeros(count)
@@ -180,13 +167,7 @@ def judged_plan(estimate: Estimate, plan: Plan) -> Plan:
 
 
 def judged_waypoints(plan: Plan, waypoints: ArrayLike | None) -> list[int]:
-    """Return indices of waypoints that pass a center; None stands for all of them.
-
-    Raises
-    ------
-    InvalidTask
-        One passes no center.
-    """
+    """Return indices of waypoints that pass a center; None stands for all of them."""
     known = passing(plan)
     if waypoints is None:
         return known
@@ -201,14 +182,7 @@ def _miss_at(estimate: Estimate, slopes: Floats, shape: Shape, known: Floats, la
              center: Floats, s: float, normal: Floats | None) -> tuple[Floats, Floats, float]:
     """Return the miss (3,) of one entry of `Plan.via_points`, its slopes (3, n + 6) and bound, m.
 
-    Parameters
-    ----------
-    slopes : ndarray, shape (N + 1, 3, n + 6)
-        Slopes of the nodes by the state and by the robot's error.
-    known : ndarray, shape (n + 6, n + 6)
-        Covariance of state and robot's error at the last look.
-    later : ndarray, shape (6, 6)
-        Covariance of what the robot's error is more at the waypoint.
+    Shapes: slopes (N + 1, 3, n + 6), known (n + 6, n + 6), later (6, 6).
     """
     off, normal, tangent, s = crossing(shape, estimate.center(center), normal, s)
     slopes = at_arc_lengths(slopes, shape.s, np.array([s]))[0]
@@ -251,12 +225,7 @@ def crossing(shape: Shape, center: Floats, normal: Floats | None,
              s: float) -> Crossing:
     """Return where a Shape, extended straight on at its end, crosses a plane near `s` (m).
 
-    Parameters
-    ----------
-    center : ndarray, shape (3,)
-        Center in m, in the plane.
-    normal : ndarray, shape (3,) or None
-        Normal of the plane, or None: the DLO's tangent.
+    Shapes: center (3,), normal (3,).
     """
     for _ in range(_CROSSINGS):
         inside = min(max(s, 0.0), shape.s[-1])

@@ -17,21 +17,7 @@ from dlo_planner.verify.uncertain import Varied
 
 def settled(varied: Varied, z: Floats, gripper: Pose, before: Shape | None = None,
             followed: bool = True) -> Shape:
-    """Return the Shape at a state z (n,), `converged` or not.
-
-    Parameters
-    ----------
-    varied : Varied
-    z : ndarray, shape (n,)
-        State.
-    gripper : Pose
-        True Pose of the gripper.
-    before : Shape, optional
-        Shape from which the DLO comes. If None, set down in its natural shape.
-    followed : bool, optional
-        Whether the gripper's way from there is followed in small steps, so that the DLO does not
-        jump; else Newton's method begins with `before`, in one step.
-    """
+    """Return the Shape at a state z (n,), `converged` or not."""
     mesh = varied.at(z)
 
     def found(gripper: Pose, initial: Shape | None, _far_end: FarEnd | None = None,

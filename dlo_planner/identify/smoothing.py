@@ -381,13 +381,6 @@ def innovation_of(before: Floats, expected: Floats, after: Floats,
 
     The change of a Kalman filter's state has the covariance P- less P+; only directions count in
     which the look lowered the variance.
-
-    Parameters
-    ----------
-    before, expected : ndarray, shapes (n,), (n, n)
-        Mean and covariance before the look.
-    after, left : ndarray, shapes (n,), (n, n)
-        Mean and covariance after it.
     """
     root = np.linalg.cholesky(expected)
     moved = solve_triangular(root, after - before, lower=True)

@@ -27,12 +27,7 @@ _NOTHING = 1e-12   # of the largest eigenvalue
 def spread_together(series: Sequence[Floats], alone: Floats) -> Floats:
     """Return the covariance (n, n) of the sum of all pulls, not less than it is if each is alone.
 
-    Parameters
-    ----------
-    series : sequence of ndarray
-        Pulls (k, n) at the k instants of each motion, in their order.
-    alone : ndarray, shape (n, n)
-        The covariance of their sum if all residuals were independent.
+    Shapes: alone (n, n).
     """
     values, vectors = np.linalg.eigh(alone)
     seen = values > _NOTHING * values[-1]

@@ -67,17 +67,7 @@ class FreeVibration:
     @classmethod
     def of(cls, shape: Shape, clouds: Sequence[tuple[float, Floats]],
            factor: tuple[float, float] = STATED) -> FreeVibration | None:
-        """Return the vibration that clouds show; None where they are too few to tell.
-
-        Parameters
-        ----------
-        shape : Shape
-            About the shape at rest, as the camera would see it.
-        clouds : sequence of (float, ndarray)
-            Stamp, s, and points (n, 3), m, of each, ascending.
-        factor : (float, float), optional
-            What is known of the common factor of the frequencies, and its standard deviation.
-        """
+        """Return the vibration that clouds show; None where they are too few to tell."""
         modes = shape.modes(_MODES)
         if not enough(clouds, float(modes.frequencies[0])):
             return None
@@ -158,14 +148,7 @@ def _fitted(moved: Floats, static: Floats, away: Floats, times: Floats,
 
     By Gauss-Newton steps for the common factor of the frequencies, in which points are weighed.
 
-    Parameters
-    ----------
-    moved, static : ndarray, shapes (n, 3, m), (n, 3, k)
-        Displacements of the points by modes, and by what does not move.
-    away : ndarray, shape (n, 3)
-        Seen.
-    times : ndarray, shape (n,)
-        s.
+    Shapes: away (n, 3), times (n,).
     """
     count, factor, weights = len(modes), known[0], np.ones(len(away))
     x, scale = np.zeros(2 * count + static.shape[2]), 1.0

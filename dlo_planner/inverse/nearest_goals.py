@@ -40,20 +40,7 @@ _NONE, _STAYS, _MOVED = 0, 1, 2
 
 def nearest_goals(simulator: DirectSimulator, goals: GoalTable, shape: Shape, turn: float,
                   shift: float) -> Shape | None:
-    """Return the Shape that misses goals least whose gripper is within reach, or None.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-        The DLO hangs freely.
-    goals : GoalTable
-    shape : Shape
-        Shape where the step begins.
-    turn : float
-        Angle by which the gripper may turn, rad, about.
-    shift : float
-        Distance by which it may be displaced, about, m.
-    """
+    """Return the Shape that misses goals least whose gripper is within reach, or None."""
     for _ in range(_MESHES):
         mesh = shape.state.mesh
         assert mesh is not None  # only a shape that was loaded has none
@@ -85,14 +72,7 @@ def nearest_on(mesh: Discretization, goals: GoalTable, shape: Shape, turn: float
 def _nearest_goals(system: Problem, base: Floats, origin: Floats, strains: Floats, nodes: Floats,
                    goals: GoalTable, scale: Floats, tolerance: float,
                    max_iterations: int) -> tuple[int, Floats, Floats, tuple[Any, ...]]:
-    """Do what `nearest_goals` does; `nodes` (N + 1,), m, and `scale` (6,), rad and m: its reach.
-
-    Returns
-    -------
-    tuple
-        One of _NONE, _STAYS, _MOVED; rotation (3, 3) and position (3,) of the gripper; and what
-        `minimize.solve.solve_free` returns, of which the other arguments are.
-    """
+    """Do what `nearest_goals` does; `nodes` (N + 1,), m, and `scale` (6,), rad and m: its reach."""
     rows, misses = 3 * goals.kind.size, (nodes, np.empty(goals.kind.size),
                                             np.empty((goals.kind.size, 3, 3)))
     here, there, begin = base.copy(), np.empty((3, 3)), base.copy()
@@ -142,18 +122,7 @@ def _closer(turned: Problem, begin: tuple[Floats, Floats], scale: Floats,
             max_iterations: int) -> tuple[float, Configuration]:
     """Return the penalty after the first of some steps that does not raise it, and that place.
 
-    Parameters
-    ----------
-    begin : tuple
-        Rotation (3, 3) and position (3,) of the gripper, from which all steps count.
-    way : tuple
-        Steps so far (6,); the next one (6,), and the one before with what was taken (2, 6), nan
-        if there is none: both changed; and the penalty before.
-    q : ndarray, shape (m, 3)
-        Unknowns before.
-    out : tuple
-        Filled: rotation (3, 3) and position (3,) of the gripper, misses (m,), wrench (6,), and
-        elastic and all energy, residual, stability, iterations (5,).
+    Shapes: q (m, 3).
     """
     (x, step, last, value), (there, target, missed, wrench, numbers) = way, out
     options = thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0)
@@ -219,12 +188,7 @@ def _miss(system: Problem, state: Configuration, goals: GoalTable, misses: Any,
 def _extrapolated(step: Floats, before: Floats, taken: Floats) -> Floats:
     """Return the step (6,) to where steps would vanish if they changed as from the one before.
 
-    Parameters
-    ----------
-    step, before : ndarray, shape (6,)
-        The step here, and the one before.
-    taken : ndarray, shape (6,)
-        The way from there to here.
+    Shapes: step, before (6,), taken (6,).
     """
     change = step - before
     size = np.dot(change, change)

@@ -27,13 +27,7 @@ _POSE = {'position', 'quaternion'}
 
 
 def to_plain(content: object) -> Any:
-    """Return a content as dicts, lists, numbers, strings, booleans and None.
-
-    Raises
-    ------
-    InvalidTask
-        It contains anything else.
-    """
+    """Return a content as dicts, lists, numbers, strings, booleans and None."""
     if isinstance(content, Pose):
         return {'position': content.position.tolist(), 'quaternion': content.quaternion.tolist()}
     if isinstance(content, Shape | Plan):
@@ -58,20 +52,7 @@ def to_plain(content: object) -> Any:
 
 
 def from_plain(name: str, content: object, depth: int = 0) -> object:
-    """Return what `to_plain` was given; lists stay lists, which values take for arrays.
-
-    Parameters
-    ----------
-    name : str
-        Name of the content in messages.
-    depth : int, optional
-        Number of values around it.
-
-    Raises
-    ------
-    InvalidTask
-        A class is not known, or refuses what is given for it.
-    """
+    """Return what `to_plain` was given; lists stay lists, which values take for arrays."""
     if depth > _DEEPEST:
         raise InvalidTask(f'{name[:40]}...: expected values in at most {_DEEPEST} others')
     if isinstance(content, Value):

@@ -92,13 +92,7 @@ def depths_or_none(name: str, depths: object) -> Floats | None:
 
 
 def depths_on(length: float, depths: Floats | None) -> Floats:
-    """Return the depths (n,) of a task, m, on a DLO of this length; None: 40 of them to 0.95 L.
-
-    Raises
-    ------
-    InvalidTask
-        A depth is beyond the length.
-    """
+    """Return the depths (n,) of a task, m, on a DLO of this length; None: 40 of them to 0.95 L."""
     if depths is None:
         return np.linspace(0, _DEEPEST * length, _WAYPOINTS)
     return row('depths', depths, most=MOST, minimum=0, maximum=length)

@@ -339,35 +339,7 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
     A shape at which the gripper or the DLO might leap, or that is hardly stable, ends the search:
     who called it looks closer. One set of arc lengths, without limits, is the search for one shape.
 
-    Parameters
-    ----------
-    system, nodes, tolerance, exact, max_iterations
-        As of `solve_goals`.
-    bases, strains : ndarray, shapes (2, 3, 3) and (2, N, 3)
-        Rotations of the gripper before the last one and last, and strains there, 1/m; read-only.
-    frames, origin : ndarray, shapes (N + 1, 3, 3) and (3,)
-        Of the last one's nodes, and its position, m; read-only.
-    ahead : ndarray, shape (k,)
-        How many times the change before each search begins ahead.
-    goals : GoalTable
-        Goals of the first search. A ROLL counts since the shape before, in further ones.
-    s : ndarray, shape (k, g)
-        Arc lengths of the goals, m.
-    free : ndarray, shape (3,)
-        Direction about which a DLO that has the goals may roll, see `free_axis`.
-    most : ndarray, shape (3, k)
-        By how much the gripper may turn (rad) and move (m), and nodes may turn beside that (rad).
-    least : float
-        Stability with which nothing is in doubt.
-    watched : ndarray, shape (j,)
-        Nodes at which turns are looked at.
-
-    Returns
-    -------
-    tuple
-        How many were found; of each what `solve.solve_free` returns but the last number, as
-        arrays, in a gripper at the origin; bases (k, 3, 3); where the goals are (k, g), m; axes
-        (k, 3, 3) and position (k, 3), m, of the first goal.
+    Shapes: ahead (k,), s (k, g), free (3,), most (3, k), watched (j,).
     """
     count, n = s.shape[0], strains.shape[1]
     all_strains, all_frames = np.empty((count, n, 3)), np.empty((count, n + 1, 3, 3))
@@ -501,22 +473,7 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
            ) -> list[Found]:
     """Return the shapes that have goals at some sets of arc lengths, until one is in doubt.
 
-    Parameters
-    ----------
-    mesh : Discretization
-        It hangs freely.
-    shape : Shape
-        Shape near the first one.
-    goals, free, most, least
-        As of `follow_goals`; without limits by default.
-    s : ndarray, shape (k, g)
-        Arc lengths, m.
-    trend : (Shape, float) or None, optional
-        The Shape before `shape`, and how many times the change since then the search begins ahead.
-    further : sequence of float, optional
-        The same of the further searches.
-    origin : ndarray, shape (3,), optional
-        Position of the gripper, m.
+    Shapes: s (k, g), origin (3,).
     """
     begin = mesh.start_from(shape)
     earlier, ahead = trend or (shape, 0.0)

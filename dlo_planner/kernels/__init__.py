@@ -50,11 +50,6 @@ def kernel(function: Any = None, **options: Any) -> Any:
     """Compile a function when it is first called, and keep what was compiled for the next process.
 
     Where nothing can be written it is compiled anew in each process.
-
-    Parameters
-    ----------
-    options : object
-        Options of `numba.njit`, but `cache`.
     """
     if function is None:
         return partial(kernel, **options)

@@ -37,13 +37,7 @@ class Unit(NamedTuple):
 
     @classmethod
     def of(cls, kernel: Dispatcher, kinds: tuple[Any, ...]) -> Unit:
-        """Return the unit of a kernel; its symbol follows from its sources and types.
-
-        Raises
-        ------
-        Unseen
-            Those sources, or a kernel that is an argument, cannot be followed.
-        """
+        """Return the unit of a kernel; its symbol follows from its sources and types."""
         function = kernel.py_func
         return cls(function.__module__, function.__qualname__, kinds,
                    key_of(kernel, kinds).file(()))
@@ -54,13 +48,7 @@ class Unit(NamedTuple):
         return attrgetter(self.name)(import_module(self.module))
 
     def load(self) -> None:
-        """Load or compile it: machine code that calls it is about to be read.
-
-        Raises
-        ------
-        LookupError
-            It is no unit with this symbol now: that machine code is of no use.
-        """
+        """Load or compile it: machine code that calls it is about to be read."""
         self.kernel.compile(self.kinds)
         if self.symbol not in UNITS:
             raise LookupError(self.symbol)
@@ -107,13 +95,7 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba is not annotated
 
 
 def key_of(kernel: Dispatcher, kinds: tuple[Any, ...]) -> files.Key:
-    """Return what names the file of a kernel.
-
-    Raises
-    ------
-    Unseen
-        Its sources, or a kernel that is an argument, cannot be followed.
-    """
+    """Return what names the file of a kernel."""
     if any(isinstance(one, types.Callable) for one in kinds):
         raise Unseen('a kernel as argument')
     return files.Key(files.name_of(kernel), _sources(kernel), kinds)

@@ -45,13 +45,7 @@ class Unseen(TypeError):
 
 
 def fingerprint(kernel: Dispatcher) -> str:
-    """Return the name of all that the machine code of a kernel depends on, in its sources.
-
-    Raises
-    ------
-    Unseen
-        It reads what cannot be followed.
-    """
+    """Return the name of all that the machine code of a kernel depends on, in its sources."""
     total = hashlib.sha256()
     for part in _walked(kernel, []):
         total.update(part)

@@ -15,13 +15,7 @@ _V2 = ('cx16', 'popcnt', 'sahf', 'sse3', 'ssse3', 'sse4.1', 'sse4.2')
 
 
 def accepted(target: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
-    """Return the processors whose machine code this one runs, the best first.
-
-    Parameters
-    ----------
-    target : tuple of str
-        Target of the process, as numba writes it: triple, name, features.
-    """
+    """Return the processors whose machine code this one runs, the best first."""
     asked = numba.config.CPU_NAME is not None or numba.config.CPU_FEATURES is not None
     return (target,) if asked or not _runs_generic() else (target, (target[0], *generic()))
 
@@ -42,13 +36,7 @@ def _runs_generic() -> bool:
 
 
 def compile_generic() -> None:
-    """Compile for the processor of `generic` from now on.
-
-    Raises
-    ------
-    RuntimeError
-        This one does not run that, or a kernel has been imported already.
-    """
+    """Compile for the processor of `generic` from now on."""
     if not _runs_generic():
         raise RuntimeError(f'this processor does not run what is compiled for {generic()[0]}')
     numba.config.CPU_NAME, numba.config.CPU_FEATURES = generic()

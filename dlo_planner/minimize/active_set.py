@@ -130,10 +130,6 @@ def _spread(node, e, fraction, force):
     Args:
         node: (N + 1,) multipliers, added to; fraction: of the element, where the point was
         force: its multiplier, N
-
-    Returns
-    -------
-        the part of the middle, N
     """
     x = min(max(fraction, _NEXT), 1.0 - _NEXT)
     node[e] += (1.0 - x) ** 2 * force

@@ -99,16 +99,7 @@ def along(look: Callable[[Floats], tuple[float, Floats]], start: Point, directio
           noise: float) -> Point | None:
     """Return a lower Point on a line, about where its slope vanishes; None if none is lower.
 
-    Parameters
-    ----------
-    look : callable
-        q -> (value, gradient).
-    start : Point
-        Where the line begins; the gradient there points against `direction`.
-    direction : ndarray, shape (n,)
-        The step that is tried first.
-    noise : float
-        Rounding errors of values, J, but for those in proportion to them.
+    Shapes: direction (n,).
     """
     untold = _UNTOLD * (noise + _EPS * abs(start.value))
     first = float(start.gradient @ direction)
@@ -141,15 +132,7 @@ def along(look: Callable[[Floats], tuple[float, Floats]], start: Point, directio
 
 def _next(lower: tuple[float, float], upper: tuple[float, float | None] | None,
           first: float) -> float:
-    """Return the fraction to look at between two points, or beyond the lower one.
-
-    Parameters
-    ----------
-    lower, upper : (float, float)
-        Fraction and slope of each; a slope of None is not known, an upper point of None neither.
-    first : float
-        Slope where the line begins.
-    """
+    """Return the fraction to look at between two points, or beyond the lower one."""
     begin, slope = lower
     if upper is None:  # where a parabola has its lowest point, if it has one there
         part = first / (first - slope) if slope > first else np.inf
@@ -165,16 +148,7 @@ _LARGEST = 2.0  # of problem.scale: the longest step. Farther ones wind turns in
 def dfp(problem: Objective, q: Floats, tolerance: float, most: int = 10_000) -> Ended:
     """Return where the search Ended that begins with `q`.
 
-    Parameters
-    ----------
-    problem : Problem
-        The function.
-    q : ndarray, shape (n,)
-        Start.
-    tolerance : float
-        Largest size of the gradient at the end, relative to that of q and problem.scale together.
-    most : int, optional
-        Evaluations after which no further step is made.
+    Shapes: q (n,).
     """
     evaluations = 1
 
@@ -228,16 +202,7 @@ def downhill_simplex(problem: Objective, q: Floats, tolerance: float,
                      most: int = 2_000_000) -> Ended:
     """Return where the search Ended that begins with `q`.
 
-    Parameters
-    ----------
-    problem : Problem
-        The function; its gradient is not used.
-    q : ndarray, shape (n,)
-        Start.
-    tolerance : float
-        A step that moves q by less, relative to q and problem.scale, is the last one.
-    most : int, optional
-        Evaluations after which no further simplex is set up, and one comes to its end.
+    Shapes: q (n,).
     """
     iterations = evaluations = 0
 
@@ -346,16 +311,7 @@ METHODS = ('newton', *SEARCHES)
 def search(system: Problem, q: Floats, method: str, tolerance: float) -> Minimum:
     """Descend from q to a minimum of the potential, as `minimize.newton.newton` does.
 
-    Parameters
-    ----------
-    system : Problem
-        The DLO.
-    q : ndarray, shape (m, 3)
-        Start, scaled unknowns.
-    method : str
-        One of SEARCHES.
-    tolerance : float
-        Largest residual at the end.
+    Shapes: q (m, 3).
     """
     problem = problem_of(system)
     iterations = evaluations = kicks = 0
@@ -376,18 +332,7 @@ def approximate(system: Problem, q: Floats, method: str, tolerance: float,
 
     Nothing is said of them: they are where others begin.
 
-    Parameters
-    ----------
-    system : Problem
-        The DLO.
-    q : ndarray, shape (m, 3)
-        Start, scaled unknowns.
-    method : str
-        'newton', or one of SEARCHES.
-    tolerance : float
-        Residual at which the search ends.
-    most : int
-        Work after which it ends where it is: Newton steps, or evaluations of the potential.
+    Shapes: q (m, 3).
     """
     if method == 'newton':
         descent = descend(system, q, tolerance, most, False)

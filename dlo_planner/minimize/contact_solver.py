@@ -71,19 +71,7 @@ def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterati
                        check: bool, exact: float, previous: Floats) -> Minimum:
     """Descend from q to a minimum that keeps all constraints.
 
-    Parameters
-    ----------
-    system : Problem
-        The DLO; the multipliers of its constraints are where the search begins.
-    q : ndarray, shape (m, 3)
-        Start, scaled unknowns.
-    tolerance, max_iterations, check
-        As of `newton.newton`.
-    exact : float
-        How far a constraint may be violated at the end, m.
-    previous : ndarray, shape (N + 1, 6)
-        Positions, m, relative to the gripper of this step, and tangents of the nodes before it,
-        from which friction counts. (0, 6) if there is no step before.
+    Shapes: q (m, 3), previous (N + 1, 6).
     """
     if obstructed(system.contact):
         end = solve_contact(system, q, COARSER * tolerance, exact, max_iterations, check, previous)
@@ -97,15 +85,6 @@ def carried_newton(system: Problem, start: tuple[Floats, Floats, Floats, Floats]
     """Return the Minimum in which a DLO goes on bearing as its gripper moves, or None.
 
     It is None where something is in its way, or where the points that bear do not go on bearing.
-
-    Parameters
-    ----------
-    system : Problem
-        In the gripper after the step, its contacts those before.
-    start : tuple of ndarray
-        Base, slid, strains, shift of `predictor_corrector`.
-    tolerance, max_iterations, exact, previous
-        As of `constrained_newton`.
     """
     goes_on, *end = predictor_corrector(system, *start, COARSER * tolerance, exact, max_iterations,
                             previous)
@@ -254,10 +233,6 @@ def augmented_lagrangian(system, q, tolerance, exact, max_iterations, check, pre
     """Descend from q (m, 3) among obstacles, in so many rounds at most.
 
     Other arguments as of `constrained_newton`.
-
-    Returns
-    -------
-        state, residual, stability, iterations, kicks, system, violation: as of a Minimum
     """
     vain = news = kicks = iterations = 0
     best = before = violation = np.inf
@@ -312,17 +287,7 @@ def augmented_lagrangian(system, q, tolerance, exact, max_iterations, check, pre
 
 @kernel
 def _round(system, q, tolerance, exact, most, previous, keeps):
-    """Descend with the multipliers as they are, and look at what touches there.
-
-    Parameters
-    ----------
-    keeps
-        Whether points that are watched stay so, be they needed or not.
-
-    Returns
-    -------
-        Configuration, its residual, steps made, Contacts, whether one of them is new
-    """
+    """Descend with the multipliers as they are, and look at what touches there."""
     never = most < 0  # literals would be compiled for by themselves
     state, residual, _, steps, _, _, _ = newton_descent(
         system, q, thorough(tolerance, exact, most, never, never), new_workspace(system))

@@ -46,19 +46,6 @@ def foresee(system: Problem, base: Floats, strains: Floats,
         base: (3, 3), read-only, rotation of the gripper
         strains: (N, 3), read-only, of its equilibrium, 1/m
         spread: (3,) derivative by the positions of the loads that are spread out, N/m
-
-    Returns
-    -------
-    error : float
-        Largest distance of a node from where it should be, m; infinite at a saddle.
-    off : ndarray, shape (N, 3)
-        By how much the strains differ from the means of the true ones, 1/m.
-    shares : ndarray, shape (N + 1,)
-        Where the nodes are on the graded mesh, see `equidistribute`.
-    one : float
-        Error of a graded mesh of n elements, times n^2, m.
-    there : ndarray, shape (N, 3)
-        As `off` on that mesh, times n^2.
     """
     turned = with_gripper(system, base.copy(), np.zeros(3))
     state, hessian = new_configuration(turned), new_hessian(turned)

@@ -320,20 +320,7 @@ def newton(system: Problem, q: Floats, tolerance: float, max_iterations: int, ch
            exact: float = 0.0) -> Minimum:
     """Descend from q to a minimum of the potential that keeps the far end's grip.
 
-    Parameters
-    ----------
-    system : Problem
-        The DLO. The multipliers of its grip are where the search begins, and are moved.
-    q : ndarray, shape (m, 3)
-        Start, scaled unknowns; not changed.
-    tolerance : float
-        Largest residual at the end.
-    max_iterations : int
-        Newton steps at most.
-    check : bool
-        Whether to find the smallest eigenvalue at the end, and to leave a saddle.
-    exact : float, optional
-        By how much the grip may be missed at the end, m.
+    Shapes: q (m, 3).
     """
     state, residual, stability, iterations, kicks, violated = _minimum(
         system, q, tolerance, exact, max_iterations, check)
@@ -363,15 +350,6 @@ def minimize(system: Problem, q: Floats, options: Options,
     """Do as `newton_descent` does, but go on from saddles.
 
     `q` is where it began for the last time at the end.
-
-    Returns
-    -------
-    state, residual, stability, iterations
-        As of `newton_descent`.
-    kicks : int
-        How often a saddle was left, 1 at least where symmetry had to be broken.
-    violation : float
-        By how much the grip is missed, m.
     """
     kicks = iterations = 0
     neutral = HELD_NEUTRAL if is_held(system) else NEUTRAL
@@ -413,23 +391,6 @@ def newton_descent(system: Problem, q: Floats, options: Options,
 
     Where what is near is not, or a DLO turns too far, it is given up: the residual is infinite. The
     multipliers of the Problem's grip are where the search begins, and are moved.
-
-    Returns
-    -------
-    state : Configuration
-        Configuration at the end, one of the Workspace.
-    residual : float
-        Size of the scaled gradient; where inertia is stiff the decrement may tell in its place.
-    stability : float
-        Smallest eigenvalue of the Hessian, on what a grip leaves free; nan if not `check`.
-    iterations : int
-        Newton steps made.
-    mode : ndarray, shape (m, 3)
-        Lowest mode, where that was looked at.
-    leant : bool
-        Whether symmetry was broken.
-    violation : float
-        By how much the grip is missed, m.
     """
     state, trial, hessian, step = work.state, work.trial, work.hessian, work.step
     hold, border, miss, reaction = system.effects.hold, hessian.border, work.miss, work.reaction
@@ -848,14 +809,7 @@ def kick(system: Problem, state: Configuration, mode: Floats) -> Floats | None:
 
     Where both sides are about as low, it is the one to which the mode points.
 
-    Parameters
-    ----------
-    system : Problem
-        The DLO.
-    state : Configuration
-        Configuration at the saddle.
-    mode : ndarray, shape (m, 3)
-        Its lowest mode.
+    Shapes: mode (m, 3).
     """
     q = np.empty_like(mode)
     return q if kicked(system, state, mode, q) else None

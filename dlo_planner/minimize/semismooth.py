@@ -70,10 +70,6 @@ def update_multipliers(system, state, table, share, q, vain):
         share: of the way from the forces as they are to those of the linearized laws
         q: unknowns of `state`
         vain: rounds in vain; after some what is neutral may stay so, too, see `_stands`
-
-    Returns
-    -------
-        whether these are known
     """
     normal, shear = _forces(table, state)
     used = share > 0.0 and table.gap.size > 0
@@ -139,10 +135,6 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, normal, 
         neutral: whether it need not be definite, see `_stands`
         normal: (A,), shear: (A, 3) the forces as they are; filled where it can be trusted
         step: (m, 3) filled
-
-    Returns
-    -------
-        whether it can
     """
     contacts = system.effects.contact.contacts
     if fresh:
@@ -495,11 +487,6 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         q: (m, 3) start; the Problem's multipliers are the forces there
         tolerance: of the residual; exact: of gaps, m
         previous: as of `constrained_newton`
-
-    Returns
-    -------
-        whether, Configuration, residual, violation, Problem with the forces, Hessian,
-        factorized where the DLO has turned since by so many rad, steps made
     """
     loaded, turned, before = system, np.inf, np.inf
     begin, hessian = new_configuration(system), new_hessian(system)

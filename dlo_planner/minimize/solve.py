@@ -34,11 +34,6 @@ def solve_free(system: Problem, base: Floats, origin: Floats, strains: Floats, t
         strains: (N, 3), read-only, where the descent starts, 1/m
         tolerance, max_iterations: as `newton`
         frames, before, nodes, most: how far it may turn, see `newton.within`
-
-    Returns
-    -------
-        strains (N, 3), rotations (N + 1, 3, 3), positions (N + 1, 3), wrench (6,) of the gripper on
-        the DLO, elastic and all energy, J; residual, stability, iterations, kicks of `minimize`
     """
     work, wrench = new_workspace(system), np.empty(6)
     turned = with_gripper(system, np.empty((3, 3)), np.empty(3))
@@ -225,13 +220,6 @@ def solve_between_grips(system: Problem, base: Floats, origin: Floats, place: Fl
         force: (K,), read-only, forces of the grip before, N
         tolerance: of the residual
         exact: by how much the grip may be missed, m
-
-    Returns
-    -------
-        whether it is near; if not, nothing else means anything; strains, rotations, positions as
-        `solve_free`; wrenches (2, 6) of the gripper and of the far end's grip on the DLO; force
-        (K,); elastic and all energy, residual, stability, iterations; by how much the grip is
-        missed, m
     """
     target, wrenches = np.empty(3), np.empty((2, 6))
     for i in range(3):

@@ -123,15 +123,7 @@ def returned(name: str, function: Callable[[float], Any], s: float,
 
 def array(name: str, value: Any, shape: tuple[int | None, ...],
           error: type[Exception] = InvalidTask, finite: bool | None = True) -> Floats:
-    """Return `value` as a new float array, or raise `error`.
-
-    Parameters
-    ----------
-    shape : tuple of int or None
-        Expected shape; None stands for any size > 0, e.g. (None, 3).
-    finite : bool or None, optional
-        Whether all entries have to be finite. If False, some may be infinite; if None, also nan.
-    """
+    """Return `value` as a new float array, or raise `error`."""
     sizes = ', '.join('n' if size is None else str(size) for size in shape)
     expected = f'{shape[0]} numbers' if len(shape) == 1 and shape[0] else f'numbers ({sizes})'
     try:

@@ -198,10 +198,7 @@ def angle_between(one: Floats, other: Floats) -> float:
 def displaced(pose: Pose, twist: Floats) -> Pose:
     """Return a Pose turned about its origin and then shifted.
 
-    Parameters
-    ----------
-    twist : ndarray, shape (6,)
-        Rotation vector, rad, before displacement, m; world axes.
+    Shapes: twist (6,).
     """
     return Pose.from_rotation(pose.position + twist[3:], turned_by(twist[:3]) @ pose.rotation)
 

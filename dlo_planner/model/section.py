@@ -169,13 +169,6 @@ def fibers(kind: str, bore: float = 0.0) -> tuple[Floats, Floats]:
     Elastic bending is exact: the sums of weight times height squared are 1 for both axes, that of
     the product of the heights is 0. `docs/validation.md` says how near yielding comes to the
     continuous section.
-
-    Parameters
-    ----------
-    kind : str
-        One of KINDS.
-    bore : float, optional
-        Radius of a tube's bore as a part of the outer one.
     """
     heights, weights = _in_square() if kind == 'rectangular' else _in_ring(bore)
     return heights, weights / (weights @ heights[:, 0] ** 2)
@@ -186,14 +179,6 @@ def layers(measure: str, bore: float = 0.0) -> tuple[Floats, Floats]:
     """Return the heights (J,) of J layers that are all strained alike, and their weights (J,).
 
     The sum of weight times height squared is 1.
-
-    Parameters
-    ----------
-    measure : str
-        How much of the section is at a height: 'rectangular', 'round', 'tube': bending in one
-        plane; 'torsion': around the middle of a round one.
-    bore : float, optional
-        As for `fibers`.
     """
     inside = bore if measure == 'torsion' else 0.0
     heights = inside + (1 - inside) * (np.arange(_LAYERS) + 0.5) / _LAYERS

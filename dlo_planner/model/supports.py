@@ -73,12 +73,7 @@ def held_rows(grip: str, rotation: Floats) -> Floats:
 
     World axes. If the grip allows one about or along the pose's x axis, its y and z axes remain.
 
-    Parameters
-    ----------
-    grip : str
-        One of GRIPS.
-    rotation : ndarray, shape (3, 3)
-        Rotation of its pose.
+    Shapes: rotation (3, 3).
     """
     if grip == 'clamped':
         return _ALL.copy()

@@ -336,22 +336,7 @@ class Profile(Value):
 
 def resolved(name: str, function: Callable[[float], Any], length: float, stated: ArrayLike = (),
              error: type[Exception] = InvalidRod) -> Profile:
-    """Return the Profile of a function of s on [0, length].
-
-    Parameters
-    ----------
-    name : str
-        Name by which the user knows it.
-    function : callable
-        Callable of s (m) that returns (k,) finite numbers, or raises `error`.
-    stated : array_like, optional
-        Arc lengths, m, where it is known to jump.
-
-    Raises
-    ------
-    error
-        It varies too wildly to be described.
-    """
+    """Return the Profile of a function of s on [0, length]."""
     stated = np.unique(stated)
     stated = stated[(stated > 0) & (stated < length)]
     edges = np.union1d(np.linspace(0, length, _PANELS + 1), stated)
@@ -423,24 +408,7 @@ ONE = 'one'  # how a value is written that is a single number
 
 
 def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Along:
-    """Return a quantity as a user states it: a float, a tuple of floats, or a function of s.
-
-    Parameters
-    ----------
-    name : str
-        Name by which the user knows it.
-    content : object
-        A number, ((s, value), ...) or a callable of s; a pair also by its components.
-    written : str, optional
-        How a value is: ONE number, or a pair.
-    limits : float
-        Limits of each number, as for `checks.number`.
-
-    Raises
-    ------
-    InvalidRod
-        Anything else.
-    """
+    """Return a quantity as a user states it: a float, a tuple of floats, or a function of s."""
     if callable(content):
         result: Along = content
         return result
@@ -454,20 +422,7 @@ def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Alo
 
 def pair(name: str, value: Any, written: str, judged: Callable[..., Any] | None = None,
          **limits: float) -> tuple[Any, Any]:
-    """Return a pair of numbers. One number gives both, if `written` allows it.
-
-    Parameters
-    ----------
-    written : str
-        'a or (b, c)' where one number does, '(b, c)' where it does not.
-    judged : callable, optional
-        Function that judges a component. If None, it is a number.
-
-    Raises
-    ------
-    InvalidRod
-        Something else.
-    """
+    """Return a pair of numbers. One number gives both, if `written` allows it."""
     sizes = (1, 2) if ' or ' in written else (2,)
     parts = value if is_row(value) else [value]
     if len(parts) not in sizes:

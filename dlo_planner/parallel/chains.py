@@ -63,13 +63,7 @@ class Following:
 
     def rows(self, crew: Crew,
              finished: Callable[[int, PieceResult], object]) -> list[list[Columns]]:
-        """Return for each chain the `columns` of its parts, in order.
-
-        Parameters
-        ----------
-        finished : callable
-            Called as finished(index, PieceResult) after each part, in any order.
-        """
+        """Return for each chain the `columns` of its parts, in order."""
         results = _results(crew, self._first_pieces(), finished)
         seams = {k for k, (_, part) in enumerate(self._jobs) if part.start}
         doubtful = sorted(seams)

@@ -452,15 +452,7 @@ class Rounds:
 
     def make(self, place: float, ahead: Callable[[int], dict[float, Task]],
              step: Callable[[Floats | None], Stepped]) -> Any:
-        """Return the result of a step at `place`, while later ones are computed ahead.
-
-        Parameters
-        ----------
-        ahead : callable
-            Tasks by place, made as ahead(most).
-        step : callable
-            Called as step(strains or None); returns a Stepped.
-        """
+        """Return the result of a step at `place`, while later ones are computed ahead."""
         tasks = ahead(self._most)
         futures = self._crew.begin(look, tasks.values())
         try:

@@ -63,17 +63,7 @@ class Crew:
 
     def run(self, function: Callable[[Any], Any], tasks: Iterable[Any],
             finished: Callable[[int, Any], object]) -> list[Any]:
-        """Return function(task) for all tasks, in their order.
-
-        Parameters
-        ----------
-        function : callable
-            Function of one task; it can be pickled, where the executor has to.
-        tasks : iterable of object
-            May be computed one by one, while others are worked on.
-        finished : callable
-            Called as finished(index, result), in the order in which they end.
-        """
+        """Return function(task) for all tasks, in their order."""
         results: dict[int, Any] = {}
 
         def done(index: int, result: Any) -> None:

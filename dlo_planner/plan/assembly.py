@@ -19,17 +19,7 @@ from dlo_planner.plan.waypoint import Waypoint
 
 
 def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
-    """Return (n,) times in s: each leg takes as long as the slower of its two motions.
-
-    Parameters
-    ----------
-    grippers : sequence of Pose
-        The n poses.
-    linear_speed : float
-        Linear speed in m/s.
-    angular_speed : float
-        Angular speed in rad/s.
-    """
+    """Return (n,) times in s: each leg takes as long as the slower of its two motions."""
     if len(grippers) < 2:
         return np.zeros(len(grippers))
     positions = np.array([pose.position for pose in grippers])

@@ -64,22 +64,7 @@ class Broken:
 def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
                       demands: PlanRequirements,
                       known: Sequence[float | None] | None = None) -> Broken | None:
-    """Return the first violation between the waypoints of a plan, or None.
-
-    Parameters
-    ----------
-    path : GripperPath
-        GripperPath through the gripper poses of the plan.
-    shapes : sequence of Shape
-        The n shapes at its waypoints.
-    sheets : sequence of SheetSide
-        (Sheet, normal (3,)) around the cut-outs.
-    demands : PlanRequirements
-        Workspace, obstacles, surface; its simulator finds the shapes between the waypoints; without
-        one, and for shapes that are parts of its rod, the DLO is not checked.
-    known : sequence of float or None, optional
-        Least room in the sheets at each waypoint, m; computed where it is None.
-    """
+    """Return the first violation between the waypoints of a plan, or None."""
     outside = None
     if demands.workspace is not None:
         beyond = demands.workspace.first_beyond(path)
@@ -171,10 +156,7 @@ class _Sweep:
                  halvings: int) -> Violation | None:
         """Return constraint, amount and words of a violation between two Looks, or None.
 
-        Parameters
-        ----------
-        bends : ndarray, shape (2,)
-            Bounds of the path's second derivatives in between, linear and angular.
+        Shapes: bends (2,).
         """
         short, far = _short(one, other, bends)
         if short <= 0:

@@ -67,17 +67,6 @@ def insertion_force(simulator: DirectSimulator, bore: CutOut, friction: float | 
 
     nan where the bore's radius or friction is not stated, the DLO does not go into it, its section
     or load is not a plain one, or no balance is found (it may jam).
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-        Simulator of the whole DLO.
-    bore : CutOut
-    friction : float or None
-    depth : float
-        Arc length inside, m.
-    outside : Shape
-        Shape of the part before the mouth, its end there.
     """
     rod, load = simulator.rod, simulator.surroundings.load
     if friction is None or bore.radius is None or callable(load) or (
@@ -95,13 +84,7 @@ def insertion_force(simulator: DirectSimulator, bore: CutOut, friction: float | 
 def pushing(inside: Inside, room: Floats, friction: float) -> float:
     """Return the force in N at the mouth that pushes a beam on; nan if no balance is found.
 
-    Parameters
-    ----------
-    inside : Inside
-    room : ndarray, shape (N + 1,)
-        Distance of the nodes from the axis at which they touch the wall, m.
-    friction : float
-        Coulomb's coefficient.
+    Shapes: room (N + 1,).
     """
     force, beam = np.zeros(room.size), _Beam(inside, room)
     for k in range(_ROUNDS):

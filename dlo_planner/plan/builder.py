@@ -77,13 +77,7 @@ class PlanRequirements:
     pressed: int | None = None
 
     def silent(self, simulator: DirectSimulator | None = None) -> PlanRequirements:
-        """Return the same demands for a search, whose steps are not reported.
-
-        Parameters
-        ----------
-        simulator : DirectSimulator, optional
-            DirectSimulator that the search is made with, None: the same.
-        """
+        """Return the same demands for a search, whose steps are not reported."""
         return replace(self, progress=self.progress.silent(), simulator=self._between(simulator))
 
     def made_with(self, simulator: DirectSimulator | None) -> PlanRequirements:
@@ -148,10 +142,7 @@ def yield_shares(shape: Shape, yield_limits: Floats) -> Floats:
     Curvature counts by the ellipse of its two limits, of a rectangle by the strain of its corners;
     torsion counts separately.
 
-    Parameters
-    ----------
-    yield_limits : ndarray, shape (3,)
-        Thresholds of torsion and of both curvatures, 1/m.
+    Shapes: yield_limits (3,).
     """
     assert shape.rod is not None  # `bent` needs it too
     part: Floats = np.abs(shape.bent) / yield_limits
@@ -225,20 +216,7 @@ class PlanBuilder:
 
 def kept_between(plan: Plan, demands: PlanRequirements, what: str = 'waypoint',
                  known: Sequence[float | None] | None = None) -> Plan:
-    """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory.
-
-    Parameters
-    ----------
-    what : str, optional
-        How a waypoint is called in a refusal.
-    known : sequence of float or None, optional
-        n least rooms in the plan's sheets at its waypoints, m. If None, computed if needed.
-
-    Raises
-    ------
-    Infeasible
-        It does not; the waypoint is the one to which the gripper is going.
-    """
+    """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory."""
     looked_at = demands.workspace is not None or demands.simulator is not None and (
         plan.sheets or demands.obstacles)
     if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:

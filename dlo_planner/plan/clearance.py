@@ -54,16 +54,7 @@ def sheet_of(cutout: CutOut, length: float, obstacles: Iterable[Obstacle] = ()) 
 
 
 def clearance(obstacles: Iterable[Obstacle], surface: Surface | float, shape: Shape) -> float:
-    """Return the smallest distance in m between a DLO's surface and obstacles (< 0: inside).
-
-    Parameters
-    ----------
-    obstacles : iterable of obstacle
-        The obstacles.
-    surface : Surface or float
-        Surface of the DLO, or its radius in m.
-    shape : Shape
-    """
+    """Return the smallest distance in m between a DLO's surface and obstacles (< 0: inside)."""
     scene = build_scene(obstacles, surface, shape.s, sharp=True)
     return float(_smallest(scene, *shape.for_kernels, np.zeros(3), np.inf)[3])
 
@@ -84,14 +75,7 @@ def hole_clearances(sheet: Sheet, normal: ArrayLike, surface: Surface | float,
     part that does not exist, negative where the DLO would be in the material. Of a rectangular DLO
     the four edges count, each where it is.
 
-    Parameters
-    ----------
-    normal : array_like, shape (3,)
-        Normal from before the plate to behind it.
-    surface : Surface or float
-        Surface of the DLO, or its radius in m.
-    scene : Scene, optional
-        `scene_about` them, where it is known.
+    Shapes: normal (3,).
     """
     middle = np.array(sheet.pose.position)
     scene = scene_about(sheet, surface, shape.s) if scene is None else scene

@@ -40,19 +40,7 @@ def largest_shift(step: _Number) -> _Number:
 def without_doubt(steps: Floats, length: float) -> tuple[Floats, float]:
     """Return what a step may be so that neither gripper nor DLO leap, without a second look.
 
-    Parameters
-    ----------
-    steps : ndarray, shape (k,)
-        Steps of the depth, relative to the length.
-    length : float
-        Length of the DLO, m.
-
-    Returns
-    -------
-    most : ndarray, shape (3, k)
-        By how much the gripper may turn, rad, and move, m, and nodes may turn besides, rad.
-    least : float
-        Stability that the DLO must have at both ends.
+    Shapes: steps (k,).
     """
     most = (largest_turn(steps), length * largest_shift(steps), np.full(len(steps), _QUIET))
     return np.array(most), _STABLE
@@ -63,15 +51,6 @@ def excess(one: tuple[Floats, Floats], other: tuple[Floats, Floats], step: float
     """Return by how much (m) the gripper turns or moves too far for a step; 0 if it does not.
 
     A turn counts as the displacement of a point at the DLO's length from the gripper.
-
-    Parameters
-    ----------
-    one, other : (ndarray, ndarray)
-        (rotation (3, 3), position (3,)) of the gripper before and after.
-    step : float
-        Step of the depth, relative to the length.
-    length : float
-        Length of the DLO, m.
     """
     turn = angle_between(one[0], other[0])
     shift = math.hypot(*(other[1] - one[1]).tolist()) / length
@@ -83,15 +62,6 @@ def discontinuity(simulator: DirectSimulator, before: Shape | None, shape: Shape
 
     The direct simulation decides where the shape changes more than the gripper's turn causes, or is
     hardly stable.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    before : Shape or None
-        Shape where the gripper comes from. If None, the DLO is set down at the new pose in its
-        natural shape.
-    shape : Shape
-        Shape that is planned.
     """
     if before is None:
         reached = simulator.solve(shape.gripper)

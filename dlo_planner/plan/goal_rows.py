@@ -69,19 +69,7 @@ def fill_residuals(goals: GoalTable, nodes: Floats, lengths: Floats, strains: Fl
                    residuals: Floats, where: Floats, places: Floats) -> None:
     """Fill by how much a shape misses its goals, times the weights.
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (N + 1,)
-        Arc lengths of the nodes, m, read-only.
-    lengths, strains, rotations, positions : ndarray
-        Shapes (N,), (N, 3), (N + 1, 3, 3), (N + 1, 3) from the `origin` (3,), world axes.
-    base : ndarray, shape (3, 3)
-        Rotation of the gripper.
-    residuals : ndarray, shape (3 g,)
-        Filled.
-    where, places : ndarray, shapes (g,) and (g, 3, 3)
-        Filled: arc lengths of the goals, m, beyond L where the DLO ends before them; there, by
-        rows, what is missed, the tangent, and how the tangent changes per m where `where` is free.
+    Shapes: nodes (N + 1,), base (3, 3), residuals (3 g,).
     """
     length, frame, point = nodes[nodes.size - 1], np.empty((3, 3)), np.empty(3)
     for g in range(goals.kind.size):
@@ -124,17 +112,7 @@ def fill_rows(goals: GoalTable, length: float, base: Floats, where: Floats, plac
               twists: Floats, rows: Floats) -> None:
     """Fill the derivatives of `fill_residuals` by c motions.
 
-    Parameters
-    ----------
-    length : float
-        Of the DLO, m.
-    base, where, places : ndarray
-        As of `fill_residuals`.
-    twists : ndarray, shape (g, 6, c)
-        Rotation and displacement of the frames at the goals, at the end for those beyond. The
-        first three motions turn the gripper about world axes.
-    rows : ndarray, shape (3 g, c)
-        Filled; those of a ROTATION to first order about its frame.
+    Shapes: twists (g, 6, c), rows (3 g, c).
     """
     rows[:] = 0.0
     for g in range(goals.kind.size):

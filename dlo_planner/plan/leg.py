@@ -79,10 +79,7 @@ class Leg(Value):
     def at(self, u: Floats) -> LegPoints:
         """Return the LegPoints at parameters u.
 
-        Parameters
-        ----------
-        u : ndarray, shape (n,)
-            Parameters.
+        Shapes: u (n,).
         """
         positions, rotations = self.poses(u)
         since = np.clip(u, *self.knots[[0, -1]]) - self.knots[0]
@@ -97,10 +94,7 @@ class Leg(Value):
 
         They are those of a Bezier curve, so their polygon is no shorter than the path.
 
-        Parameters
-        ----------
-        a, b : ndarray, shape (n,)
-            Parameters; no knot lies between the two.
+        Shapes: a, b (n,).
         """
         from_a, from_b, middle = a - self.knots[0], b - self.knots[0], self._middle(a, b)
         third = (b - a)[:, None] / 3
@@ -119,10 +113,7 @@ class Leg(Value):
         J = integral of exp(-s phi) over s = 0...1: |J| <= 1, |J'| <= |phi'| / 2,
         |J''| <= |phi''| / 2 + |phi'|^2 / 3.
 
-        Parameters
-        ----------
-        a, b : ndarray, shape (n,)
-            Parameters; no knot lies between the two.
+        Shapes: a, b (n,).
         """
         middle = self._middle(a, b)
         place, turn = (_polynomial_bounds(spline.c[:, middle], a - self.knots[0] - spline.x[middle],
@@ -148,11 +139,7 @@ class Leg(Value):
 def _polynomial_bounds(c: Floats, a: Floats, b: Floats) -> Floats:
     """Return (n, 3) bounds of the sizes of a cubic's first to third derivatives within [a, b].
 
-    Parameters
-    ----------
-    c : ndarray, shape (4, n, 3)
-        Coefficients, highest power first.
-    a, b : ndarray, shape (n,)
+    Shapes: c (4, n, 3), a, b (n,).
     """
     a, b = a[:, None], b[:, None]
     slopes = [(3 * c[0] * x + 2 * c[1]) * x + c[2] for x in (a, b)]

@@ -20,14 +20,7 @@ from dlo_planner.model.arrays import Floats
 
 
 def nearest(scene: Scene, shape: Shape) -> list[tuple[float, float, Floats]]:
-    """Return [(gap in m, arc length in m, unit normal (3,))] of the DLO's nearest points.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene of `energy.gap.build_scene` for a round DLO, one entry per body.
-    shape : Shape
-    """
+    """Return [(gap in m, arc length in m, unit normal (3,))] of the DLO's nearest points."""
     s = np.array(shape.s)
     return [_nearest(scene, o, s, *shape.for_kernels) for o in range(scene.kind.size)]
 

@@ -24,15 +24,7 @@ Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
 
 
 def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:
-    """Return the largest distance in m of a Shape from the centers to be passed, 0 if none is.
-
-    Parameters
-    ----------
-    shape : Shape
-        Shape at or between two waypoints.
-    passes, later : Passes
-        The entries of `Plan.via_points` at the waypoints before and after it.
-    """
+    """Return the largest distance in m of a Shape from the centers to be passed, 0 if none is."""
     return max(_misses(shape, passes, later), default=0.0)
 
 
@@ -114,13 +106,7 @@ def contact_lost(plan: Plan, u: Floats, shapes: Sequence[Shape]) -> float:
     An obstacle counts between two waypoints that both touch it, whatever its friction is, and is
     touched by a thousandth of the force there.
 
-    Parameters
-    ----------
-    plan : Plan
-    u : ndarray, shape (n,)
-        Parameters of the plan.
-    shapes : sequence of Shape
-        The n Shapes there, by any simulator.
+    Shapes: u (n,).
     """
     forces = [_pushes(shape) for shape in plan.shapes]
     last = np.clip(np.searchsorted(plan.times, u, side='right') - 1, 0, len(plan) - 1)

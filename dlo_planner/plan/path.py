@@ -53,11 +53,6 @@ class GripperPath(Value):
 
         The gripper stops at corners and where a bore takes the DLO; where a pose comes again later
         it stays.
-
-        Raises
-        ------
-        InvalidTask
-            Naming the argument: less than two poses, or no time between two.
         """
         if len(plan) < 2:
             raise InvalidTask(f'plan has {len(plan)} poses: expected two or more')
@@ -69,15 +64,7 @@ class GripperPath(Value):
     @classmethod
     def through(cls, grippers: Sequence[Pose], times: ArrayLike, length: float,
                 stops: Iterable[int] = ()) -> GripperPath:
-        """Return the path through n Poses at parameters `times` (n,).
-
-        Parameters
-        ----------
-        length : float
-            Length of the DLO, m: what a turn of the gripper by 1 rad counts as.
-        stops : iterable of int, optional
-            Indices of poses at which the gripper stops as at a corner.
-        """
+        """Return the path through n Poses at parameters `times` (n,)."""
         times = array('plan.times', times, (len(grippers),))
         if (np.diff(times) < 0).any():
             k = int(np.argmax(np.diff(times) < 0)) + 1
@@ -120,15 +107,7 @@ class GripperPath(Value):
 def pose_at_arc_length(plan: Plan, known: Floats, s: float) -> Pose:
     """Return the Pose on a Plan's path at which the arc length `s`, m, first passes a cut-out.
 
-    Parameters
-    ----------
-    known : ndarray, shape (n,)
-        Arc lengths that pass it at the waypoints, m, nan where none does.
-
-    Raises
-    ------
-    InvalidTask
-        It does not pass between the waypoints.
+    Shapes: known (n,).
     """
     between = np.flatnonzero((known[1:] - s) * (known[:-1] - s) <= 0)
     if not between.size:
@@ -153,13 +132,7 @@ def _chords(grippers: Sequence[Pose], length: float) -> Floats:
 
 def _between_corners(knots: Sequence[int], grippers: Sequence[Pose], times: Floats, length: float,
                      stopped: Iterable[int]) -> list[Leg]:
-    """Return the Legs through those of n Poses with the indices `knots`, which all differ.
-
-    Parameters
-    ----------
-    stopped : iterable of int
-        Indices of poses at which the gripper stops.
-    """
+    """Return the Legs through those of n Poses with the indices `knots`, which all differ."""
     if len(knots) < 2:
         return []
     stopped = [index for index, k in enumerate(knots) if k in stopped and index > 0]

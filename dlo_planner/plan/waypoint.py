@@ -86,17 +86,7 @@ def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None,
                 known: tuple[Floats, Floats] | None = None) -> Waypoint:
     """Return the Waypoint of a Shape carried so that it passes `center` at `s`: section 5.2.
 
-    Parameters
-    ----------
-    shape : Shape
-    center : ndarray, shape (3,)
-        World, m.
-    s : float
-        Arc length, m.
-    normal : ndarray, shape (3,), or None
-        Along which it should pass; None: along any.
-    known : (ndarray, ndarray), optional
-        What `shape.frame_at(s)` returns.
+    Shapes: center (3,), normal (3,).
     """
     axes, position = shape.frame_at(s) if known is None else known
     displacement = center - position

@@ -138,13 +138,6 @@ def _least_on(leg: Leg, rooms: Rooms, sheet: bool) -> tuple[Floats, Floats]:
     """Return parameters (m,) within the pieces of a Leg, and the least room (m,) of each piece.
 
     Exact for pieces on which it is negative, else any room that is not; see `first_beyond`.
-
-    Parameters
-    ----------
-    rooms : callable
-        Function of places (n, 3) -> (rooms (n,), slopes (n, 3)).
-    sheet : bool
-        Whether the room is the distance from a sheet, not from a convex body.
     """
     a, b = leg.pieces()
     middles, piece = 0.5 * (a + b), np.arange(a.size)

@@ -62,24 +62,7 @@ class ArmOutput:
 
     def on_proof(self, trajectory: TimedPath | None, tool: Pose, stamp: Time,
                  free_roll: bool = False) -> JointTrajectory | None:
-        """Return and publish the arm's JointTrajectory; None where no arm is asked for.
-
-        Parameters
-        ----------
-        trajectory : TimedPath or None
-            Trajectory that is proved.
-        tool : Pose
-            Pose of the gripper in the tool link.
-        stamp : Time
-            builtin_interfaces/Time of the plan, for the log.
-        free_roll : bool, optional
-            Whether the gripper may be rolled about the DLO, see `rolls_freely`.
-
-        Raises
-        ------
-        DloPlannerError
-            Refused, with the reason; nothing is published.
-        """
+        """Return and publish the arm's JointTrajectory; None where no arm is asked for."""
         if trajectory is None or not self._value('arm.tool_link'):
             return None
         started, known = monotonic(), self._positions
@@ -149,15 +132,7 @@ class ArmOutput:
 
 
 def _current(arm: Arm, known: Mapping[str, tuple[float, float]], now: float) -> Floats:
-    """Return the arm's joint positions (m,) out of those of the whole robot by name.
-
-    Parameters
-    ----------
-    known : dict
-        Positions and the times in s when they were received.
-    now : float
-        Now in s.
-    """
+    """Return the arm's joint positions (m,) out of those of the whole robot by name."""
     unknown = [name for name in (*arm.joints, *arm.carriers) if name not in known]
     old = [name for name in arm.joints if name in known and now - known[name][1] > _STALE]
     if unknown or old:

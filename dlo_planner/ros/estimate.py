@@ -84,14 +84,7 @@ class Camera:
         node.create_service(Trigger, '~/identify', self._on_identify, callback_group=identifying)
 
     def gripper(self, pose: Pose, stamp: Time) -> float:
-        """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan.
-
-        Parameters
-        ----------
-        pose : Pose
-        stamp : Time
-            builtin_interfaces/Time.
-        """
+        """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan."""
         seconds, (scene, observing, _) = _seconds(stamp), self._at
         self._grippers.append((seconds, pose))
         if observing is not None and scene is not None:
@@ -307,16 +300,7 @@ def cutout_of(state: State) -> Floats | None:
 
 def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
                  known: Estimate | None) -> Observing | None:
-    """Return a new Observing, None where the DLO cannot be observed or nothing is uncertain.
-
-    Parameters
-    ----------
-    scene : Scene
-    grippers : list
-        (stamp, Pose of the tool frame) that are known.
-    known : Estimate or None
-        Estimate of which the scene was made, or None.
-    """
+    """Return a new Observing, None where the DLO cannot be observed or nothing is uncertain."""
     try:
         made = Observing(scene.direct, scene.seeing, known)
     except InvalidTask:
@@ -327,13 +311,7 @@ def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
 
 
 def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Floats:
-    """Return the points (n, 3), m, of a PointCloud2 in the scene's frame.
-
-    Raises
-    ------
-    Refused
-        Naming the field, its value, and what would be right.
-    """
+    """Return the points (n, 3), m, of a PointCloud2 in the scene's frame."""
     origin = frames.origin(msg.header, scene.frame_id, name)
     try:
         points = points_from_cloud(msg, name)
@@ -358,13 +336,6 @@ def identified(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters (name -> value) that change by an Estimate.
 
     Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        Estimate of the DLO that `values` describe.
-    values : dict
-        dict of all parameters, see `ros.parameters`.
     """
     uncertain, z = estimate.uncertain, estimate.mean
     (twist, bend, _), mass = uncertain.factors(z)

@@ -29,22 +29,7 @@ class OneFrame:
     """Knows one frame only; also the interface of the others."""
 
     def origin(self, header: Header, frame_id: str, name: str) -> Pose | None:
-        """Return the Pose of a message's frame in another one; None if it is the same frame.
-
-        Parameters
-        ----------
-        header : Header
-            std_msgs/Header of the message; stamp 0: as it is now.
-        frame_id : str
-            Frame id of the frame in which it is wanted.
-        name : str
-            How the sender knows the message.
-
-        Raises
-        ------
-        Refused
-            Naming the field, its value, and what would be right.
-        """
+        """Return the Pose of a message's frame in another one; None if it is the same frame."""
         if header.frame_id == frame_id:
             return None
         judge_length(header.frame_id, f'{name}.header.frame_id', Cause.INVALID_FRAME)
@@ -123,22 +108,7 @@ _OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|'
 
 
 def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) -> Pose:
-    """Return the Pose of a geometry_msgs/PoseStamped in the scene's frame.
-
-    Parameters
-    ----------
-    scene : Scene
-    msg : PoseStamped
-    name : str
-        How the sender knows the field.
-    frames : OneFrame, optional
-        Frames that know other frames.
-
-    Raises
-    ------
-    Refused
-        Naming the field, its value, and what would be right.
-    """
+    """Return the Pose of a geometry_msgs/PoseStamped in the scene's frame."""
     origin = frames.origin(msg.header, scene.frame_id, name)
     try:
         pose = pose_from_stamped(msg, msg.header.frame_id, name)
@@ -155,24 +125,7 @@ def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) 
 
 def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArray, name: str,
               frames: OneFrame = _ONE) -> dict[tuple[str, int], Any]:
-    """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray.
-
-    Parameters
-    ----------
-    scene : Scene
-    known : dict
-        Those before.
-    msg : MarkerArray
-    name : str
-        How the sender knows it.
-    frames : OneFrame, optional
-        Frames that know other frames.
-
-    Raises
-    ------
-    Refused
-        Naming marker, field and value; nothing of the message counts then.
-    """
+    """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray."""
     if len(msg.markers) > _MOST_MARKERS:
         raise Refused(Cause.INVALID_OBSTACLES, f'{name}.markers has {len(msg.markers)} entries: '
                       f'expected {_MOST_MARKERS} at most')
@@ -225,13 +178,7 @@ def goals_in(scene: Scene, msg: Goals, name: str, frames: OneFrame = _ONE) -> tu
 
 
 def markers_in(scene: Scene, msg: MarkerArray, name: str, frames: OneFrame) -> MarkerArray:
-    """Return a visualization_msgs/MarkerArray in the scene's frame.
-
-    Raises
-    ------
-    Refused
-        A frame is not known; a pose that makes no sense is left as it is.
-    """
+    """Return a visualization_msgs/MarkerArray in the scene's frame."""
     return MarkerArray(markers=[_marker_in(scene, marker, f'{name}.markers[{index}]', frames)
                                 for index, marker in enumerate(msg.markers)])
 
@@ -258,15 +205,7 @@ def brief_text(text: str, most: int = _MOST_SAID) -> str:
 
 
 def named(text: str, bodies: Mapping[tuple[str, int], Any]) -> str:
-    """Return a text in which obstacles are called as in RViz, 'cell/3', not by their index.
-
-    Parameters
-    ----------
-    text : str
-        Text of an error of the library.
-    bodies : dict
-        (namespace, id) -> obstacle, in the order in which the library has them.
-    """
+    """Return a text in which obstacles are called as in RViz, 'cell/3', not by their index."""
     names = [body_name(key) for key in bodies]
 
     def name(found: re.Match[str]) -> str:

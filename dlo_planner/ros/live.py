@@ -37,25 +37,7 @@ _STANDS = 0.05  # s without a gripper pose, after which the far end's poses give
 
 def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = None,
               far_end: FarEnd | None = None) -> Shape:
-    """Return the Shape of the DLO in a gripper Pose.
-
-    Parameters
-    ----------
-    state : State
-    gripper : Pose
-        Pose of the gripper frame.
-    name : str
-        How the sender knows it.
-    initial : Shape, optional
-        Shape before, None: the natural one.
-    far_end : FarEnd, optional
-        What holds the far end, None: it is free.
-
-    Raises
-    ------
-    Refused
-        There is none, and why.
-    """
+    """Return the Shape of the DLO in a gripper Pose."""
     if state.scene.grasped is not None:
         shape = state.scene.grasped.track([gripper], initial=initial)[0]
     else:

@@ -35,11 +35,6 @@ def main(args: list[str] | None = None) -> int:
     """Run the planner node until SIGINT or SIGTERM; return the exit status.
 
     The status is 0 after a signal, 1 where the node cannot start, or an error ended it.
-
-    Parameters
-    ----------
-    args : list of str, optional
-        Args of the command line. If None, sys.argv.
     """
     one_thread_of_blas()
     return Process(_planner, sys.argv if args is None else args).run()

@@ -109,21 +109,7 @@ class Gate:
 
     def create_subscription(self, kind: Any, topic: str, callback: Callable[..., Any], qos: Any, *,
                             always: bool = False, **options: Any) -> Any:
-        """Return a subscription.
-
-        Parameters
-        ----------
-        kind : object
-            As for a Node.
-        topic : str
-            As for a Node.
-        callback : callable
-            As for a Node.
-        qos, options : object
-            As for a Node.
-        always : bool, optional
-            Whether it acts while the Gate is shut as well.
-        """
+        """Return a subscription."""
         made = self._node.create_subscription(
             kind, topic, self.counted(callback, always), qos, **options)
         return self._keep(self._node.destroy_subscription, made)
@@ -175,13 +161,7 @@ class Gate:
         return self._open
 
     def shut(self, patience: float) -> bool:
-        """Let nothing begin any more; return whether all that runs has ended.
-
-        Parameters
-        ----------
-        patience : float
-            s to wait for that.
-        """
+        """Let nothing begin any more; return whether all that runs has ended."""
         with self._changed:
             self._open = False
             return self._changed.wait_for(lambda: self._calls == 0, patience)
@@ -256,23 +236,6 @@ def hear_latched(node: Gate, kind: Any, topic: str, callback: Callable[..., Any]
 
     A volatile subscription hears no history, and one that asks for it no volatile publisher, which
     then warns. So the second one is made when a publisher that latches is there, and stays.
-
-    Parameters
-    ----------
-    node : Gate
-        Gate; its subscriptions act always: what is missed of a latched topic is lost.
-    kind : object
-        Kind of the messages; each comes once.
-    topic : str
-        Topic of the messages; each comes once.
-    callback : callable
-        Callback of the messages; each comes once.
-    qos : QoSProfile
-        Reliable and volatile.
-    clock : object
-        Steady Clock.
-    group : object
-        Callback group, mutually exclusive.
     """
     latched = QoSProfile(depth=qos.depth, reliability=qos.reliability,
                          durability=DurabilityPolicy.TRANSIENT_LOCAL)

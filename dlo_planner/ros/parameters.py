@@ -19,19 +19,7 @@ _OF_RCLPY = ('use_sim_time', 'start_type_description_service')
 
 
 def take_overrides(node: Node) -> dict[str, object]:
-    """Return the values given at the start, name -> value, and undeclare them.
-
-    Parameters
-    ----------
-    node : Node
-        Made with `automatically_declare_parameters_from_overrides=True`, which is the public way to
-        the names of all of them; nothing else has been declared yet.
-
-    Raises
-    ------
-    rclpy.exceptions.ParameterException
-        A value was given as null.
-    """
+    """Return the values given at the start, name -> value, and undeclare them."""
     names = [name for name in node.list_parameters([], 0).names if name not in _OF_RCLPY]
     values = {name: node.get_parameter(name).value for name in names}
     for name in names:
@@ -58,11 +46,6 @@ def declare(node: Any) -> None:
 
     A DLO that is described in part is refused. Whole numbers in YAML are taken for doubles where
     doubles are due.
-
-    Parameters
-    ----------
-    node : object
-        Made with `automatically_declare_parameters_from_overrides=True`.
     """
     given = take_overrides(node)
     section = str(given.get('rod.section', ENTRIES['rod.section'].default))

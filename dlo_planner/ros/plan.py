@@ -110,15 +110,7 @@ class Planning:
         node.create_service(Trigger, '~/replan', self._on_replan, callback_group=answering)
 
     def cancel(self, reason: str, for_good: bool = False) -> bool:
-        """End the plan that is being made; return whether there was one.
-
-        Parameters
-        ----------
-        reason : str
-            In words.
-        for_good : bool, optional
-            Whether no other one may begin.
-        """
+        """End the plan that is being made; return whether there was one."""
         with self._lock:
             self._ended = reason if for_good else self._ended
             if self._run is None:
@@ -212,20 +204,7 @@ class Planning:
 
     def _plan(self, outcome: Outcome, state: State, task: Task, start: Pose | None,
               miss: float | None = None) -> Path:
-        """Plan, publish and return the trajectory of the tool frame as a Path.
-
-        Parameters
-        ----------
-        outcome : Outcome
-            Outcome to be filled.
-        state : State
-            State from which it is planned.
-        task : Task
-        start : Pose or None
-            Pose of the gripper now, or None.
-        miss : float or None
-            By how much a waypoint may miss its place, m; None: by any amount.
-        """
+        """Plan, publish and return the trajectory of the tool frame as a Path."""
         self._store.change(lambda now: now.asked(task))
         begun = monotonic()
         if state.scene.grasped is not None:
@@ -276,24 +255,7 @@ class Planning:
 
 def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,
               miss: float | None = None) -> tuple[Plan, Shape | None]:
-    """Return the Plan of a task, and the Shape that it begins with, None: any.
-
-    Parameters
-    ----------
-    scene : Scene
-    task : Task
-    start : Pose or None
-        Pose of the gripper now, or None.
-    shape : Shape or None
-        Shape of the DLO now, or None; it counts if its gripper is at `start`.
-    miss : float, optional
-        By how much a waypoint may miss its place, m.
-
-    Raises
-    ------
-    DloPlannerError
-        Refused, with the reason.
-    """
+    """Return the Plan of a task, and the Shape that it begins with, None: any."""
     here = shape if shape is not None and start is not None and shape.far_end is None and (
         _same(shape.gripper, start)) else None
     wanted = Wanted(scene.waypoints, scene.deepest, scene.limits, scene.standoff,

@@ -31,19 +31,7 @@ _MOVED = 'the motion along the plan is still being made and checked: ask again'
 
 def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan: Plan,
            before: Shape | None) -> Iterator[Proof]:
-    """Yield the Proof of a Plan after each step; the last one is `done`.
-
-    Parameters
-    ----------
-    replayed : callable
-        Takes the arguments of `replay`, returns its ValidationReport. If None, give up. Where it
-        raises ProcessLost it is called again, three times at most.
-    scene : Scene
-        Scene in which the plan was made.
-    plan : Plan
-    before : Shape or None
-        Shape before the first pose, or None.
-    """
+    """Yield the Proof of a Plan after each step; the last one is `done`."""
     workspace = scene.workspace
     slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before, 'workspace': workspace,
               'obstacles': scene.direct.obstacles}

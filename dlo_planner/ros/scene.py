@@ -112,22 +112,7 @@ def scene_of(values: Mapping[str, Any], bodies: Mapping[tuple[str, int], Body]) 
 
 def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = (),
                 keep_out: Sequence[Obstacle] = ()) -> Scene:
-    """Return the Scene of parameter values.
-
-    Parameters
-    ----------
-    values : dict
-        dict of all names in ENTRIES -> value.
-    obstacles : sequence of obstacle, optional
-        For the DLO and for the gripper.
-    keep_out : sequence of obstacle, optional
-        For the gripper alone.
-
-    Raises
-    ------
-    DloPlannerError
-        A value, or their combination, makes no sense.
-    """
+    """Return the Scene of parameter values."""
     _judge(values)
     direct = direct_of({**values, 'rod.grasped_at': 0.0}, obstacles)
     grasped = grasped_of(values, obstacles) if values['rod.grasped_at'] else None

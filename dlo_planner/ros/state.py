@@ -185,18 +185,7 @@ class State:
     # ---- scene ------------------------------------------------------------------------------
 
     def in_scene(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> State:
-        """Return the State in another Scene, in which is kept what can be kept.
-
-        Parameters
-        ----------
-        scene : Scene
-        cause : Cause
-            Why a plan is void that does not hold in it.
-        reason : str
-            Why a plan is void that does not hold in it.
-        parts : object
-            `values` or `bodies` that it is made of.
-        """
+        """Return the State in another Scene, in which is kept what can be kept."""
         state = replace(self, scene=scene, shape=carried(self.shape, self.scene, scene), **parts)
         if scene.task != self.scene.task:
             state = state.opened(scene.task)
@@ -271,20 +260,7 @@ class State:
     # ---- execution --------------------------------------------------------------------------
 
     def started(self, now: float, wanted: Time | None = None) -> State:
-        """Return the State in which the last plan is executed, from `now` s on.
-
-        Parameters
-        ----------
-        now : float
-            Now in s, steady.
-        wanted : Time, optional
-            Stamp of the plan that is meant. If None, the only one since an execution began.
-
-        Raises
-        ------
-        Refused
-            Naming what is missing, or why it must not be executed.
-        """
+        """Return the State in which the last plan is executed, from `now` s on."""
         proved = ready(self, now, wanted)
         assert self.made is not None and self.heard is not None  # `ready` looks at both
         scene = self.made.scene
@@ -317,17 +293,7 @@ class State:
         return self._with_execution(self.execution.tick(now, self.heard, stamp, self.enabled))
 
     def steered(self, way: TimedPath | Steered, corrected: Callable[[float], Steered]) -> State:
-        """Return the State in which the rest of what is executed is corrected.
-
-        Parameters
-        ----------
-        way : Steered
-            Way that was executed when the correction was made; if it is another one now, nothing
-            changes.
-        corrected : callable
-            Takes how many s of it can no more be changed, returns what is executed from then on, if
-            that keeps the limits (else `Execution.refusal` says so).
-        """
+        """Return the State in which the rest of what is executed is corrected."""
         execution = self.execution
         if execution is None or execution.phase != 'running' or execution.way is not way:
             return self
@@ -386,21 +352,7 @@ def carried(shape: Shape | None, before: Scene, after: Scene) -> Shape | None:
 
 
 def ready(state: State, now: float, wanted: Time | None = None) -> TimedPath:
-    """Return the Trajectory to be executed: the one that was proved.
-
-    Parameters
-    ----------
-    state : State
-    now : float
-        Now in s, steady.
-    wanted : Time, optional
-        Stamp of the plan that is meant. If None, the only one since an execution began.
-
-    Raises
-    ------
-    Refused
-        Naming what is missing, or why it must not be executed.
-    """
+    """Return the Trajectory to be executed: the one that was proved."""
     if state.executing:
         raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or ~/cancel')
     if state.made is None:
@@ -480,13 +432,7 @@ class Store:
         return self._state
 
     def change(self, change: Callable[[State], State]) -> State:
-        """Replace the State by what `change` returns of it, and return that.
-
-        Parameters
-        ----------
-        change : callable
-            Pure and quick; what it raises leaves the State as it is.
-        """
+        """Replace the State by what `change` returns of it, and return that."""
         with self._lock:
             self._state = change(self._state)
             return self._state

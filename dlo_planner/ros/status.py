@@ -229,26 +229,7 @@ class Reporter:
     @contextmanager
     def answering(self, what: str, *, stamp: Time | None = None, answer: Any = None,
                   counter: str | None = None, told: bool = True) -> Iterator[Outcome]:
-        """Let no exception out of a callback: refuse with a reason, keep the last good output.
-
-        Parameters
-        ----------
-        what : str
-            Is asked for.
-        stamp : Time, optional
-            builtin_interfaces/Time of the request, None: now.
-        answer : object, optional
-            Trigger response that carries the outcome.
-        counter : str, optional
-            Counter of refusals, in Health.
-        told : bool, optional
-            Whether the outcome goes to ~/status: it was a request.
-
-        Yields
-        ------
-        iterator of Outcome
-            Outcome, to be filled.
-        """
+        """Let no exception out of a callback: refuse with a reason, keep the last good output."""
         stamp = stamp or self._node.get_clock().now().to_msg()
         outcome = Outcome(stamp)
         try:
@@ -286,22 +267,7 @@ class Reporter:
 
     def tell(self, what: str, cause: Cause, message: str, stamp: Time | None,
              values: Mapping[str, object] | None = None, warns: bool = False) -> None:
-        """Publish the outcome of a request on ~/status.
-
-        Parameters
-        ----------
-        what : str
-            Was asked for.
-        cause : Cause
-        message : str
-            One line.
-        stamp : Time or None
-            builtin_interfaces/Time of the request.
-        values : dict, optional
-            dict of what else there is to say.
-        warns : bool, optional
-            Whether it is done, but not as one would wish.
-        """
+        """Publish the outcome of a request on ~/status."""
         level = ERROR if cause == Cause.INTERNAL else (
             OK if cause == Cause.DONE and not warns else WARN)
         self._out.publish(status_msg(

@@ -133,13 +133,6 @@ def in_the_way(state: State, bodies: Mapping[tuple[str, int], Any]) -> str:
 
     The gripper is looked at along the rest of its way, the DLO in the planned shapes that are
     still to come.
-
-    Parameters
-    ----------
-    state : State
-        State with an execution.
-    bodies : dict
-        (namespace, id) -> obstacle, the new ones.
     """
     assert state.execution is not None and state.running is not None
     plan, scene = state.running.plan, state.running.scene

@@ -60,25 +60,6 @@ class Worker:
         None if the Worker is closed meanwhile, or the result is not `wanted()` any more: the
         computation ends between two of its steps, as by a deadline, and the process stays. Another
         call waits until the one before is answered.
-
-        Parameters
-        ----------
-        call : callable
-            A function of a module, or a `partial` of one, with arguments and a result that pickle.
-        wanted : callable, optional
-            Asked all the time.
-        deadline : float, optional
-            Seconds of computing, after which the next step of it raises DeadlineExceeded. If None,
-            there is no limit but those of its own.
-        patience : float, optional
-            Seconds that it may take by a limit of its own.
-
-        Raises
-        ------
-        DloPlannerError
-            The call raised it.
-        ProcessLost
-            The process ended, or it is long past the deadline.
         """
         while not self._asking.acquire(timeout=_LOOK):
             if not wanted():

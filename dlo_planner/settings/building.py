@@ -46,20 +46,7 @@ Values = Mapping[str, Any]  # of all names in ENTRIES
 
 
 def check_described(given: Iterable[str], section: str) -> None:
-    """Refuse a DLO that is described in part: no other DLO's numbers stand in for its own.
-
-    Parameters
-    ----------
-    given : iterable of str
-        Names of the parameters that were given.
-    section : str
-        Value of rod.section.
-
-    Raises
-    ------
-    InvalidTask
-        A parameter rod.* does not exist, or one that the section needs was not given.
-    """
+    """Refuse a DLO that is described in part: no other DLO's numbers stand in for its own."""
     given = set(given)
     for name in sorted(given):
         if name.startswith('rod.') and name not in ENTRIES:
@@ -104,20 +91,7 @@ def doubts(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> list[str]:
 
 
 def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
-    """Return the DirectSimulator that parameter values describe.
-
-    Parameters
-    ----------
-    values : Values
-        Values of all names in ENTRIES.
-    obstacles : iterable of object, optional
-        For the DLO.
-
-    Raises
-    ------
-    DloPlannerError
-        A value, or their combination, makes no sense; the DLO is grasped inside.
-    """
+    """Return the DirectSimulator that parameter values describe."""
     if values['rod.grasped_at']:
         raise InvalidTask(f'parameter rod.grasped_at = {values["rod.grasped_at"]:g}: expected 0 '
                           'here: only the node predicts shapes of a DLO that is grasped inside')

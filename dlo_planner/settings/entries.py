@@ -233,13 +233,7 @@ ENTRIES = {
 
 
 def as_declared(name: str, value: Any, default: Any) -> Any:
-    """Return a value with whole numbers made floats where `default` has floats.
-
-    Raises
-    ------
-    InvalidTask
-        It has another type than the default.
-    """
+    """Return a value with whole numbers made floats where `default` has floats."""
     listed = not isinstance(value, str | dict) and hasattr(value, '__iter__')
     if isinstance(default, list) and isinstance(default[0], str):
         if not listed or any(not isinstance(item, str) for item in value):

@@ -28,13 +28,7 @@ _PLAIN: dict[str, tuple[str, Callable[[str], Any]]] = {
 
 
 def read_yaml(path: str | PathLike[str]) -> Any:
-    """Return the content of a YAML or JSON file.
-
-    Raises
-    ------
-    InvalidTask
-        It is no file, no text in UTF-8, or what `load_yaml` refuses; the message names it.
-    """
+    """Return the content of a YAML or JSON file."""
     return load_yaml(text_of(path), str(path))
 
 
@@ -42,13 +36,6 @@ def load_yaml(text: str, name: str) -> Any:
     """Return the content of a YAML text: dicts, lists, and the scalars of the core schema.
 
     1:30, yes and 2026-01-01 are strings, 010 is ten, 8e6 is a number. There is no merging (<<).
-
-    Raises
-    ------
-    InvalidTask
-        It is no YAML, has a key twice, a tag of another schema, an alias inside of what it stands
-        for, or is too deep or too large with all its aliases; the message begins with `name`, and
-        tells the line.
     """
     try:
         return yaml.load(text, Loader=_Loader)

@@ -23,18 +23,6 @@ def identified(fit: Fit, values: Mapping[str, Any]) -> dict[str, object]:
 
     Stiffness and mass of a DLO with a section become its Young's modulus, Poisson's ratio and
     density; where no Poisson's ratio gives that torsion, the section becomes 'stiffness'.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fit of the rod that `values` describe, out of NAMES.
-    values : dict
-        Values of all parameters.
-
-    Raises
-    ------
-    InvalidTask
-        It found what no parameter says, or what varies along the DLO.
     """
     for name, value in fit.values.items():
         if name not in NAMES or np.ndim(value) > 1:

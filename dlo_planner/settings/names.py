@@ -7,15 +7,7 @@ from difflib import get_close_matches
 
 
 def unknown_parameter(name: str, known: Iterable[str]) -> str:
-    """Return the warning about a value for a parameter that does not exist.
-
-    Parameters
-    ----------
-    name : str
-        As it was given.
-    known : iterable of str
-        Names of the parameters that exist.
-    """
+    """Return the warning about a value for a parameter that does not exist."""
     by_lower = {one.lower(): one for one in known}
     ends = {one.rsplit('.', 1)[-1]: one for one in by_lower}
     given = name.lower()

@@ -52,20 +52,7 @@ def task_from_yaml(text: str, name: str = 'task') -> Task:
 
 
 def open_task(text: str, name: str = 'task') -> dict[str, Any]:
-    """Return the content of a YAML text that describes a task, of which some may be left out.
-
-    Parameters
-    ----------
-    text : str
-        As for `task_from_yaml`; the pose may be left out too, and the type of a cut-out.
-    name : str, optional
-        Its name in messages.
-
-    Raises
-    ------
-    InvalidTask
-        It is not YAML, or no task by any pose.
-    """
+    """Return the content of a YAML text that describes a task, of which some may be left out."""
     if len(instance('text', text, str)) > _LONGEST:
         raise InvalidTask(f'{name} has {len(text)} characters: expected {_LONGEST} at most')
     content: Any = load_yaml(text, name)
@@ -81,25 +68,7 @@ def open_task(text: str, name: str = 'task') -> dict[str, Any]:
 
 def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: float | None = None,
                name: str = 'task') -> Task:
-    """Return the task of an open one.
-
-    Parameters
-    ----------
-    content : dict
-        As `open_task` returns it.
-    pose : Pose, optional
-        Pose of its cut-out, bore or contact, of the first one if there are several: the others
-        move with it, as they are to each other. If None, its own.
-    radius : float, optional
-        Radius in m of cut-outs and bores that have no size of their own. If None, not known.
-    name : str, optional
-        Its name in messages.
-
-    Raises
-    ------
-    InvalidTask
-        No such task; the message names the field.
-    """
+    """Return the task of an open one."""
     if pose is not None and content.get('type') not in _PLACES:
         raise InvalidTask(f'{name}: a pose has no meaning for a {content.get("type")}: expected '
                           'none')

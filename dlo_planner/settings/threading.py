@@ -88,26 +88,6 @@ def plan_task(inverse: InverseSimulator, task: Task, wanted: Wanted,
 
     With a standoff, a threading begins at the gripper's present pose. So does a plan of one pose,
     from which there would be no motion.
-
-    Parameters
-    ----------
-    inverse : InverseSimulator
-    task : Task
-    wanted : Wanted
-        Wanted, or what has its attributes.
-    present : Present, optional
-        Where gripper and DLO are now; without a gripper, the plan begins where it is best.
-    miss : float, optional
-        By how much a waypoint may miss its place, m. If None, by any amount.
-    progress : callable, optional
-        As for `InverseSimulator.plan`.
-    deadline : float, optional
-        Seconds of computing, as in `Requirements`.
-
-    Raises
-    ------
-    DloPlannerError
-        Refused, with the reason.
     """
     start, task = present.gripper, _with_depths(task, wanted, inverse.simulator.rod.length)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(

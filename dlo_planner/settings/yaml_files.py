@@ -25,19 +25,6 @@ def read_values(source: str | Path,
     """Return the values of all parameters (name -> value), and warnings.
 
     Warned of is what has no effect: names that do not exist, sizes that another section has.
-
-    Parameters
-    ----------
-    source : str or Path
-        YAML file, keyed '/**:' and 'ros__parameters:' as for the node; or the name of one in
-        config/, e.g. 'copper_wire'.
-    changes : iterable of str, optional
-        'name=value' or 'name:=value', which count more than the file.
-
-    Raises
-    ------
-    InvalidTask
-        No such file, a value makes no sense, or the DLO is described in part; the message names it.
     """
     path = config_file(source)
     given = _of_node(path, read_yaml(path))
@@ -74,13 +61,7 @@ def write_values(path: Path, values: Mapping[str, object]) -> None:
 
 
 def config_file(source: str | Path) -> Path:
-    """Return the path of a YAML file, or of the one in config/ that has this name.
-
-    Raises
-    ------
-    InvalidTask
-        There is none; the message lists those that there are.
-    """
+    """Return the path of a YAML file, or of the one in config/ that has this name."""
     if os.path.exists(instance('config', source, (str, Path))):
         return readable(source)
     known = config_files()

@@ -27,16 +27,7 @@ def node_slopes(varied: Varied, z: Floats, shape: Shape, error: Floats | None = 
 
     With an `error` (N + 1, 3, n + 6): by the robot's error as well, see `Uncertain.offset`.
 
-    Parameters
-    ----------
-    varied : Varied
-        Varied, on the mesh of the shape.
-    z : ndarray, shape (n,)
-        The state at which `shape` is an equilibrium.
-    shape : Shape
-        Shape in the true pose of the gripper.
-    error : ndarray, shape (6,), optional
-        The robot's error in that pose.
+    Shapes: z (n,), error (6,).
     """
     uncertain, sensitivity = varied.uncertain, Sensitivity(shape)
     size = uncertain.size + (0 if error is None else 6)

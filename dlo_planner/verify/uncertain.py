@@ -158,13 +158,7 @@ class Uncertain(Value):
     def offset(self, z: Floats, error: Floats | None = None) -> Pose:
         """Return the true Pose of the gripper in the frame of the measured one.
 
-        Parameters
-        ----------
-        z : ndarray, shape (n,)
-            State.
-        error : ndarray, shape (6,), optional
-            The robot's error of the moment, added to the state's rotation vector, rad, and
-            position, m.
+        Shapes: z (n,), error (6,).
         """
         twist = self.gripper_twist(z, error)
         return Pose.from_rotation(twist[3:], Rotation.from_rotvec(twist[:3]).as_matrix())

@@ -57,15 +57,7 @@ class Frame:
 
     @classmethod
     def new(cls, points: Floats, width: float = _WIDE, managed: bool = True) -> 'Frame':
-        """Return axes in a new figure for points (n, 3) m: from the side where these are flat.
-
-        Parameters
-        ----------
-        width : float, optional
-            Inches.
-        managed : bool, optional
-            By pyplot, so that `pyplot.show()` shows it; else it is gone with its last use.
-        """
+        """Return axes in a new figure for points (n, 3) m: from the side where these are flat."""
         new = (extra('matplotlib.pyplot', 'figures', 'pictures').figure if managed
                else extra('matplotlib.figure', 'figures', 'pictures').Figure)
         side = side_of(points)
@@ -80,13 +72,7 @@ class Frame:
 
     @classmethod
     def of(cls, ax: 'Axes | Frame | None', points: Floats) -> 'Frame':
-        """Return the Frame of an argument: a new one for None.
-
-        Raises
-        ------
-        InvalidTask
-            It is not an Axes of matplotlib.
-        """
+        """Return the Frame of an argument: a new one for None."""
         if ax is None:
             return cls.new(points)
         if isinstance(ax, Frame):

@@ -63,24 +63,7 @@ def viridis(share: ArrayLike) -> Floats:
 
 
 def coloring(shape: Shape, color: str = 'curvature', top: float | None = None) -> Coloring:
-    """Return the Coloring of a Shape.
-
-    Parameters
-    ----------
-    shape : Shape
-    color : str, optional
-        'curvature': from 0 to the rod's max_bend_curvature, or to the sharpest bend of this shape
-        if the rod has none; 'yield': strain since the stress-free shape as a part of what yields,
-        from 0 to 1. Nodes beyond the limit are in ALERT.
-    top : float, optional
-        Top of curvature, 1/m, that the brightest color stands for where the rod has no limit, so
-        that several shapes can be compared. If None, the sharpest bend of this one.
-
-    Raises
-    ------
-    InvalidTask
-        Another `color`.
-    """
+    """Return the Coloring of a Shape."""
     instance('shape', shape, Shape)
     if choice('color', color, COLORINGS) == 'yield':
         return _by_yield(shape)

@@ -32,16 +32,7 @@ def drawn_radius(rod: Rod) -> float | None:
 
 
 def dlo_items(shape: Shape, radius: float | None = None, color: str = 'curvature') -> list[Item]:
-    """Return the DLO as a line in the colors of its bend or yield, and a text that says which.
-
-    Parameters
-    ----------
-    shape : Shape
-    radius : float, optional
-        Radius of the DLO, m. If None, it is drawn 1 mm thick.
-    color : str, optional
-        As in `coloring`.
-    """
+    """Return the DLO as a line in the colors of its bend or yield, and a text that says which."""
     painted = coloring(shape, color)
     above = shape.gripper.position + (0.0, 0.0, 2 * _LETTER * shape.s[-1])
     return [replace(_tube('dlo', 0, shape, radius, GRAY), colors=painted.colors),
@@ -88,17 +79,7 @@ def estimate_items(shape: Shape, radius: float | None = None, points: ArrayLike 
 
 
 def axes_items(group: str, pose: Pose, length: float = _AXIS) -> list[Item]:
-    """Return the axes of a frame: x red, y green, z blue.
-
-    Parameters
-    ----------
-    group : str
-        Group of the items.
-    pose : Pose
-        Pose of the frame.
-    length : float, optional
-        Length of an axis, m.
-    """
+    """Return the axes of a frame: x red, y green, z blue."""
     instance('pose', pose, Pose)
     length = number('length', length, above=0)
     return [_arrow(group, axis, pose.position, pose.position + length * pose.rotation[:, axis],

@@ -77,15 +77,6 @@ def between(value: Plan | Motion, painted: Sequence[Coloring],
     """Return positions (n, 3) m, colors (n, 3) and the gripper's Pose at a time in s.
 
     Straight between two shapes, where both have the same nodes; else of the one before.
-
-    Parameters
-    ----------
-    value : Plan or Motion
-        Plan or Motion.
-    painted : sequence of Coloring
-        Coloring of each shape.
-    time : float
-        Within its times, s.
     """
     times = value.times
     k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(value) - 2, 0)))
@@ -113,28 +104,7 @@ def checked_path(path: str | PathLike[str]) -> Path:
 
 def write_film(figure: 'Figure', picture: Callable[[int], object], count: int, path: Path,
                rate: float | None = None) -> Path:
-    """Write what a figure shows as a film, and return its path.
-
-    Parameters
-    ----------
-    figure : Figure
-        Figure of matplotlib.
-    picture : callable
-        Called as picture(index), makes the figure show one of the pictures.
-    count : int
-        Count of pictures.
-    path : Path
-        Ends with .gif or .mp4.
-    rate : float, optional
-        Pictures a second. If None, 15 of a GIF, 25 of an MP4.
-
-    Raises
-    ------
-    InvalidTask
-        Nothing can be written there.
-    MissingExtra
-        Ffmpeg is not installed, and an MP4 is asked for.
-    """
+    """Write what a figure shows as a film, and return its path."""
     kind = path.suffix.lower()
     animation = extra('matplotlib.animation', 'figures', 'films')
     if kind == '.mp4' and not animation.FFMpegWriter.isAvailable():

@@ -96,12 +96,7 @@ def cut_box(point: Floats, normal: Floats, low: Floats, high: Floats) -> Floats:
 
     None where the plane does not cut it.
 
-    Parameters
-    ----------
-    point, normal : ndarray, shape (3,)
-        Point and normal of the plane.
-    low, high : ndarray, shape (3,)
-        Low and high in m, corners of the box.
+    Shapes: point, normal (3,), low, high (3,).
     """
     corners = low + (_CORNERS + 0.5) * (high - low)
     height = (corners - point) @ normal

@@ -65,21 +65,7 @@ class Replanner:
 
     @classmethod
     def of(cls, plan: Plan, inverse: InverseSimulator | None = None) -> 'Replanner':
-        """Return one for a Plan.
-
-        Parameters
-        ----------
-        plan : Plan
-            Plan through one cut-out.
-        inverse : InverseSimulator, optional
-            InverseSimulator that it was made with. If None, one of its shapes' rod and
-            surroundings, without a workspace.
-
-        Raises
-        ------
-        InvalidTask
-            Why it cannot be made anew.
-        """
+        """Return one for a Plan."""
         if not len(plan):
             raise InvalidTask('plan: expected one with a waypoint')
         direct = simulator_of(plan.shapes[-1]) if inverse is None else inverse.simulator
@@ -93,23 +79,7 @@ class Replanner:
                    np.linspace(0.0, deepest, min(len(plan), _WAYPOINTS)))
 
     def plan(self, cutout: CutOut, gripper: Pose, whole: bool, progress: OnProgress) -> Plan:
-        """Return the Plan through a CutOut.
-
-        Parameters
-        ----------
-        cutout : CutOut
-        gripper : Pose
-            Pose before, for the roll.
-        whole : bool
-            Whether the plan begins at that pose.
-        progress : callable, optional
-            Called as progress(done, total) after each waypoint.
-
-        Raises
-        ------
-        DloPlannerError
-            Refused, with the reason.
-        """
+        """Return the Plan through a CutOut."""
         options: dict[str, Any] = {'progress': progress, 'deadline': _SECONDS}
         plan = self.inverse.thread(cutout, start=gripper, depths=self.depths, **options)
         if not whole:
@@ -119,13 +89,7 @@ class Replanner:
         return concatenate(way, plan)
 
     def shape(self, gripper: Pose, before: Shape) -> Shape:
-        """Return the Shape at a gripper's Pose, coming from another Shape.
-
-        Raises
-        ------
-        NotConverged
-            None is found.
-        """
+        """Return the Shape at a gripper's Pose, coming from another Shape."""
         shape = self.direct.track([gripper], initial=before)[0]
         if not shape.converged:
             raise NotConverged(f'no stable shape found: {shape.status}', shape)

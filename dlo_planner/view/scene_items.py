@@ -26,14 +26,7 @@ _LETTER = 0.02   # m
 
 
 def cutout_items(cutouts: Iterable[CutOut], length: float = _AXIS) -> list[Item]:
-    """Return the rims of CutOuts and their normals, items 2 k and 2 k + 1 of 'cutout'.
-
-    Parameters
-    ----------
-    cutouts : iterable of CutOut
-    length : float, optional
-        Length of a normal, m.
-    """
+    """Return the rims of CutOuts and their normals, items 2 k and 2 k + 1 of 'cutout'."""
     length, drawn = number('length', length, above=0), []
     for index, cutout in enumerate(items('cutouts', cutouts, CutOut)):
         tip = cutout.center + length * cutout.normal
@@ -45,14 +38,7 @@ def cutout_items(cutouts: Iterable[CutOut], length: float = _AXIS) -> list[Item]
 
 
 def path_items(grippers: Iterable[Pose], length: float = _AXIS) -> list[Item]:
-    """Return the path of the gripper, 'trajectory' 0, and its directions on it, 1.
-
-    Parameters
-    ----------
-    grippers : iterable of Pose
-    length : float, optional
-        Length of a direction, m.
-    """
+    """Return the path of the gripper, 'trajectory' 0, and its directions on it, 1."""
     length, grippers = number('length', length, above=0), items('grippers', grippers, Pose)
     points = np.array([pose.position for pose in grippers]).reshape(-1, 3)
     tips = points + length * np.array([pose.direction for pose in grippers]).reshape(-1, 3)
@@ -66,14 +52,6 @@ def margin_items(plan: Plan, cutouts: Iterable[CutOut], radius: float | None = N
 
     The margin is the least distance between rim and DLO on the whole plan. Dark: none, bright: as
     much as a DLO in the middle of the hole would have; beyond the limit (the DLO in the rim) ALERT.
-
-    Parameters
-    ----------
-    plan : Plan
-    cutouts : iterable of CutOut
-        The CutOuts of its `clearances`; those without a size are left out.
-    radius : float, optional
-        Radius of the DLO, m. If None, 0.
     """
     instance('plan', plan, Plan)
     radius = 0.0 if radius is None else number('radius', radius, minimum=0)

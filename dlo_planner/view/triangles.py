@@ -32,14 +32,7 @@ def room(cutout: CutOut) -> float | None:
 
 
 def plate(cutout: CutOut, half: float = 0.0) -> Floats:
-    """Return (3 n, 3) m: triangles of a square plate around the hole of a CutOut, in its frame.
-
-    Parameters
-    ----------
-    cutout : CutOut
-    half : float, optional
-        Least half side of the plate, m.
-    """
+    """Return (3 n, 3) m: triangles of a square plate around the hole of a CutOut, in its frame."""
     angle = np.linspace(0, 2 * np.pi, _STEPS + 1)
     around = np.column_stack([np.cos(angle), np.sin(angle)])
     square = around / np.abs(around).max(axis=1, keepdims=True)

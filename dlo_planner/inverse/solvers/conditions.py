@@ -59,13 +59,7 @@ class Aligned:
 
     def from_guess(self, guess: Shape, depth: float, reference: Floats, final: bool = True,
                    trend: tuple[Shape, float] | None = None) -> Passing | None:
-        """Return the Passing near a Shape, not turned about the free axis since `reference`.
-
-        Parameters
-        ----------
-        trend : (Shape, float) or None, optional
-            What `Passing.trend` returns; the search begins as far ahead.
-        """
+        """Return the Passing near a Shape, not turned about the free axis since `reference`."""
         s = self.simulator.rod.length - depth
         if final and self._nested:
             shape = nested_alignment(self.simulator, guess, s, self.normal, reference)
@@ -84,12 +78,7 @@ class Aligned:
         As `at` finds them, in less time. There may be none: where the gripper or the DLO might
         leap, where the DLO is hardly stable, and where another mesh is needed.
 
-        Parameters
-        ----------
-        before : Passing
-            Passing at the depth before.
-        depths : ndarray, shape (k,)
-            The depths that follow, m.
+        Shapes: depths (k,).
         """
         mesh, shape = before.shape.state.mesh, before.shape
         if self._nested or mesh is None:
@@ -154,15 +143,7 @@ class TwoPoints:
             depth=depth, axes=found.axes).after(before)
 
     def from_end(self, guess: Shape, depth: float) -> tuple[Passing, float] | None:
-        """Return the Passing whose free end is at the second center, and its depth, m, or None.
-
-        Parameters
-        ----------
-        guess : Shape
-            Shape near it, in equilibrium.
-        depth : float
-            Approximate depth, m.
-        """
+        """Return the Passing whose free end is at the second center, and its depth, m, or None."""
         length = self.simulator.rod.length
         found = self._solved(guess, THROUGH, max(length - depth - _AROUND * length, 0.0), length,
                              at=length - depth)

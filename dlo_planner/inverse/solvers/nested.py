@@ -24,19 +24,7 @@ def nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, norma
     The outer variables are two rotations of the gripper since `reference`, across `free_axis`.
     The penalty is written as a sum of squares, c |angle vector|^2, and left to least squares.
 
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    initial : Shape
-        Shape to start from.
-    s : float
-        Arc length of the prescribed tangent, m.
-    normal : ndarray, shape (3,)
-        Unit vector.
-    reference : ndarray, shape (3, 3)
-        Gripper rotation.
-    penalty : float, optional
-        The constant c.
+    Shapes: normal (3,), reference (3, 3).
     """
     latest = initial
     # steps are judged by the size of the variables: tilts of zero would be sought to 1e-308

@@ -60,19 +60,7 @@ class _Request(NamedTuple):
 
 def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
              demands: PlanRequirements) -> Plan:
-    """Return the Plan from `start` to the Shape `first` of an Approach, where a threading begins.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    task : Approach
-        Approach: cutout, first, standoff.
-    start : Pose
-        Pose of the gripper.
-    initial : Shape or None
-        Shape at `start`. If None, the natural shape set down there.
-    demands : PlanRequirements
-    """
+    """Return the Plan from `start` to `first`, where a threading begins."""
     cutout, first, standoff = task.cutout, task.first, task.standoff
     assert standoff is not None  # the task chooses one
     behind = float((cutout.center - start.position) @ cutout.normal)
@@ -99,13 +87,7 @@ def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: S
 
 def _from_behind(simulator: DirectSimulator, first: Shape, request: _Request,
                  demands: PlanRequirements, back: float | None) -> Plan:
-    """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT.
-
-    Parameters
-    ----------
-    request : _Request
-        The cut-out, start, standoff and initial shape of `approach`.
-    """
+    """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT."""
     cutout, start, standoff, initial = request
     normal, length, radius = cutout.normal, simulator.rod.length, demands.surface.bound
     entering = _entering(first.gripper, normal, standoff, length)

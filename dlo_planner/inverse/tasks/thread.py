@@ -35,17 +35,7 @@ def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
 
     Its `fraction` is the deepest depth as a part of the last requested one.
 
-    Parameters
-    ----------
-    planned : callable
-        Function of depths (n,) m that returns the Plan, or raises Infeasible.
-    depths : ndarray, shape (n,)
-        Depths in m.
-
-    Raises
-    ------
-    Infeasible
-        The first depth cannot be reached.
+    Shapes: depths (n,).
     """
     try:
         return planned(depths)

@@ -49,14 +49,6 @@ def compensated(task: LegTask, law: TimeLaw,
     """Return the Shift that makes the deviations of a LegTask's DLOs least.
 
     None on a leg that is too short for one, or takes very many periods of the DLO.
-
-    Parameters
-    ----------
-    law : TimeLaw
-    begins : sequence of ndarray, optional
-        (2, m) states of the cases at the beginning. If None, at rest.
-    check : callable, optional
-        Called before each of them; it may raise.
     """
     period = 2 * np.pi / task.response.rates.min()
     knots, inner = _knots(min(law.duration, _LONGEST * period), period)
@@ -78,12 +70,7 @@ def compensated(task: LegTask, law: TimeLaw,
 def _answers(case: Case, law: TimeLaw, begin: Floats, basis: BSpline) -> tuple[Floats, Floats]:
     """Return what counts of the deviation of a Case, by the coefficients (r, 3 k) and before (r,).
 
-    Parameters
-    ----------
-    begin : ndarray, shape (2, m)
-        State at the beginning.
-    basis : BSpline
-        BSpline with k pieces; coefficients along x come first, then y, then z.
+    Shapes: begin (2, m).
     """
     response = case.response
     times, u, rates, damping, turns = response.oscillators(law)

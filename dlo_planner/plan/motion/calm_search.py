@@ -42,19 +42,7 @@ _WRONG = (0.9, 1.1)  # factors of the stiffness with which a DLO is calm, too
 
 def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits: Limits,
               first: Shape, check: Callable[[], None]) -> list[LegTask | None]:
-    """Return a LegTask for each leg of a path; None for a dwell, or where modes are not known.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    plan : Plan
-    path : GripperPath
-    limits : Limits
-    first : Shape
-        Shape at the beginning, at rest.
-    check : callable
-        Called before each shape on a leg; it may raise.
-    """
+    """Return a LegTask for each leg of a path; None for a dwell, or where modes are not known."""
     quick, bore = _quick(simulator), held_after(plan)
     wrong = [_Wrong(quick, factor) for factor in _WRONG]
     shape: Shape | None = None
@@ -375,13 +363,6 @@ def quickest(searches: Sequence[CalmSearch]) -> Calm:
     """Return the quickest calm motion that one of several searches finds, for plans of one task.
 
     Where the deadline comes first, the quickest one until then.
-
-    Raises
-    ------
-    Infeasible
-        None is found: of the first search.
-    DeadlineExceeded
-        The deadline is over before there is one.
     """
     best: Calm | None = None
     try:

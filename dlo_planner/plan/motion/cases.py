@@ -51,14 +51,7 @@ class Passage:
     def deviation(self, response: Response, u: Floats, place: Floats, shift: Floats) -> Floats:
         """Return (k, 3) m: where the moving DLO passes, at those instants at which it does.
 
-        Parameters
-        ----------
-        u : ndarray, shape (t,)
-            Parameters.
-        place : ndarray, shape (t, m)
-            Place of the modes.
-        shift : ndarray, shape (t, 3)
-            Shift of the gripper, m.
+        Shapes: u (t,), place (t, m), shift (t, 3).
         """
         ahead = (np.einsum('tm,tm->t', response.between(self.ahead, u), place)
                  + np.einsum('ti,ti->t', response.between(self.tangents, u), shift))

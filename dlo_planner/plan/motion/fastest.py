@@ -75,22 +75,7 @@ class _Parameters(NamedTuple):
 
 def fastest_rates(leg: Leg, limits: Limits,
                   bearing: Bearing | None = None) -> tuple[Floats, Floats]:
-    """Return parameters (m,) and the largest rates du/dt (m,) there, from rest to rest.
-
-    Parameters
-    ----------
-    leg : Leg
-        Leg that is no dwell.
-    limits : Limits
-        Limits of speed and acceleration; jerks are not kept here.
-    bearing : Bearing, optional
-        Bearing that is kept as well, or None.
-
-    Raises
-    ------
-    InvalidTask
-        No rates were found.
-    """
+    """Return parameters (m,) and the largest rates du/dt (m,) there, from rest to rest."""
     import toppra  # noqa: PLC0415  (it imports matplotlib: only where it is used)
     from toppra.algorithm import TOPPRA  # noqa: PLC0415
 

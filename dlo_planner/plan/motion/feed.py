@@ -75,15 +75,7 @@ class Feed:
         return float(np.interp(u, self.times[at_depth], self.carried[at_depth]))
 
     def outside(self, depth: float, lifted: float) -> Discretization:
-        """Return the Discretization of the DLO that ends at the mouth, without obstacles.
-
-        Parameters
-        ----------
-        depth : float
-            Length in m that is inside.
-        lifted : float
-            Weight at the mouth that the mouth carries, N.
-        """
+        """Return the Discretization of the DLO that ends at the mouth, without obstacles."""
         around, rod = self.simulator.surroundings, self.simulator.rod
         end = rod.length - depth
         end = next((s for s, _ in rod.point_masses if abs(s - end) <= _SAME * rod.length), end)

@@ -130,28 +130,6 @@ def in_motion(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: S
     A DLO that is not meant to touch the simulator's obstacles moves as without them, and is shown
     to stay clear of them, at the instants and between. Only if that fails is it simulated in
     contact.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    plan : Plan
-    timed : TimedPath
-        TimedPath of the plan.
-    first : Shape
-        Shape at its beginning, at rest.
-    obstacles : tuple of obstacle
-        Obstacles whose clearance is wanted.
-    progress : Progress
-    touched : bool, optional
-        Whether a DLO that touches against the plan is simulated in contact. Else its
-        `contact_force` is infinite: not known.
-
-    Raises
-    ------
-    InvalidTask
-        The motion has more than 20000 instants.
-    DeadlineExceeded
-        The deadline is over.
     """
     around = unplanned(simulator, plan)
     if not around:
@@ -202,13 +180,6 @@ def step_error(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: 
     """Return by how much the steps of time move the DLO past the centers, m; inf: not known.
 
     The integrator is of second order: halved steps change by three quarters of the error.
-
-    Parameters
-    ----------
-    simulator, plan, timed, first, progress : object
-        See `in_motion`.
-    motion : InMotion
-        Result of the same with its steps.
     """
     if held_after(plan) is not None or not any(plan.via_points):
         return 0.0

@@ -85,16 +85,7 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
            progress: Progress) -> Outside:
     """Return the part Outside during a motion of the gripper.
 
-    Parameters
-    ----------
-    feed : Feed
-    instants : Instants
-        The n instants.
-    start : Shape
-        Shape of the DLO at the first one, at least as long as the part outside.
-    velocity : ndarray, shape (N + 1, 3) or None
-        Velocity in m/s of its nodes. If None, the DLO is in equilibrium, at rest.
-    progress : Progress
+    Shapes: velocity (N + 1, 3).
     """
     grippers, u = instants.grippers, instants.u
     guide = Guide(grippers, instants.dt, velocity is None)

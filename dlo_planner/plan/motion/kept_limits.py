@@ -86,14 +86,7 @@ class _Bounds(NamedTuple):
 def _bounds(leg: Leg, law: TimeLaw, ends: Floats, half: Floats) -> _Bounds:
     """Return the _Bounds between n pairs of times.
 
-    Parameters
-    ----------
-    leg : Leg
-    law : TimeLaw
-    ends : ndarray, shape (4, 2 n)
-        u and its derivatives at all first times, then at all second ones, from `law.at`.
-    half : ndarray, shape (n,)
-        Half of the time between them, s.
+    Shapes: ends (4, 2 n), half (n,).
     """
     change, jerk = law.bounds
     sizes = np.abs(ends).reshape(4, 2, -1).max(axis=1)

@@ -84,18 +84,7 @@ class Response:
            check: Callable[[], None] = lambda: None) -> Response:
         """Return the Response on a Leg that begins in the Shape `first`.
 
-        Parameters
-        ----------
-        simulator : DirectSimulator
-        parameters : ndarray, shape (n,), optional
-            Parameters of the modes. If None, closer where the modes change fast.
-        check : callable, optional
-            Called before each shape; it may raise.
-
-        Raises
-        ------
-        InvalidTask
-            A shape on the leg has no modes.
+        Shapes: parameters (n,).
         """
         u, shapes, modes = (_places(simulator, leg, first, check) if parameters is None else
                             (parameters, *_known(simulator, leg, first, parameters, check)))
@@ -119,10 +108,7 @@ class Response:
     def bearing(self, deviation: float, sizes: Floats) -> Bearing:
         """Return the Bearing that keeps the slowly built-up deviation of each mode below, m.
 
-        Parameters
-        ----------
-        sizes : ndarray, shape (n, m)
-            Sizes of the displacements that count, m.
+        Shapes: sizes (n, m).
         """
         stiff = sizes / self.rates**2
         return Bearing(self.parameters, self.slopes * stiff, self.bends * stiff,
@@ -133,12 +119,7 @@ class Response:
         return replace(self, rates=factor * self.rates)
 
     def oscillators(self, law: TimeLaw) -> Oscillators:
-        """Return the Oscillators that a time law excites.
-
-        Parameters
-        ----------
-        law : TimeLaw
-        """
+        """Return the Oscillators that a time law excites."""
         periods = law.duration * self.rates.min() / (2 * np.pi)
         count = int(np.clip(periods * _PER_PERIOD, _FEWEST, _MOST))
         times = np.linspace(0, law.duration, count + 1)
@@ -151,12 +132,7 @@ class Response:
     def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
 
-        Parameters
-        ----------
-        law : TimeLaw
-            TimeLaw, with its shift.
-        begin : ndarray, shape (2, m)
-            y and y'/w at its beginning.
+        Shapes: begin (2, m).
         """
         times, u, rates, damping, turns = self.oscillators(law)
         middle = 0.5 * (times[1:] + times[:-1])
@@ -177,12 +153,7 @@ class Response:
     def taken_over(self, before: Response, end: Floats) -> Floats:
         """Return (2, m) y and y'/w at the beginning of a DLO that moves as at the end of a leg.
 
-        Parameters
-        ----------
-        before : Response
-            Response on the leg before, with k modes.
-        end : ndarray, shape (2, k)
-            y and y'/w at its end.
+        Shapes: end (2, k).
         """
         moved = end * np.stack([np.ones(len(before.rates[-1])), before.rates[-1]])
         transferred = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],

@@ -99,14 +99,7 @@ class Nearness:
         It is the smallest distance at all shapes that are looked at where they are shown to be
         clear of the bodies in between; else it is not above 0, or at most what was found between.
 
-        Parameters
-        ----------
-        shapes : sequence of Shape
-            The n shapes, all with the same nodes.
-        velocities : ndarray, shape (n, N + 1, 3)
-            Velocities of the nodes, m/s.
-        dt : float
-            Seconds between two instants.
+        Shapes: velocities (n, N + 1, 3).
         """
         best = self.least(shapes)
         if not self or len(shapes) < 2 or best <= 0:

@@ -141,11 +141,6 @@ def fastest_law(leg: Leg, limits: Limits) -> TimeLaw | None:
     """Return the fastest law of a Leg within limits, whatever the DLO does; None for a dwell.
 
     The largest rates within the limits, smoothed by a window as wide as the limits of jerk need.
-
-    Raises
-    ------
-    InvalidTask
-        No rates were found.
     """
     if leg.still:
         return None
@@ -156,14 +151,7 @@ def smoothed(leg: Leg, limits: Limits, parameters: Floats, rates: Floats,
              windows: Floats) -> TimeLaw:
     """Return a TimeLaw slowed down evenly until it keeps the limits.
 
-    Parameters
-    ----------
-    leg : Leg
-    limits : Limits
-    parameters, rates : ndarray, shape (m,)
-        Parameters and rates from `fastest_rates`.
-    windows : ndarray, shape (k,)
-        Widths of moving averages, s; with k = 0 one is chosen that bounds the jerk.
+    Shapes: parameters, rates (m,), windows (k,).
     """
     law = TimeLaw(parameters, rates, windows) if len(windows) else _within_jerk(
         leg, limits, parameters, rates)

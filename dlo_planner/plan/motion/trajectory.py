@@ -158,13 +158,6 @@ def quickest_plan(plans: Sequence[Plan], limits: Limits, tolerance: float | None
     """Return the index of the Plan, of several for one task, whose calm motion is the quickest.
 
     The deadline of `progress` ends the search: the best until then counts.
-
-    Raises
-    ------
-    Infeasible
-        None was made calm by one of its first laws.
-    DeadlineExceeded
-        The deadline is over before there is one.
     """
     searches = [CalmSearch(plan, _within_limits(plan, limits, progress),
                            _tolerance(tolerance, plan), _simulator(simulator, plan),
@@ -204,13 +197,7 @@ def _simulator(simulator: DirectSimulator | None, plan: Plan) -> DirectSimulator
 
 
 def simulator_of(shape: Shape, touching: bool) -> DirectSimulator:
-    """Return a DirectSimulator of the DLO that a Shape is of, with its load.
-
-    Parameters
-    ----------
-    touching : bool
-        Whether its obstacles are touched; else there are none.
-    """
+    """Return a DirectSimulator of the DLO that a Shape is of, with its load."""
     if shape.state.mesh is None:
         raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
                           'have none')

@@ -152,10 +152,7 @@ class ContactFamily:
     def _sag(self, strain: Floats) -> float:
         """Return the depth, m, of a DLO that curves into the obstacle at the contact.
 
-        Parameters
-        ----------
-        strain : ndarray, shape (3,)
-            Strain of the DLO there, the same for all forces, as is the moment.
+        Shapes: strain (3,).
         """
         bend, normal = np.empty((3, 3)), np.empty(3)
         signed_distance(self._scene, self._body, np.array(self.place), normal, bend)
@@ -163,13 +160,7 @@ class ContactFamily:
         return float(-curve * np.diff(self._mesh.s).max() ** 2 / 8)
 
     def gap(self, shape: Shape, others: bool = False) -> float:
-        """Return the smallest gap between a Shape and the obstacles, m; infinite without any.
-
-        Parameters
-        ----------
-        others : bool, optional
-            Whether only the other obstacles count.
-        """
+        """Return the smallest gap between a Shape and the obstacles, m; infinite without any."""
         gaps = nearest(self._scene, shape)
         return min((gap for source, (gap, _, _) in zip(self._scene.source, gaps, strict=True)
                     if not others or source != self.obstacle), default=np.inf)
@@ -240,11 +231,6 @@ def _cantilever(mesh: Discretization, node: int, frame: Floats) -> tuple[Floats,
     """Return the rotation (3, 3) of the free end, and the strain (3,) at the contact.
 
     The DLO beyond the contact is released from its natural shape.
-
-    Parameters
-    ----------
-    mesh : Discretization
-        Discretization of the whole DLO, without obstacles.
     """
     if node == mesh.s.size - 1:
         return np.array(frame, order='C'), mesh.natural[-1]

@@ -84,13 +84,7 @@ def slide_contact(simulator: DirectSimulator, task: SlideContact, start: Pose | 
 
 def _cost_of(problem: ContactProblem, condition: str,
              start: Pose | None) -> Callable[[float], float]:
-    """Return the function of the force that a condition of CONDITIONS minimizes.
-
-    Parameters
-    ----------
-    start : Pose or None
-        Pose from which a motion counts, or None.
-    """
+    """Return the function of the force that a condition of CONDITIONS minimizes."""
     family = problem.family
     if condition == 'least_force':
         return lambda force: force

@@ -24,13 +24,6 @@ def intervals(merit: Callable[[float], float], least: float, most: float) -> lis
     """Return the intervals of x > 0 in which `merit` is positive, each as samples (n,) ascending.
 
     The first and last sample are the ends, inside the interval by a part of 1e-6 at most.
-
-    Parameters
-    ----------
-    merit : callable
-        Function (x) -> number, continuous or nearly.
-    least, most : float
-        Ends of the interval of x that is searched.
     """
     number = int(np.ceil(_PER_DECADE * np.log10(most / least))) + 2
     xs = [float(x) for x in np.geomspace(least, most, number)]
@@ -90,17 +83,7 @@ def _filled(xs: list[float]) -> list[float]:
 
 def minima(cost: Callable[[float], float], merit: Callable[[float], float],
            xs: list[float]) -> list[tuple[float, float]]:
-    """Return [(cost, x)], best first: the local minima of `cost` over an interval.
-
-    Parameters
-    ----------
-    cost : callable
-        Function (x) -> number.
-    merit : callable
-        Function (x) -> number, positive in the interval.
-    xs : list of float
-        (n,) samples of the interval, ascending.
-    """
+    """Return [(cost, x)], best first: the local minima of `cost` over an interval."""
     def judged(log: float) -> float:
         x = float(np.exp(log))
         return cost(x) if merit(x) > 0 else worst

@@ -81,20 +81,7 @@ class _Slide:
         self._length = simulator.rod.length
 
     def to(self, s: float, shape: Shape, gone: float, builder: PlanBuilder) -> tuple[Shape, float]:
-        """Return the Shape that touches at the arc length `s`, m, and how far the gripper has gone.
-
-        Parameters
-        ----------
-        shape : Shape
-            Shape of the waypoint before.
-        gone : float
-            Part of the line that the gripper has gone there.
-
-        Raises
-        ------
-        Infeasible
-            There is no such shape on the line.
-        """
+        """Return the Shape that touches at arc length `s`, m, and how far the gripper went."""
         touching, longest = self.touches_at(shape, s), _LONGEST * self._length
         for target in np.linspace(touching, s, int(np.ceil(abs(s - touching) / longest)) + 1)[1:]:
             shape, gone = self._step(target, shape, gone, touching, builder)
@@ -158,17 +145,7 @@ class _Slide:
 
 
 def _next(near: _Trial, far: _Trial | None, before: _Trial) -> float:
-    """Return the next `gone` to be tried: between two trials, or beyond one.
-
-    Parameters
-    ----------
-    near : _Trial
-        The last trial before the root.
-    far : _Trial or None
-        One behind it, or None.
-    before : _Trial
-        The trial before the last one.
-    """
+    """Return the next `gone` to be tried: between two trials, or beyond one."""
     if far is None:  # straight on through the last two, at most three times as far
         step, slope = near.gone - before.gone, before.left - near.left
         return near.gone + step * min(max(near.left / slope if slope > 0 else 2.0, 0.1) * 1.1, 2.0)

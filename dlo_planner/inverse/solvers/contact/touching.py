@@ -55,13 +55,7 @@ class ContactProblem:
     @classmethod
     def at(cls, simulator: DirectSimulator, contact: Pose, s: float,
            demands: PlanRequirements, min_force: float | None = None) -> Self:
-        """Return the problem of keeping `contact` at the arc length `s`, m.
-
-        Parameters
-        ----------
-        min_force : float or None, optional
-            Least force of the contact, N. If None, a tenth of the DLO's weight + EI / L^2.
-        """
+        """Return the problem of keeping `contact` at the arc length `s`, m."""
         family = _family(simulator, contact, s, demands)
         least = PRESSED * family.scale[0] if min_force is None else min_force
         return cls(simulator, family, contact,
@@ -91,10 +85,7 @@ class ContactProblem:
     def parts(self, forces: Floats | None, builder: PlanBuilder) -> list[list[float]]:
         """Return the admissible intervals as lists of forces, ascending; raise Infeasible if none.
 
-        Parameters
-        ----------
-        forces : ndarray, shape (n,) or None
-            Forces to be examined, N, each an interval of its own. If None, all.
+        Shapes: forces (n,).
         """
         family = self.family
         for _ in range(2):

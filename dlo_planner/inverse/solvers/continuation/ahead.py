@@ -26,15 +26,7 @@ class Ahead:
         self._doubtful = 0  # where more are looked for
 
     def passing(self, before: Passing, index: int) -> Passing | None:
-        """Return the Passing at the depth of an index; None: it has to be looked for by itself.
-
-        Parameters
-        ----------
-        before : Passing
-            Passing at the depth before.
-        index : int
-            One more than the last time.
-        """
+        """Return the Passing at the depth of an index; None: it has to be looked for by itself."""
         if not self._ready and index >= self._doubtful:
             ahead = self._depths[index:index + _AT_ONCE]
             self._ready = self._aligned.onward(before, ahead)[::-1]

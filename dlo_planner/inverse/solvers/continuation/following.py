@@ -89,13 +89,7 @@ class Condition(Protocol):
         """Return the axis (3,) of the roll that the condition leaves free."""
 
     def at(self, before: Passing, depth: float, roll: float, final: bool) -> Passing | None:
-        """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None.
-
-        Parameters
-        ----------
-        final : bool
-            Whether the passing will be a waypoint.
-        """
+        """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None."""
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the curve of this depth crosses the grid."""
@@ -131,20 +125,7 @@ class Step(NamedTuple):
 
 def follow(condition: Condition, passing: Passing, depth: float, goal: float,
            route: Rolls | None = None) -> Step:
-    """Continue a Passing from one depth to another, in steps that do not leap.
-
-    Parameters
-    ----------
-    condition : Condition
-    passing : Passing
-        Passing at `depth`.
-    depth : float
-        Depth where it begins, m.
-    goal : float
-        Depth to be reached, m.
-    route : Rolls, optional
-        If None, no roll.
-    """
+    """Continue a Passing from one depth to another, in steps that do not leap."""
     length = passing.shape.s[-1]
     step = longest = LONGEST_STEP * length
     begun = depth
@@ -171,15 +152,7 @@ def follow(condition: Condition, passing: Passing, depth: float, goal: float,
 
 def refusal_for_step(simulator: DirectSimulator, builder: PlanBuilder, before: Passing | None,
                      passing: Passing) -> Infeasible | None:
-    """Return Infeasible if gripper or DLO have to leap to the next waypoint, or None.
-
-    Parameters
-    ----------
-    before : Passing or None
-        Passing of the waypoint before, None at the first.
-    passing : Passing
-        Passing of the next one.
-    """
+    """Return Infeasible if gripper or DLO have to leap to the next waypoint, or None."""
     length = passing.shape.s[-1]
     too_far = 0.0 if before is None else excess(before.gripper, passing.gripper,
                                                 builder.step / length, length)
@@ -195,16 +168,6 @@ def as_replayed(simulator: DirectSimulator, condition: Condition, last: Shape | 
 
     Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps than
     the gripper, some backwards. On another mesh the DLO would miss by as much as the accuracy.
-
-    Parameters
-    ----------
-    condition : Condition
-    last : Shape or None
-        Shape before. None: it begins in its natural shape.
-    passing : Passing
-        Passing at `depth`.
-    depth : float
-        In m.
     """
     if simulator.mesh_after(last) is passing.shape.mesh:
         return passing

@@ -41,14 +41,7 @@ def grid_nodes(simulator: DirectSimulator) -> Floats:
 
 def gets_there(simulator: DirectSimulator, gripper: Pose, end: Floats,
                initial: Shape | None = None) -> bool:
-    """Whether the DLO itself takes the shape whose free end has the frame `end` (3, 3).
-
-    Parameters
-    ----------
-    gripper : Pose
-    initial : Shape, optional
-        Shape before. If None, the DLO is set down in its natural shape.
-    """
+    """Whether the DLO itself takes the shape whose free end has the frame `end` (3, 3)."""
     shape = (simulator.solve(gripper) if initial is None
              else simulator.track([gripper], initial=initial)[0])
     return bool(shape.converged and np.abs(shape.frames[-1] - end).max() < _GETS_THERE)

@@ -72,14 +72,7 @@ def find_route(layers: Sequence[Crossings], depths: Floats, first: Floats,
                length: float) -> Route | None:
     """Return the Route of least motion of the gripper, as deep as possible; None if none begins.
 
-    Parameters
-    ----------
-    layers : sequence of Crossings
-        K Crossings, of the curves at `depths` (K,), m, in their order on the route.
-    first : ndarray, shape (m,)
-        Cost of beginning at each crossing of the first curve; infinite: not there.
-    length : float
-        Length of the DLO, m.
+    Shapes: first (m,).
     """
     costs, origins = sweep(layers, first, length)
     if not np.isfinite(first).any():

@@ -32,12 +32,7 @@ _ROUNDS = 30
 def hanging(system: Problem, end: Floats) -> tuple[Configuration, Floats]:
     """Return the Configuration and the gripper's rotation (3, 3) that `integrate_from_tip` finds.
 
-    Parameters
-    ----------
-    system : Problem
-        Problem of a DLO without obstacles.
-    end : ndarray, shape (3, 3)
-        Rotation of the free end.
+    Shapes: end (3, 3).
     """
     strains, base = integrate_from_tip(system, end)
     return configuration_at(system._replace(base=base), strains), base

@@ -77,12 +77,7 @@ class HangingShapes:
 def hanging_shapes(surroundings: Surroundings, s: Floats) -> HangingShapes | None:
     """Return the HangingShapes of a DLO; None if its loads are not along one axis, or are zero.
 
-    Parameters
-    ----------
-    surroundings : Surroundings
-        Surroundings without obstacles.
-    s : ndarray, shape (N + 1,)
-        Arc lengths of the nodes, m.
+    Shapes: s (N + 1,).
     """
     mesh = Discretization(surroundings, s, 'local', 0)
     load = mesh.static.pull
@@ -186,15 +181,7 @@ class Crossings:
 def crossings(shapes: HangingShapes, vectors: Floats, goal: Floats, s: float | Floats) -> Crossings:
     """Return the stable Crossings of the curve where vectors (n, 3), turned upright, are `goal`.
 
-    Parameters
-    ----------
-    shapes : HangingShapes
-    vectors : ndarray, shape (n, 3)
-        Of each shape, as long as `goal`; nan where it has none.
-    goal : ndarray, shape (3,)
-        Vector, world.
-    s : float | Floats
-        Arc length of the point that is to be at the goal, m, or one per shape (n,).
+    Shapes: goal (3,).
     """
     up = shapes.up
     misfit = vectors @ up - goal @ up

@@ -178,18 +178,7 @@ def _depth(task: Threading, refused: Infeasible) -> tuple[float, bool]:
 
 
 def trim_to_clearance(plan: Plan, cutout: CutOut, clearance: float, may_end: bool) -> Plan:
-    """Return the part of a Plan in which the gripper is `clearance` m before the sheet.
-
-    Parameters
-    ----------
-    may_end : bool
-        Whether the plan may end earlier than it does.
-
-    Raises
-    ------
-    Infeasible
-        The plan may not end earlier, or its first waypoint is too near already.
-    """
+    """Return the part of a Plan in which the gripper is `clearance` m before the sheet."""
     rooms = np.array([(cutout.center - gripper.position) @ cutout.normal
                       for gripper in plan.grippers])
     if (rooms >= clearance).all():

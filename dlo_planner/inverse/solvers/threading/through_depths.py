@@ -125,21 +125,7 @@ class Threading:
 
 def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
                 route: Rolls | None) -> Plan:
-    """Return the Plan that continues a Candidate through all depths.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    task : Threading
-    begin : Candidate
-    route : Rolls or None
-        How the gripper rolls. If None, only where the DLO would hardly be stable.
-
-    Raises
-    ------
-    Infeasible
-        A depth cannot be reached; carries the plan up to it.
-    """
+    """Return the Plan that continues a Candidate through all depths."""
     length, cutout, demands = simulator.rod.length, task.cutout, task.demands
     builder = PlanBuilder(task.depths, demands, initial=task.initial)
     holes = Holes([cutout], length, demands.obstacles, demands.surface)
@@ -177,13 +163,7 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
 
 def _evenly(simulator: DirectSimulator, task: Threading, begin: Candidate, plan: Plan,
             passings: Sequence[Passing]) -> Plan:
-    """Return a Plan with the rolls of `plan`, but even ones; `plan` itself if there is none.
-
-    Parameters
-    ----------
-    passings : sequence of Passing
-        Passings of its n waypoints.
-    """
+    """Return a Plan with the rolls of `plan`, but even ones; `plan` itself if there is none."""
     silent = replace(task, demands=task.demands.silent())
     aligned = Aligned(simulator, task.cutout.normal, task.method)
     for route in even_rolls(aligned, task.depths, passings):
@@ -198,15 +178,7 @@ def _evenly(simulator: DirectSimulator, task: Threading, begin: Candidate, plan:
 
 def _refusal(simulator: DirectSimulator, builder: PlanBuilder, before: Passing | None,
              target: float, step: Step) -> Infeasible | None:
-    """Return why a Step does not lead to the next waypoint, or None.
-
-    Parameters
-    ----------
-    before : Passing or None
-        Passing of the waypoint before. If None, it is the first one.
-    target : float
-        Depth of the waypoint, m.
-    """
+    """Return why a Step does not lead to the next waypoint, or None."""
     if step.passing is None and step.leap:
         return builder.refusal('continuity', step.leap, 'the gripper would have to leap at depth '
                                f'{step.depth:.4g} m: the shapes that do the task turn back there')
@@ -226,13 +198,6 @@ def _rolled(simulator: DirectSimulator, builder: PlanBuilder, aligned: Aligned, 
     """Return a Passing that is stable enough, the gripper rolled as little as that takes.
 
     If there is none, the most stable one, or `best`.
-
-    Parameters
-    ----------
-    before : Passing
-        Passing of the waypoint before.
-    target : float
-        Depth of the next one, m.
     """
     most = largest_turn(builder.step / simulator.rod.length)
     for part in _ROLLS:

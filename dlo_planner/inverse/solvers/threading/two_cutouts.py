@@ -273,13 +273,7 @@ def _search(simulator: DirectSimulator, task: Pair) -> tuple[Plan, Change]:
 
 def _changes(simulator: DirectSimulator, task: Pair,
              shapes: Callable[[], HangingShapes | None]) -> Iterator[Change]:
-    """Yield Changes: first the one found by following a single shape, if there is one.
-
-    Parameters
-    ----------
-    shapes : callable
-        Function () -> HangingShapes, or None where there is no such sphere.
-    """
+    """Yield Changes: first the one found by following a single shape, if there is one."""
     change = _straight_there(simulator, task)
     if change is not None:
         yield change
@@ -414,15 +408,7 @@ def _direction_refusal(builder: PlanBuilder, name: str, along: float) -> Infeasi
 
 def _judged(simulator: DirectSimulator, task: Pair, change: Change,
             conditions: tuple[Aligned, TwoPoints], steps: dict[int, _Followed]) -> Plan:
-    """Return the Plan of all waypoints, or raise Infeasible at the first impossible one.
-
-    Parameters
-    ----------
-    conditions : tuple
-        What is kept before the change, and after it.
-    steps : dict of int to _Followed
-        The Step to each waypoint, by its index.
-    """
+    """Return the Plan of all waypoints, or raise Infeasible at the first impossible one."""
     length, builder = simulator.rod.length, PlanBuilder(task.depths, task.demands)
     holes = Holes([task.first, task.second], length, task.demands.obstacles, task.demands.surface)
     before = None
@@ -447,13 +433,7 @@ def _judged(simulator: DirectSimulator, task: Pair, change: Change,
 
 def _refusal(simulator: DirectSimulator, task: Pair, builder: PlanBuilder, before: Passing | None,
              judged: _Followed) -> Infeasible | None:
-    """Return why a Step does not lead to the next waypoint, or None.
-
-    Parameters
-    ----------
-    before : Passing or None
-        Passing of the waypoint before. If None, it is the first one.
-    """
+    """Return why a Step does not lead to the next waypoint, or None."""
     step, against = judged
     passing, depth = step.passing, task.depths[len(builder.waypoints)]
     if passing is None and step.leap:
