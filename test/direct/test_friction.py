@@ -4,10 +4,10 @@
 
 import numpy as np
 import pytest
-from random_friction import HOW, random_scene, steps_of
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
+from sweeps.contact import DRAWN_ON, drawn, random_scene
 
 from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
 from dlo_planner.direct.sensitivity import Sensitivity
@@ -154,7 +154,7 @@ def test_each_contact_of_a_groove_has_its_own_friction(wire, basis):
 def test_contacts_that_pass_from_element_to_element_keep_the_law(scene):
     # drawn over thin bars and balls: most steps carry the contact past nodes, all with friction
     rng = np.random.default_rng((0, scene))
-    found = [kind for kind, _ in steps_of(*random_scene(rng, HOW[scene % len(HOW)]), '')]
+    found = [one.what for one in drawn(*random_scene(rng, DRAWN_ON[scene % 4]))]
     assert found.count('converged') > 4
     assert set(found) <= {'converged', 'away'}
 

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from random_slides import random_slide
+from sweeps.contact import random_slide
 
 from dlo_planner import Cylinder, DirectSimulator, Plane, Pose, Rod
 from dlo_planner.direct.boundary_motion import Grips, Guide

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from random_rods import random_rod
 from scipy.spatial.transform import Rotation
+from sweeps.shapes import random_hanging
 
 from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod
 
@@ -108,7 +108,7 @@ def test_smooth_motions_do_not_jump(rng):
     # any rods, any motions: what a motion in steps a tenth as large passes without a jump
     jumps = []
     for _ in range(20):
-        rod, gripper = random_rod(rng, 1e3)
+        rod, gripper = random_hanging(rng, 1e3)
         axis = rng.normal(size=3)
         axis *= 0.15 / np.linalg.norm(axis)
 
