@@ -16,7 +16,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 from dlo_planner.arm import Arm, JointTrajectory, joint_trajectory
-from dlo_planner.arm.urdf import parsed, single_joints
+from dlo_planner.arm.robot import parsed, single_joints
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
