@@ -47,8 +47,8 @@ from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
 from dlo_planner.identify import correct, looking
 from dlo_planner.identify.misfit import nearest
+from dlo_planner.inverse.equilibria import integrate_from_tip
 from dlo_planner.inverse.nearest_goals import _nearest_goals
-from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
 from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
 from dlo_planner.kernels import files
 from dlo_planner.kernels.cache import key_of

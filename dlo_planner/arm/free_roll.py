@@ -4,7 +4,7 @@
 
 from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
+from dlo_planner.inverse.equilibria import is_axisymmetric
 from dlo_planner.model.checks import instance
 from dlo_planner.plan.plan import Plan
 

@@ -22,8 +22,8 @@ from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, instance
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.progress import Progress
+from dlo_planner.trajectory.timed_path import TimedPath
 
 _STEP = 0.02           # s between points, where that is fine enough
 _LEAST, _MOST = 8, 20_000  # points of a leg, of all

@@ -17,9 +17,9 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.extras import extra
 from dlo_planner.files import writable
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.guarded_yaml import yaml_of
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.summaries import rows_of
 

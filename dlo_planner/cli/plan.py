@@ -15,11 +15,11 @@ from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.cli.outputs import FILMS, PICTURES, POSES, VALUES, checked, write
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.building import inverse_of, limits_of, tolerance_of
 from dlo_planner.settings.tasks import read_task
 from dlo_planner.settings.threading import Present, Wanted, way_through
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay as replayed
 from dlo_planner.verify.report import ValidationReport
 

@@ -18,7 +18,7 @@ from dlo_planner.model.checks import choice, vector
 from dlo_planner.model.rod import Rod, Surface, with_plug
 from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.varying import Expanded
-from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.settings.entries import ENTRIES
 from dlo_planner.settings.names import unknown_parameter

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod, Sphere
-from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.settings.building import direct_of, inverse_of
 from dlo_planner.settings.threading import Present, Wanted, way_through

@@ -16,8 +16,8 @@ from dlo_planner import (
     Pose,
     Rod,
 )
-from dlo_planner.inverse.solvers.contact.family import STABLE, ContactFamily
-from dlo_planner.inverse.solvers.contact.touching import LEAST, MOST, PRESSED
+from dlo_planner.inverse.contact_family import STABLE, ContactFamily
+from dlo_planner.inverse.tasks.contact import LEAST, MOST, PRESSED
 from dlo_planner.plan.clearance import clearance
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)

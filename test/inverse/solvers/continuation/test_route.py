@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.inverse.solvers.continuation.following import Passing, follow
-from dlo_planner.inverse.solvers.continuation.route import Route, find_route
-from dlo_planner.inverse.solvers.hanging.sphere import Crossings
+from dlo_planner.inverse.continuation import Passing, follow
+from dlo_planner.inverse.equilibria import Crossings
+from dlo_planner.inverse.route import Route, find_route
 from dlo_planner.plan.continuity import excess, largest_shift, largest_turn
 
 AXIS = np.array([0.0, 0.0, 1.0])
