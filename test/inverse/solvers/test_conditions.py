@@ -4,9 +4,9 @@
 
 import numpy as np
 import pytest
-from dlo_planner.inverse.solvers import conditions
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
+from dlo_planner.inverse import continuation as conditions
 from dlo_planner.inverse.continuation import LONGEST_STEP, Aligned
 from dlo_planner.inverse.equilibria import start_candidates
 from dlo_planner.plan import continuity

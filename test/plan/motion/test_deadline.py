@@ -11,7 +11,6 @@ from time import process_time
 
 import numpy as np
 import pytest
-from dlo_planner.plan.motion import calm_search
 
 from dlo_planner import (
     CutOut,
@@ -27,6 +26,7 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.progress import Progress
+from dlo_planner.trajectory import calm_search
 from dlo_planner.trajectory.calm_search import CalmSearch
 
 ROD = Rod(0.3, 0.05, 5e-3, 4e-3, radius=2e-3)
