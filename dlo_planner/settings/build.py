@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the values of parameters describe: the DLO, its simulators, the gripper's limits."""
+"""What the values of parameters describe, and what a fit or an estimate changes in them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from math import isnan
 from typing import Any
@@ -13,15 +13,18 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.fitting import Fit
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, vector
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, Surface, with_plug
 from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.varying import Expanded
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.settings.entries import ENTRIES
-from dlo_planner.settings.names import unknown_parameter
+from dlo_planner.settings.parameters import ENTRIES, unknown_parameter
 from dlo_planner.verify.uncertainty import Uncertainty
 
 # What describes a DLO of each section; none of it has a default that could be meant.
@@ -241,3 +244,102 @@ def _limits(curvatures: Sequence[float]) -> tuple[float, float] | None:
     """Return the pair for `Rod.yield_curvature`; None if both are 0, which means never."""
     about_n, about_b = vector('parameter rod.yield_curvature', curvatures, 2).tolist()
     return (about_n or 1e12, about_b or 1e12) if any(curvatures) else None
+
+
+_ALIKE = ('natural_curvature', 'natural_twist', 'tip_mass', 'damping')  # parameters as they are
+_POISSON = (-0.99, 0.5)
+NAMES = ('bending_stiffness', 'torsional_stiffness', 'mass_per_length', *_ALIKE)
+
+
+def parameters_of_fit(fit: Fit, values: Mapping[str, Any]) -> dict[str, object]:
+    """Return the parameters (name -> value) that change by a Fit.
+
+    Stiffness and mass of a DLO with a section become its Young's modulus, Poisson's ratio and
+    density; where no Poisson's ratio gives that torsion, the section becomes 'stiffness'.
+    """
+    for name, value in fit.values.items():
+        if name not in NAMES or np.ndim(value) > 1:
+            raise InvalidTask(f'fit.values[{name!r}]: expected one of {", ".join(NAMES)}, constant '
+                              'along the DLO')
+    out = {f'rod.{name}': _plain(fit.values[name]) for name in _ALIKE if name in fit.values}
+    changed = {'bending_stiffness', 'torsional_stiffness', 'mass_per_length'} & fit.values.keys()
+    if not changed:
+        return out
+    if values['rod.section'] == 'stiffness':
+        return out | _by_stiffness(fit.rod, changed)
+    bend, twist, mass = _ratios(fit, values)
+    poisson = (1 + values['rod.poisson_ratio']) * bend / twist - 1
+    if not _POISSON[0] <= poisson <= _POISSON[1]:
+        every = {'bending_stiffness', 'torsional_stiffness', 'mass_per_length'}
+        return {'rod.section': 'stiffness'} | _by_stiffness(fit.rod, every) | out
+    return out | {'rod.youngs_modulus': values['rod.youngs_modulus'] * bend,
+                  'rod.poisson_ratio': float(poisson),
+                  'rod.density': values['rod.density'] * mass}
+
+
+def _ratios(fit: Fit, values: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return by which bending stiffness, torsional stiffness and mass have grown."""
+    before, after, middle = rod_of(values), fit.rod, [0.5 * values['rod.length']]
+    (twist, bend, _), = after.stiffnesses(middle) / before.stiffnesses(middle)
+    mass, = after.masses_per_length(middle) / before.masses_per_length(middle)
+    return float(bend), float(twist), float(mass)
+
+
+def _by_stiffness(rod: Rod, names: Collection[str]) -> dict[str, object]:
+    (twist, *bend), = rod.stiffnesses([0.5 * rod.length])
+    mass, = rod.masses_per_length([0.5 * rod.length])
+    known = {'bending_stiffness': [float(one) for one in bend], 'torsional_stiffness': float(twist),
+             'mass_per_length': float(mass)}
+    return {f'rod.{name}': known[name] for name in known if name in names}
+
+
+def _plain(value: ArrayLike) -> object:
+    return np.asarray(value, dtype=float).tolist()
+
+
+_SECTIONS = 'youngs_modulus', 'density'
+_STIFFNESSES = 'bending_stiffness', 'mass_per_length'
+
+
+def parameters_of_estimate(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters (name -> value) that change by an Estimate.
+
+    Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
+    """
+    uncertain, z = estimate.uncertain, estimate.mean
+    (twist, bend, _), mass = uncertain.factors(z)
+    terms = uncertain.terms(z)
+    sized = values['rod.section'] != 'stiffness'
+    stiffness, weight = (f'rod.{name}' for name in (_SECTIONS if sized else _STIFFNESSES))
+    out = {stiffness: _times(values[stiffness], bend), weight: _times(values[weight], mass),
+           'rod.tip_mass': values['rod.tip_mass'] * mass,
+           'rod.plug.mass': values['rod.plug.mass'] * mass,
+           'rod.point_masses': [value * (mass if k % 2 else 1.0)
+                                for k, value in enumerate(values['rod.point_masses'])],
+           'rod.length': float(values['rod.length'] + uncertain.part(z, 'length', 1)[0]),
+           'rod.natural_curvature': (np.array(values['rod.natural_curvature'])
+                                     + terms[0]).tolist(),
+           'rod.natural_curvature_terms': _sum(values['rod.natural_curvature_terms'], terms[1:])}
+    if sized:
+        ratio = (1 + values['rod.poisson_ratio']) * bend / twist - 1
+        out['rod.poisson_ratio'] = float(min(ratio, _POISSON[1]))
+    else:
+        out['rod.torsional_stiffness'] = float(values['rod.torsional_stiffness'] * twist)
+    tool = Pose(values['tool.position'], values['tool.orientation']).compose(
+        estimate.gripper_offset)
+    return out | {'tool.position': tool.position.tolist(),
+                  'tool.orientation': tool.quaternion.tolist()}
+
+
+def _times(value: Any, factor: float) -> Any:
+    return [float(factor * part) for part in value] if isinstance(value, list) else float(
+        factor * value)
+
+
+def _sum(known: Sequence[float], terms: Floats) -> list[float]:
+    """Return the sum of pairs that follow each other and of rows (n, 2), as pairs in a row."""
+    pairs = np.asarray(known, dtype=float).reshape(-1, 2)
+    out = np.zeros((max(len(pairs), len(terms)), 2))
+    out[:len(pairs)] += pairs
+    out[:len(terms)] += terms
+    return out.ravel().tolist()

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """All parameters: one table, for the node, the YAML files in config/ and the command line."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 from dlo_planner.errors import InvalidTask
@@ -11,20 +13,14 @@ from dlo_planner.model.checks import shown
 
 @dataclass(frozen=True)
 class Entry:
-    """One parameter: its default (which fixes the type), meaning, limits, and if it may change.
-
-    Attributes
-    ----------
-    while_executing : bool
-        Whether it may change while a plan is executed.
-    """
+    """One parameter: its default (which fixes the type), meaning, limits, and if it may change."""
 
     default: Any
     description: str
     lowest: float | None = None
     highest: float | None = None
     read_only: bool = False
-    while_executing: bool = False
+    while_executing: bool = False  # Whether it may change while a plan is executed
 
 
 ARM = {
@@ -36,7 +32,7 @@ ARM = {
     'arm.base.position': ([0.0, 0.0, 0.0], 'Where the root link of robot_description is in '
                           'frame_id, m.'),
     'arm.base.orientation': ([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w of it.'),
-    'arm.self_clearance': (0.0, 'By how much links have to stay clear of each other, m.'),
+    'arm.self_clearance': (0.005, 'By how much links have to stay clear of each other, m.'),
     'arm.deadline': (20.0, 'Computing after which the search is given up, s.'),
 }
 ENTRIES = {
@@ -267,3 +263,14 @@ def within_limits(name: str, value: Any, entry: Entry) -> Any:
         raise InvalidTask(f'parameter {name} = {shown(value)}: expected {entry.lowest:g} to '
                           f'{entry.highest:g}')
     return value
+
+
+def unknown_parameter(name: str, known: Iterable[str]) -> str:
+    """Return the warning about a value for a parameter that does not exist."""
+    by_lower = {one.lower(): one for one in known}
+    ends = {one.rsplit('.', 1)[-1]: one for one in by_lower}
+    given = name.lower()
+    near = get_close_matches(given, by_lower, 1) or [
+        ends[end] for end in get_close_matches(given.rsplit('.', 1)[-1], ends, 1)]
+    hint = f': did you mean {by_lower[near[0]]}?' if near else ''
+    return f'parameter {name} does not exist, its value has no effect{hint}'
