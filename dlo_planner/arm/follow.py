@@ -31,13 +31,13 @@ from dlo_planner.arm.robot import Arm
 from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
-from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
+from dlo_planner.inverse.equilibria import is_axisymmetric
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import flag, instance
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import Progress
+from dlo_planner.trajectory.timed_path import TimedPath
 
 _STEP = 0.02           # s between points, where that is fine enough
 _LEAST, _MOST = 8, 20_000  # points of a leg, of all
