@@ -27,7 +27,7 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.direct.shape import UNKNOWN
-from dlo_planner.inverse.solvers.contact.family import STABLE
+from dlo_planner.inverse.contact_family import STABLE
 from dlo_planner.model.rod import part_of_rod
 from sweeps import MASS, Outcome, random_rod, timed
 from sweeps.cutouts import MESHES
