@@ -119,7 +119,7 @@ def test_test_files_go_together_in_any_choice_and_order():
     paths = [*(ROOT / 'test').rglob('*.py')]
     names = Counter(path.name for path in paths)
     assert [name for name, number in names.items() if number > 1
-            and name not in ('conftest.py', '__init__.py')] == []
+            and name not in ('conftest.py', '__init__.py', '__main__.py')] == []
     # a conftest is the one of whichever folder came first
     assert [path for path in paths if 'conftest' in packages_of(path)] == []
 

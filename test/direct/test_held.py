@@ -17,6 +17,7 @@ from dlo_planner.minimize.convergence import as_rounded
 HERE = Pose.identity()
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('load', [1e3, 1e5])
 def test_a_soft_cable_is_held(load, basis):
