@@ -45,7 +45,6 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
 from dlo_planner.parallel.capability import QUANTITIES
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.build import (
     NAMES,
@@ -57,6 +56,7 @@ from dlo_planner.settings.build import (
 )
 from dlo_planner.settings.tasks import Present, Wanted, plan_task, read_task
 from dlo_planner.settings.yaml_files import write_values
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay as replayed
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.summary import rod_line, rows_of

@@ -26,10 +26,10 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import row, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.build import direct_of, doubts
 from dlo_planner.settings.yaml_files import read_values, read_yaml, yaml_of
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.summary import rod_line, rows_of
 

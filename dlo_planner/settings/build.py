@@ -22,7 +22,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, Surface, with_plug
 from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.varying import Expanded
-from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.settings.parameters import ENTRIES, unknown_parameter
 from dlo_planner.verify.uncertainty import Uncertainty

@@ -32,7 +32,7 @@ ARM = {
     'arm.base.position': ([0.0, 0.0, 0.0], 'Where the root link of robot_description is in '
                           'frame_id, m.'),
     'arm.base.orientation': ([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w of it.'),
-    'arm.self_clearance': (0.0, 'By how much links have to stay clear of each other, m.'),
+    'arm.self_clearance': (0.005, 'By how much links have to stay clear of each other, m.'),
     'arm.deadline': (20.0, 'Computing after which the search is given up, s.'),
 }
 ENTRIES = {

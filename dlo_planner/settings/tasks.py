@@ -12,11 +12,9 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.files import text_of, writable
-from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.plain_tasks import classes_below, from_plain
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.threading.one_cutout import trim_to_clearance
-from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks import (
     Approach,
     Insert,
@@ -24,12 +22,12 @@ from dlo_planner.inverse.tasks import (
     ThreadSequence,
     ThreadTwo,
 )
+from dlo_planner.inverse.tasks.thread import trim_to_clearance
 from dlo_planner.model.checks import instance, shown
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.assembly import concatenate
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import Plan, concatenate
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.progress import OnProgress
 from dlo_planner.settings.build import limits_of, tolerance_of

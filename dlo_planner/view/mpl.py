@@ -17,8 +17,7 @@ from dlo_planner.model.checks import items, shown
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.passing import means_to_touch
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import Plan, means_to_touch
 from dlo_planner.view.colors import ALERT, GRAY, ORANGE, SKY_BLUE
 from dlo_planner.view.primitives import Primitive, cut_box, plate, room, tessellate
 from dlo_planner.view.scene import (

@@ -18,8 +18,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.assembly import concatenate
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.progress import Latest, OnProgress
 from dlo_planner.view.colors import COLORINGS
 from dlo_planner.view.primitives import Primitive

@@ -18,8 +18,8 @@ from dlo_planner.identify.fitting import Fit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness
 

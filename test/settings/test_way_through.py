@@ -9,8 +9,8 @@ import pytest
 
 from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod, Sphere
 from dlo_planner.inverse.tasks import threading_of
-from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.settings.build import direct_of, inverse_of
 from dlo_planner.settings.tasks import Present, Wanted, plan_task

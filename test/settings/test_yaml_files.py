@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dlo_planner import DirectSimulator, InvalidTask, Rod
-from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.settings.build import (
     direct_of,
     doubts,
