@@ -166,6 +166,7 @@ def signatures():
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('index', range(len(KERNELS)), ids=lambda k: KERNELS[k].__name__)
 def test_one_signature_for_each_kind_of_dlo(index, signatures):
     number, kinds = signatures[index]

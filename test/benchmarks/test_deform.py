@@ -18,6 +18,8 @@ from benchmarks.deform_doubt import doubted
 from benchmarks.deform_files import recordings
 from dlo_planner import DirectSimulator, NotConverged, Rod
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 LENGTH, MASS, DRAG, MARKERS = 0.9, 0.03, 0.8, 12
 STIFFNESS = MASS * 9.81 * LENGTH**3 / 60
 

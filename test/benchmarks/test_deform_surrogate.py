@@ -9,6 +9,8 @@ from benchmarks import deform_surrogate
 from benchmarks.deform_data import Recording, arc_lengths
 from dlo_planner import DirectSimulator
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 
 def away(number, recorded):
     """Return the largest distance of free markers from the DLO at rest, m."""

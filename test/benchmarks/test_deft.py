@@ -14,6 +14,8 @@ pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 from benchmarks import deft  # noqa: E402  mujoco may be missing
 from dlo_planner import DirectSimulator, Pose  # noqa: E402
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 
 def test_the_grid_has_forty_different_cases():
     cases = deft.grid()

@@ -40,6 +40,7 @@ def test_odd_messages_change_nothing(soak):
     assert all(soak._fuzzer.sent[name] for name in (*TOPICS, *SERVICES))
 
 
+@pytest.mark.sweep
 def test_odd_messages_do_not_matter_to_an_execution(soak):
     soak.execution(30)
     assert soak.result.problems == []
