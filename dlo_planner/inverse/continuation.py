@@ -36,28 +36,15 @@ _SHARES = 1.0, 0.5, 0.0  # of a roll
 
 
 class Passing(NamedTuple):
-    """A Shape that satisfies a condition at some depth.
-
-    Attributes
-    ----------
-    shape : Shape
-    place : ndarray, shape (3,)
-        The gripper's origin from the first center, m.
-    second : float or None
-        Arc length at a second center, m. None if there is none.
-    depth : float
-        Its depth, m; nan: not known.
-    since : Passing or None
-        The one that it was followed from, without its own. None: not known.
-    axes : ndarray, shape (3, 3), or None
-        Axes of the DLO at the first center. None: not known.
-    """
+    """A Shape that satisfies a condition at some depth."""
 
     shape: Shape
-    place: Floats
-    second: float | None = None
-    depth: float = float('nan')
+    place: Floats  # (3,) the gripper's origin from the first center, m
+    second: float | None = None  # arc length at a second center, m. None if there is none
+    depth: float = float('nan')  # its depth, m; nan: not known
+    # the one that it was followed from, without its own. None: not known
     since: Passing | None = None
+    # (3, 3) or None axes of the DLO at the first center. None: not known
     axes: Floats | None = None
 
     @property
@@ -113,23 +100,12 @@ class Rolls(Protocol):
 
 
 class Step(NamedTuple):
-    """How far a Passing could be followed.
+    """How far a Passing could be followed."""
 
-    Attributes
-    ----------
-    passing : Passing or None
-        The Passing at the depth that was wanted. If None, it was not reached.
-    depth : float
-        Depth that was reached, m.
-    leap : float
-        How far the gripper would have to leap there, m; 0: no shape was found beyond it.
-    at_once : bool
-        Whether it was reached in a single step, in which the gripper does not leap.
-    """
-
-    passing: Passing | None
-    depth: float
-    leap: float
+    passing: Passing | None  # the Passing at the depth that was wanted. If None, it was not reached
+    depth: float  # depth that was reached, m
+    leap: float  # how far the gripper would have to leap there, m; 0: no shape was found beyond it
+    # whether it was reached in a single step, in which the gripper does not leap
     at_once: bool = False
 
 

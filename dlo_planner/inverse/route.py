@@ -68,29 +68,14 @@ _AHEAD = 0.05             # of the length: how far a route is looked along to sm
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A route through K curves.
+    """A route through K curves."""
 
-    Attributes
-    ----------
-    depths : ndarray, shape (K,)
-        Depths in m, ascending or descending.
-    grippers : ndarray, shape (K, 3, 3)
-        Approximate rotations of the gripper.
-    end : ndarray, shape (3, 3)
-        Approximate rotation of the free end at the beginning.
-    length : float
-        Length of the DLO, m.
-    complete : bool
-        Whether it goes through all curves that were given.
-    ahead : float
-        Part of the length over which rolls are smoothed; 0: every roll is followed as it is.
-    """
-
-    depths: Floats
-    grippers: Floats
-    end: Floats
-    length: float
-    complete: bool
+    depths: Floats  # (K,) depths in m, ascending or descending
+    grippers: Floats  # (K, 3, 3) approximate rotations of the gripper
+    end: Floats  # (3, 3) approximate rotation of the free end at the beginning
+    length: float  # length of the DLO, m
+    complete: bool  # whether it goes through all curves that were given
+    # part of the length over which rolls are smoothed; 0: every roll is followed as it is
     ahead: float = _AHEAD
 
     def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:

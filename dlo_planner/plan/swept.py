@@ -83,29 +83,14 @@ def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequen
 
 @dataclass(frozen=True)
 class _Look:
-    """A Shape at a parameter of the path, and how much room it has.
+    """A Shape at a parameter of the path, and how much room it has."""
 
-    Attributes
-    ----------
-    u : float
-        Parameter.
-    shape : Shape
-    arms : ndarray, shape (N + 1, 3)
-        Vectors in m from the gripper to the nodes.
-    levers : ndarray, shape (N + 1,)
-        Lengths of the arms, m.
-    rooms : ndarray, shape (N,)
-        Lower bounds of the room of each element, m.
-    least : float
-        Least room of all in m, exact.
-    """
-
-    u: float
+    u: float  # parameter
     shape: Shape
-    arms: Floats
-    levers: Floats
-    rooms: Floats
-    least: float
+    arms: Floats  # (N + 1, 3) vectors in m from the gripper to the nodes
+    levers: Floats  # (N + 1,) lengths of the arms, m
+    rooms: Floats  # (N,) lower bounds of the room of each element, m
+    least: float  # least room of all in m, exact
 
 
 class _Sweep:

@@ -211,35 +211,18 @@ def _of_elements(plan: Plan) -> float:
 
 @dataclass(frozen=True)
 class _Simulated:
-    """A simulated motion at n instants.
-
-    Attributes
-    ----------
-    shapes : sequence of Shape
-    calm : sequence of Shape
-        Shapes of the DLO that follows slowly.
-    position_error : ndarray, shape (n,)
-        Position error in m.
-    swing : ndarray, shape (n,)
-        Swing in m.
-    contact_force : float
-        Largest contact force, N; nan in a bore.
-    smooth_bore_force : float
-        See `InMotion`.
-    velocities : ndarray, shape (n, N + 1, 3) or None
-        Velocities of the nodes, m/s; None where the DLO touches something, or gets shorter.
-    step : float
-        Seconds between two instants.
-    """
+    """A simulated motion at n instants."""
 
     shapes: Sequence[Shape]
-    calm: Sequence[Shape]
-    position_error: Floats
-    swing: Floats
-    contact_force: float
-    smooth_bore_force: float = np.nan
+    calm: Sequence[Shape]  # shapes of the DLO that follows slowly
+    position_error: Floats  # (n,) position error in m
+    swing: Floats  # (n,) swing in m
+    contact_force: float  # largest contact force, N; nan in a bore
+    smooth_bore_force: float = np.nan  # see `InMotion`
+    # (n, N + 1, 3) or None velocities of the nodes, m/s; None where the DLO touches something, or
+    # gets shorter
     velocities: Floats | None = None
-    step: float = 0.0
+    step: float = 0.0  # seconds between two instants
 
     def least(self, near: Nearness) -> float:
         """Return the smallest distance from bodies in m, between the instants too where known."""

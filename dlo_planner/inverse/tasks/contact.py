@@ -42,23 +42,12 @@ _NEAR = 0.02              # of the length: contacts that are counted as the one
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """One contact task at one arc length.
-
-    Attributes
-    ----------
-    simulator : DirectSimulator
-    family : ContactFamily
-        A quick one, on a coarse mesh.
-    contact : Pose
-        Pose on the obstacle's surface: x axis along the DLO, z axis outwards.
-    demands : PlanRequirements
-        What the plan has to keep, the least force of the contact among it.
-    """
+    """One contact task at one arc length."""
 
     simulator: DirectSimulator
-    family: ContactFamily
-    contact: Pose
-    demands: PlanRequirements
+    family: ContactFamily  # a quick one, on a coarse mesh
+    contact: Pose  # Pose on the obstacle's surface: x axis along the DLO, z axis outwards
+    demands: PlanRequirements  # what the plan has to keep, the least force of the contact among it
 
     @classmethod
     def at(cls, simulator: DirectSimulator, contact: Pose, s: float,
@@ -430,19 +419,11 @@ def slide_straight(simulator: DirectSimulator, task: SlideContact, start: Pose |
 
 
 class _Trial(NamedTuple):
-    """A place of the gripper that was tried.
+    """A place of the gripper that was tried."""
 
-    Attributes
-    ----------
-    gone : float
-        Part of the straight way.
-    left : float
-        Arc length that is left to the one wanted, m: positive before it, negative beyond it; nan
-        where the DLO does not follow or does not touch.
-    shape : Shape
-    """
-
-    gone: float
+    gone: float  # part of the straight way
+    # arc length that is left to the one wanted, m: positive before it, negative beyond it; nan
+    # where the DLO does not follow or does not touch
     left: float
     shape: Shape
 

@@ -70,18 +70,10 @@ _NO_ROLL = 1e-3               # rad between two waypoints
 
 @dataclass(frozen=True, eq=False)
 class EvenRolls:
-    """How far the gripper has rolled at n depths; a route for `continuation.step_to`.
+    """How far the gripper has rolled at n depths; a route for `continuation.step_to`."""
 
-    Attributes
-    ----------
-    depths : ndarray, shape (n,)
-        Depths in m.
-    turned : ndarray, shape (n,)
-        Rotation about the free axis at each depth, rad.
-    """
-
-    depths: Floats
-    turned: Floats
+    depths: Floats  # (n,) depths in m
+    turned: Floats  # (n,) rotation about the free axis at each depth, rad
 
     def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) to make between two depths, m."""
@@ -111,29 +103,14 @@ _AS_STABLE = 0.8    # of that, or of what there is: rolled evenly it may be less
 
 @dataclass(frozen=True)
 class Threading:
-    """A threading through one cut-out.
-
-    Attributes
-    ----------
-    cutout : CutOut
-    depths : ndarray, shape (n,)
-        Depths in m.
-    start : Pose or None
-        Pose whose roll is kept as far as possible.
-    initial : Shape or None
-        Shape before. If None, the DLO is set down in its natural shape.
-    demands : PlanRequirements
-        What the plan has to keep.
-    method : str
-        'coupled' or 'nested', for waypoints.
-    """
+    """A threading through one cut-out."""
 
     cutout: CutOut
-    depths: Floats
-    start: Pose | None
-    initial: Shape | None
-    demands: PlanRequirements
-    method: str = 'coupled'
+    depths: Floats  # (n,) depths in m
+    start: Pose | None  # Pose whose roll is kept as far as possible
+    initial: Shape | None  # Shape before. If None, the DLO is set down in its natural shape
+    demands: PlanRequirements  # what the plan has to keep
+    method: str = 'coupled'  # 'coupled' or 'nested', for waypoints
 
     def at_most(self, most: int) -> Threading:
         """Return a quick one: `most` of the depths, coupled, its steps unreported.

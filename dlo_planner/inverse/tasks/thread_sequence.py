@@ -51,25 +51,12 @@ _PART = 0.7           # of the largest turn and shift, so that both together are
 
 @dataclass(frozen=True)
 class CutoutSequence:
-    """A threading through k cut-outs.
+    """A threading through k cut-outs."""
 
-    Attributes
-    ----------
-    cutouts : tuple of CutOut
-        The k cut-outs.
-    weights : ndarray, shape (k,)
-        Weights of their distances.
-    depths : ndarray, shape (n,)
-        Depths in the first one, m.
-    start : Pose or None
-        Pose whose roll is kept as far as possible.
-    demands : PlanRequirements
-    """
-
-    cutouts: tuple[CutOut, ...]
-    weights: Floats
-    depths: Floats
-    start: Pose | None
+    cutouts: tuple[CutOut, ...]  # the k cut-outs
+    weights: Floats  # (k,) weights of their distances
+    depths: Floats  # (n,) depths in the first one, m
+    start: Pose | None  # Pose whose roll is kept as far as possible
     demands: PlanRequirements
 
     @cached_property

@@ -64,44 +64,22 @@ _BEGINNINGS = 12    # of a route back that are examined
 
 @dataclass(frozen=True)
 class Change:
-    """The change of the motion: the free end is at the second center.
-
-    Attributes
-    ----------
-    passing : Passing
-    depth : float
-        Depth in m, in the first cut-out.
-    back : Route or None
-        Route before it.
-    on : Route or None
-        Route after it.
-    """
+    """The change of the motion: the free end is at the second center."""
 
     passing: Passing
-    depth: float
-    back: Route | None = None
-    on: Route | None = None
+    depth: float  # depth in m, in the first cut-out
+    back: Route | None = None  # route before it
+    on: Route | None = None  # route after it
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A threading through two cut-outs.
-
-    Attributes
-    ----------
-    first : CutOut
-    second : CutOut
-    depths : ndarray, shape (n,)
-        Depths in the first one, m.
-    start : Pose or None
-        Pose whose roll is kept as far as possible.
-    demands : PlanRequirements
-    """
+    """A threading through two cut-outs."""
 
     first: CutOut
     second: CutOut
-    depths: Floats
-    start: Pose | None
+    depths: Floats  # (n,) depths in the first one, m
+    start: Pose | None  # Pose whose roll is kept as far as possible
     demands: PlanRequirements
 
     def at_most(self, most: int) -> Pair:
