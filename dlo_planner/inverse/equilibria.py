@@ -1,10 +1,13 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The hanging shape from its free end: one integration, no iteration over the whole rod.
+"""All hanging shapes of a DLO: its equilibria, as points on a sphere.
 
-Force and moment are zero at the free end. If the end's direction is given, every element follows
-from the one before (an initial value problem). This is the exact solution for a DLO whose free end
-alone is prescribed, as where a threading begins.
+Nothing holds the free end: force and moment are zero there, and the direction of gravity in the
+end's frame defines an equilibrium. It follows element by element (an initial value problem), up to
+a turn about the vertical, which changes nothing. The equilibria of a DLO are therefore a sphere
+(compare Bretl and McCarthy 2014 for a DLO that is held at both ends), and each task is a set of
+curves on it. A search on the sphere cannot overlook a route, as one that follows a single shape
+can.
 """
 
 from __future__ import annotations

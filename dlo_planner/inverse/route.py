@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Searches use a quick simulator, whatever the accuracy of the plan.
+"""Ways through a family of shapes: the route over the sphere of equilibria, and the search.
 
-A refusal then costs the same at any accuracy; only the plan itself has the accuracy of its
-simulator.
+Searches use a quick simulator, whatever the accuracy of the plan: a refusal then costs the same at
+any accuracy, and only the plan itself has the accuracy of its simulator.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One leg of a gripper's path: splines through poses, without corners, or a dwell."""
+"""The path of the gripper, without its timing: splines through the poses of a plan.
+
+The parameter u of the path is the plan's own time. A time law (`trajectory.trajectory`) says how
+fast the gripper goes through it. The checks of a plan (`plan.swept`) are made on this path.
+A leg of it has no corners, or is a dwell.
+"""
 
 from __future__ import annotations
 

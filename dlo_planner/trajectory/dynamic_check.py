@@ -19,10 +19,11 @@ from dlo_planner.model.checks import figure, flag
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.path import held_after
 from dlo_planner.plan.plan import Passes, Plan, arc_length_at, means_to_touch
-from dlo_planner.plan.swept import Nearness
+from dlo_planner.plan.swept import least_between
 from dlo_planner.progress import Progress
 from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.sliding_end import Feed, Instants, pushed
@@ -164,8 +165,8 @@ def _figures(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Sh
         return InMotion(False, lost, np.inf, lost, np.inf, near, near, np.inf, timed.duration,
                         times[1], lost, -np.inf if limited else np.nan, 1.0 if touches else np.nan)
     miss, swing, surface = simulated.position_error, simulated.swing, Surface.of(simulator.rod)
-    bodies = Nearness(plan.sheets, obstacles, surface, progress.check)
-    all_around = Nearness((), around, surface, progress.check)
+    bodies = Bodies(plan.sheets, obstacles, surface, progress.check)
+    all_around = Bodies((), around, surface, progress.check)
     touched = bool(around) and not simulated.least(all_around) > 0
     return InMotion(
         True, miss.max() if passed else np.nan, swing.max(),
@@ -224,11 +225,11 @@ class _Simulated:
     velocities: Floats | None = None
     step: float = 0.0  # seconds between two instants
 
-    def least(self, near: Nearness) -> float:
+    def least(self, near: Bodies) -> float:
         """Return the smallest distance from bodies in m, between the instants too where known."""
         if self.velocities is None:
             return near.least(self.shapes)
-        return near.least_between(self.shapes, self.velocities, self.step)
+        return least_between(near, self.shapes, self.velocities, self.step)
 
     def then(self, other: _Simulated) -> _Simulated:
         """Return this motion and another, which begins at the instant at which this one ends."""
@@ -300,7 +301,7 @@ def _instants(duration: float, period: float) -> int:
 def least_clearance(plan: Plan, obstacles: Sequence[Obstacle], surface: Surface,
                     shapes: Sequence[Shape]) -> float:
     """Return the least clearance in m of Shapes from a Plan's sheets and obstacles, nan if none."""
-    return Nearness(plan.sheets, obstacles, surface).least(shapes)
+    return Bodies(plan.sheets, obstacles, surface).least(shapes)
 
 
 def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:

@@ -1,6 +1,17 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The slowest period of a DLO, roughly."""
+"""The response of a DLO to a motion along a leg: its vibrations, excited by the time law.
+
+While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation
+from it is a sum of modes, displacement_i(u) y_i(t), with
+
+    y_i'' + 2 zeta_i w_i y_i' + w_i^2 y_i = -(slope_i(u) u'' + bend_i(u) u'^2),
+
+slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. Along the
+way frequencies and modes change; where two come near to each other they turn into one another, so
+the coordinates turn with them. A time law is judged with it in milliseconds;
+`DirectSimulator.simulate` verifies the result.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,14 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a plan pushes a DLO into a bore: what is outside at each of its times."""
+"""The motion of a DLO that is pushed into a bore: the part outside gets shorter.
+
+The bore is tight and smooth. At the mouth the DLO keeps the mouth's direction and roll and slides
+along it freely. The walls carry the weight of the part inside, as the plan assumes; its inertia
+along the bore counts, as a mass at the mouth. The DLO is simulated up to the material point that is
+at the mouth as a short piece of the motion begins. While this point goes in, it is held as
+if the DLO behind the mouth was free of stress. Then the DLO is cut anew: positions, strains and
+velocities of the rest go on as they are.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,12 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A small shift of the gripper beside its path, as a spline in time."""
+"""How a leg of the path is passed in time: from rest to rest, smoothed by moving averages.
+
+Before smoothing, the parameter u of the leg has a piecewise constant acceleration, as the fastest
+motion within limits has. It is then averaged over moving windows, one after the other: the gripper
+stays on its path, each window adds one continuous derivative, and a vibration whose period is the
+width of a window is not excited (input shaping with box filters). See `docs/theory.md`.
+"""
 
 from __future__ import annotations
 

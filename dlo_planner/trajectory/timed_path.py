@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a motion keeps its limits: bounds of its speeds, accelerations and jerks at all times."""
+"""A plan as a smooth motion in time: its path, and a time law for each leg of the path.
+
+Whether it keeps its limits is proved: speeds, accelerations and jerks are bounded at all times.
+"""
 
 from __future__ import annotations
 

@@ -1,9 +1,14 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One contact at one arc length: which forces keep all demands, and why none does.
+"""Keeping contact with an obstacle (paper, section 5.3, Fig. 15, 16).
 
-`inverse.contact_family` has the curve of shapes; this file has the plan's demands on it and
-its confirmation by the direct simulation.
+Arc length, place and direction at the contact leave the force of contact free: a curve of gripper
+poses and shapes (`inverse.contact_family`), whose admissible parts are intervals. A condition
+chooses from them, and the direct simulation confirms what is chosen.
+
+On a straight slide (footnote 19) the gripper goes straight towards the contact, its orientation
+kept. The one unknown is how far it has gone; it is found for each arc length that is to touch.
+Place and direction of the contact follow from the direct simulation, and drift.
 """
 
 from __future__ import annotations
