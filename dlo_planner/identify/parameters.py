@@ -201,8 +201,8 @@ class RodParameters(Value):
     def at(self, x: Floats) -> Rod:
         """Return the Rod at x (n,)."""
         rod, changes = self.rod, dict[str, Any]()
-        twist, *bend = self.factors(x, STIFFNESS)
-        spread, points, tip = self.factors(x, MASSES)
+        twist, *bend = self.factors(x, STIFFNESS).tolist()
+        spread, points, tip = self.factors(x, MASSES).tolist()
         length = rod.length + self.lengthened(x)
         alone = any(self.columns(f'bending_stiffness_{axis}')[0].size for axis in 'nb')
         changes |= {'bending_stiffness': _scaled(rod.bending_stiffness, np.array(bend)),

@@ -308,7 +308,8 @@ def parameters_of_estimate(estimate: Estimate, values: Mapping[str, Any]) -> dic
     """
     parameters = estimate.uncertain.parameters
     x = estimate.mean[:parameters.size]
-    (twist, bend, _), mass = parameters.factors(x, STIFFNESS), parameters.factors(x, MASSES)[0]
+    (twist, bend, _), (mass, *_) = (parameters.factors(x, table).tolist()
+                                    for table in (STIFFNESS, MASSES))
     terms = parameters.coefficients(x)[:, 1:]
     sized = values['rod.section'] != 'stiffness'
     stiffness, weight = (f'rod.{name}' for name in (_SECTIONS if sized else _STIFFNESSES))
