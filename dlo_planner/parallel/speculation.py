@@ -258,7 +258,7 @@ class Tracker:
             vain = judging = 0
             turn = angle_between(before.gripper.rotation, gripper.rotation)
             if guess is not None and turn <= LONGEST_TURN:
-                system = mesh.system(gripper.rotation, history=history)
+                system = mesh.system(gripper.rotation, memory=history)
                 start = _unknowns(system, usual)
                 if lower(system, _unknowns(system, guess), start):
                     shape, kicks = equilibrium(mesh, gripper, guess, self._simulator.method,
@@ -373,7 +373,7 @@ def look(task: Moving | Resting) -> Guess:
     else:
         simulator = task.simulator.content
         method, rounding = simulator.method, 0.0
-        system = simulator.mesh.system(task.rotation, history=task.history)
+        system = simulator.mesh.system(task.rotation, memory=task.history)
     q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
     unknowns_of(system, np.array(task.strains), q)
     return Guess(*approximate(system, q, method, TOLERANCE + rounding, task.most))

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.mesh import with_breaks
+from dlo_planner.direct.discretization import Discretization, with_breaks
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.model.arrays import Floats
