@@ -18,14 +18,14 @@ from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fitting import fit_rod
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
+from dlo_planner.inverse.equilibria import hanging_shapes
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import PointLoad
-from dlo_planner.parallel.mapping import solve_many
+from dlo_planner.parallel.batch import solve_many
 from dlo_planner.plan.goals import AwayFrom, Through
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.warm_up import warm_up, warm_up_loop, warm_up_proofs

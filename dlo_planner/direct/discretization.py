@@ -417,6 +417,7 @@ def _touching(contact: Any, system: Problem, origin: Floats, spring: float, node
 
 
 _NEAR = 0.3  # of an element: a node nearer to a jump moves there
+_DIGITS = 8  # of a bend in rad over the length that count
 
 
 def even_mesh(length: float, elements: int, breaks: Floats | tuple[()] = ()) -> Floats:
@@ -444,7 +445,8 @@ def graded_mesh(s: Floats, strains: Floats, elements: int,
 
     Shapes: s (N + 1,), strains (N, 3), breaks (n,).
     """
-    return nodes_at(s, equidistribute(np.diff(s), np.array(strains)), elements, breaks)
+    told = np.round(strains * s[-1], _DIGITS) / s[-1]  # a mesh is not graded to rounding errors
+    return nodes_at(s, equidistribute(np.diff(s), told), elements, breaks)
 
 
 def nodes_at(s: Floats, shares: Floats, elements: int,
@@ -458,17 +460,17 @@ def nodes_at(s: Floats, shares: Floats, elements: int,
     return with_breaks(nodes, breaks)
 
 
-def with_breaks(s: Any, breaks: Floats | tuple[()]) -> Any:
+def with_breaks(s: Any, breaks: Floats | tuple[()]) -> Floats:
     """Return nodes with one at each jump: a near one moves there, else one is added."""
+    nodes: Floats = s
     if not len(breaks) or np.isin(breaks, s).all():
-        return s
+        return nodes
     inner = s[1:-1]
     after = np.clip(np.searchsorted(breaks, inner), 0, len(breaks) - 1)
     before = np.maximum(after - 1, 0)
     away = np.minimum(np.abs(breaks[after] - inner), np.abs(breaks[before] - inner))
     kept = inner[away > _NEAR * np.minimum(np.diff(s)[1:], np.diff(s)[:-1])]
-    result: Floats = np.concatenate([[0.0], np.union1d(kept, breaks), [s[-1]]])
-    return result
+    return np.concatenate([[0.0], np.union1d(kept, breaks), [s[-1]]])
 
 
 def straight_between(s: Floats, values: Floats, nodes: Floats) -> Floats:

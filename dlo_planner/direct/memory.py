@@ -148,7 +148,10 @@ class Memory(Value):
         none = np.zeros((count, 3))
         way = len(arrays['positions'])
         given = {'point_shear': none, 'point_slid': none, 'tangents': frames[:way, :, 0], **arrays}
-        springs = np.asarray(given['set']).reshape(s.size - 1, -1)  # 0.1.0: layers apart
+        springs = np.asarray(given.get('set', ()))
+        if springs.ndim > 2:  # 0.1.0: layers apart
+            springs = springs.reshape(len(springs), -1)
+        strain = s.size - 1, *(springs.shape[1:] or (0,))
         points = ContactPoints(
             _filed(given, 'point_element', (count,), 0, s.size - 2, int),
             _filed(given, 'point_obstacle', (count,), -bodies, bodies - 1, int),
@@ -156,7 +159,7 @@ class Memory(Value):
             _filed(given, 'point_fraction', (count,), 0.0, 1.0),
             *(_filed(given, f'point_{name}', (count, 3)) for name in ContactPoints._fields[4:]))
         ends = (s.size if way else 0, 3)
-        return cls(s, _filed({'set': springs}, 'set', springs.shape),
+        return cls(s, _filed({'set': springs}, 'set', strain),
                    float(_filed(given, 'lost', (), 0.0)),
                    _filed(given, 'hold', (min(np.size(given.get('hold', ())), 6),)),
                    _filed(given, 'node_force', (bodies, s.size)), points,

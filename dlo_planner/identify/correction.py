@@ -340,8 +340,8 @@ class _Aim:
         rod = uncertain.rod(straight)  # one whose natural curvature is a series is slow to mesh
         outside = replace(part_before(rod, rod.length - (whole - planned.rod.length)),
                           tip_mass=uncertain.factors(z)[1] * planned.rod.tip_mass)
-        mesh = planned.of(outside).free
-        natural = np.array(mesh.static.natural)
+        mesh = planned.within(planned.surroundings.of_rod(outside).free)
+        natural = np.array(mesh.natural)
         natural[:, 1:] += element_means(2 * mesh.s / rod.length - 1,
                                         uncertain.n_terms) @ uncertain.terms(z)
         result: Discretization = mesh.varied(natural=natural)

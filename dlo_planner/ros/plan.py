@@ -20,6 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import threading_of
@@ -29,14 +30,20 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import interrupted_by
 from dlo_planner.ros.inputs import goals_in, judge_distance, pose_in
 from dlo_planner.ros.managed import LATCHED, REQUEST, Gate
-from dlo_planner.ros.picture import markers_of_plan
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import Made, Proof, State
 from dlo_planner.ros.status import Outcome, Parts, stamp_text
-from dlo_planner.settings.tasks import close_task, open_task, poses_of
-from dlo_planner.settings.threading import Present, Wanted, cutouts_of, plan_task
-from dlo_planner.view.dlo_items import drawn_radius
-from msg_helpers.paths import plan_path
+from dlo_planner.settings.tasks import (
+    Present,
+    Wanted,
+    close_task,
+    cutouts_of,
+    open_task,
+    plan_task,
+    poses_of,
+)
+from dlo_planner.view.scene import drawn_radius, plan_primitives
+from msg_helpers.trajectories import plan_path
 
 # service -> type of the task that it plans; None: the last one, whatever it is
 _SERVICES = {'plan': None, 'plan_threading': 'Thread', 'plan_insertion': 'Insert',
@@ -223,8 +230,8 @@ class Planning:
         path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                          scene.frame_id, stamp)
         self._out.publish(path)
-        self._picture.show('plan', lambda: markers_of_plan(
-            plan, cutouts_of(task), drawn_radius(scene.direct.rod), scene.frame_id, stamp))
+        self._picture.show('plan', scene.frame_id, stamp, lambda: plan_primitives(
+            plan, cutouts_of(task), drawn_radius(scene.direct.rod)))
         self._health.plan_proved(Proof(plan))  # what was said of the plan before is over
         self._health.plan_done(plan, seconds, stamp)
         self._prove()
@@ -261,6 +268,9 @@ def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,
     wanted = Wanted(scene.waypoints, scene.deepest, scene.limits, scene.standoff,
                     scene.gripper_clearance, scene.tolerance)
     plan = plan_task(scene.inverse, task, wanted, Present(start, here), miss=miss)
+    if len(plan) == 1:
+        raise InvalidTask('start = None: expected the pose of the gripper now, where a plan of '
+                          f'one pose, as of this {type(task).__name__}, begins')
     return plan, here if start is not None and _same(plan.grippers[0], start) else None
 
 

@@ -27,8 +27,8 @@ from dlo_planner.ros.estimate import Camera
 from dlo_planner.ros.inputs import frames_of
 from dlo_planner.ros.live import LiveShapes
 from dlo_planner.ros.managed import LATCHED, REQUEST, Gate, ManagedNode
+from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.parameters import as_declared, declare
-from dlo_planner.ros.picture import Picture
 from dlo_planner.ros.plan import Planning
 from dlo_planner.ros.proof import Verification
 from dlo_planner.ros.scene import build_scene
@@ -37,8 +37,8 @@ from dlo_planner.ros.status import Health, Parts, Reporter
 from dlo_planner.ros.surroundings import Surroundings
 from dlo_planner.ros.warm_up import warm_up, warm_up_corrections, warm_up_loop, warm_up_proofs
 from dlo_planner.ros.worker import Worker
-from dlo_planner.settings.building import doubts
-from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.build import doubts
+from dlo_planner.settings.parameters import ENTRIES
 from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
 __all__ = ['LATCHED', 'REQUEST', 'THREADS', 'PlannerNode']
@@ -119,7 +119,7 @@ class PlannerNode(ManagedNode):
         store = Store(State(build_scene(values), values))
         gate, health = Gate(self), Health()
         markers = gate.create_publisher(MarkerArray, '~/markers', LATCHED)
-        picture = Picture(markers.publish)
+        picture = MarkerCache(markers.publish)
         parts = Parts(store, health, Reporter(gate, store, health), picture, frames_of(self))
         # rclpy takes a topic or timer of a group before its services, which would wait for good
         (scene, seeing, identifying, hearing, asking, resetting, planning, answering,

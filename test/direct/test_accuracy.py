@@ -92,7 +92,8 @@ def test_a_mesh_that_was_found_at_once_is_fine_enough():
 def test_the_last_mesh_is_the_second_and_the_shape_is_foreseen_there(tip_mass, monkeypatch):
     wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, tip_mass=tip_mass)
     searches, search = [], accuracy_module.step
-    monkeypatch.setattr(accuracy_module, 'step', lambda *given: searches.append(1) or search(*given))
+    monkeypatch.setattr(accuracy_module, 'step',
+                        lambda *given: searches.append(1) or search(*given))
     simulator = DirectSimulator(wire, accuracy=1e-6)
     shape = simulator.solve(LEVEL)
     assert simulator.discretization(LEVEL, shape) is shape.mesh
@@ -117,7 +118,8 @@ def test_point_masses_get_nodes_and_the_error_is_foreseen_there(force, monkeypat
     rod = Rod(1.0, 0.2, 1.0, 0.7, point_masses=[(0.313, 1.5), (0.7071, 0.5)])
     loads = [PointLoad(force=force, s=0.57)]
     searches, search = [], accuracy_module.step
-    monkeypatch.setattr(accuracy_module, 'step', lambda *given: searches.append(1) or search(*given))
+    monkeypatch.setattr(accuracy_module, 'step',
+                        lambda *given: searches.append(1) or search(*given))
     shape = DirectSimulator(rod, accuracy=1e-5, point_loads=loads).solve(LEVEL)
     assert shape.converged and len(searches) == 2
     assert np.isin([0.313, 0.7071], shape.s).all()

@@ -24,7 +24,8 @@ def contacts_at(height, obstacles):
     system.contacts.node[:, 1:] = 3.0
     state = new_configuration(system)
     evaluate(system, state)
-    return contacts_of(direct.mesh.s, contact_rows(system, state), gripper.position), system.contacts.stiffness
+    contacts = contacts_of(direct.mesh.s, contact_rows(system, state), gripper.position)
+    return contacts, system.contacts.stiffness
 
 
 @pytest.mark.parametrize('gap', [-2e-6, 1e-6])

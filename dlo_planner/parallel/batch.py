@@ -1,0 +1,341 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dlo_planner.direct.batch import (
+    Filled,
+    even,
+    hanging_rods,
+    hanging_shapes,
+    hangs_in_a_loop,
+    scaled_nodes,
+)
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import instance, integer, items, shown
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import freeze, put
+from dlo_planner.parallel.pool import CachedPayload, Pool, Workers, checked
+from dlo_planner.parallel.shapes import Columns, Shapes, columns, stacked
+from dlo_planner.progress import OnProgress, Progress
+
+_AT_ONCE = 64  # gripper poses in one piece of work
+_QUICK = 128   # the same of DLOs that hang freely: 10 ms, of which handing it out costs 5 %
+_LOOP = 512    # of one that nobody waits for
+_FEW, _LAST = 16, 4  # the last pieces: a quarter of what is left, 16 at the least
+_MOST = 100_000
+_NO_CONTACTS = columns([], np.zeros(2))['contact_table']
+_CONTACT = _NO_CONTACTS.shape[1]
+
+
+def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = None, *,  # noqa: A001
+        rods: Iterable[Rod] | None = None, chunk: int | None = None,
+        progress: OnProgress = None, deadline: float | None = None) -> Shapes | list[Shapes]:
+    """Return the shapes at many gripper poses, found by the workers of an executor.
+
+    The result does not depend on the executor, nor on how many workers it has: it is the same bit
+    for bit (on machines of one kind), in the order of `work`.
+
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    work : iterable of object
+        Sequence of Pose: each by itself, the same bit for bit as `simulator.solve(pose)`; or
+        sequence of motions, each a sequence of Pose that one worker follows: the same bit for bit
+        as `simulator.track(poses)`.
+    executor : Workers, optional
+        `concurrent.futures.Executor`: threads, processes, or a cluster's (extra `[cluster]`:
+        `dask.distributed.Client(...).get_executor()`); a function that makes one, which is closed
+        at the end. If None, one after the other. Where a function makes it, a pool that has lost a
+        process is replaced, and only what it had not finished is done again.
+    rods : iterable of Rod, optional
+        One rod for each Pose of `work`, which the gripper holds instead of the simulator's: the
+        same bit for bit as `simulator.with_rod(rod).solve(pose)`. If None, the simulator's.
+    chunk : int, optional
+        Poses in one piece of work; the last pieces have fewer, about 16. If None, 64, or 128 of a
+        DLO that hangs freely. A motion is one piece.
+    progress : callable, optional
+        Called as progress(done, total) after each piece, in poses.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
+
+    Returns
+    -------
+    Shapes or list of Shapes
+        Shapes on the simulator's mesh, stretched to the length of each rod; or a list of them, one
+        for each motion.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    DeadlineExceeded
+        The deadline is over. Pieces that were begun go on to their end, others are canceled; so is
+        it where `progress` raises, or `progress.interrupted_by` says so.
+    concurrent.futures.BrokenExecutor
+        The executor broke: one that was given, or two in a row without a result.
+    """
+    instance('simulator', simulator, DirectSimulator)
+    grippers, chains = _poses(work)
+    rods = None if rods is None else _rods(simulator, rods, grippers if chains is None else None)
+    checked(executor)
+    chunk = _chunk(simulator, chunk, chains is None)
+    steps = Progress(progress, deadline)
+    with Pool(executor, steps.check) as pool:
+        if chains is None:
+            return _alone(simulator, grippers, rods, pool, chunk, steps)
+        return _followed(simulator, chains, pool, steps)
+
+
+def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
+               rods: Iterable[Rod] | None = None, progress: OnProgress = None,
+               deadline: float | None = None) -> Shapes:
+    """Return the shapes at many gripper poses, or of many rods, each bit for bit as `solve` does.
+
+    Shapes of DLOs that hang freely come from one compiled loop, also where their rods differ but
+    each is the same along its length.
+
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    grippers : iterable of Pose, or Pose
+        Sequence of Pose; with rods one for each rod, or one Pose for all.
+    rods : iterable of Rod, optional
+        Rods that the gripper holds, each instead of the simulator's, with as many elements: as
+        `simulator.with_rod(rod).solve(gripper)` finds. If None, the simulator's own.
+    progress : callable, optional
+        Called as progress(done, total) now and then.
+    deadline : float, optional
+        Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it.
+    """
+    if rods is not None:
+        rods = items('rods', rods, Rod)
+        if isinstance(grippers, Pose):
+            grippers = [grippers] * len(rods)
+        grippers = items('grippers', grippers, Pose)
+        if len(grippers) == 1:
+            grippers = grippers * len(rods)
+    grippers = items('grippers', grippers, Pose)
+    if rods is not None and len(grippers) != len(rods):
+        raise InvalidTask(f'grippers has {len(grippers)} entries: expected one Pose for each of '
+                          f'{len(rods)} rods, or one for all')
+    instance('simulator', simulator, DirectSimulator)
+    # one loop fills the arrays of all, where nothing is long
+    chunk = _LOOP if simulator.mesh.hangs and hangs_in_a_loop(simulator) else _AT_ONCE
+    shapes = map(simulator, grippers, rods=rods, chunk=chunk, progress=progress, deadline=deadline)
+    assert isinstance(shapes, Shapes)  # there are no motions in it
+    return shapes
+
+
+def _chunk(simulator: DirectSimulator, chunk: int | None, each_alone: bool) -> int:
+    """Return how many poses are in one piece of work."""
+    if chunk is None:
+        quick = each_alone and simulator.mesh.hangs and hangs_in_a_loop(simulator)
+        return _QUICK if quick else _AT_ONCE
+    return integer('chunk', chunk, minimum=1, maximum=_MOST)
+
+
+def _rods(simulator: DirectSimulator, rods: Iterable[Rod],
+          grippers: Sequence[Pose] | None) -> tuple[Rod, ...]:
+    """Return a tuple of Rods, one for each gripper, that the simulator can have; InvalidTask."""
+    rods = items('rods', rods, Rod)
+    if grippers is None:
+        raise InvalidTask('rods: expected none where work has motions, each of which is of the '
+                          'simulator\'s rod')
+    if len(rods) != len(grippers):
+        raise InvalidTask(f'rods has {len(rods)} entries: expected one Rod for each of '
+                          f'{len(grippers)} Pose of work')
+    for rod in rods:
+        if not even(simulator, rod):
+            simulator.surroundings.of_rod(rod)  # raises what is wrong with it there
+    return rods
+
+
+def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]] | None]:
+    """Return (Poses, None), or ((), motions), each a tuple of Poses."""
+    work = items('work', work, object)
+    if {type(one) for one in work} == {Pose} or all(isinstance(one, Pose) for one in work):
+        return work, None
+    for k, one in enumerate(work):
+        if isinstance(one, Pose) != isinstance(work[0], Pose):
+            raise InvalidTask(f'work[{k}] = {shown(one)}: expected all of it to be Pose, or '
+                              'sequences of Pose')
+    return (), [items(f'work[{k}]', one, Pose, least=1) for k, one in enumerate(work)]
+
+
+def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[Rod] | None,
+           pool: Pool, chunk: int, steps: Progress) -> Shapes:
+    """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
+    n, payload, done = len(grippers), CachedPayload(simulator), 0
+    parts = list(_parts(n, chunk, pool.shares))
+    positions, rotations = arrays_of(grippers)
+    rows: Columns = {}  # of all: each piece is written to its place while others are computed
+    tables: dict[int, Floats] = {}
+
+    def finished(index: int, piece: Columns) -> None:
+        nonlocal rows, done
+        begin, end = parts[index]
+        tables[index] = piece.pop('contact_table') + begin * (np.arange(_CONTACT) == 0)
+        if len(parts) == 1:
+            rows = piece
+        for name, values in piece.items() if len(parts) > 1 else ():
+            if name not in rows:
+                rows[name] = np.empty((n, *values.shape[1:]), values.dtype)
+            rows[name][begin:end] = values
+        done += end - begin
+        steps.done(done, n)
+
+    pool.run(columns_of, (Piece(payload, positions[begin:end], rotations[begin:end], False,
+                                steps.left(), None if rods is None else tuple(rods[begin:end]))
+                          for begin, end in parts), finished)
+    s = simulator.mesh.s
+    lengths = [] if rods is None else [rod.length for rod in rods]
+    if any(length != s[-1] for length in lengths):
+        nodes = [scaled_nodes(s, length) for length in lengths]
+        s = nodes[0] if len(set(lengths)) == 1 else np.array(nodes)
+    if not parts:
+        return _shapes(simulator, grippers, columns([], s), s)
+    rows['contact_table'] = np.concatenate([tables[index] for index in range(len(parts))])
+    return _shapes(simulator, grippers, rows, s)
+
+
+def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
+    """Yield (begin, end) of n poses: `chunk` in each, fewer at the end where workers share them.
+
+    Who has done the last piece waits for the others: not as long, where the last ones are small.
+    """
+    begin = 0
+    while begin < n:
+        most = chunk if not shared else min(chunk, max(_FEW, (n - begin) // _LAST))
+        yield begin, min(begin + most, n)
+        begin += most
+
+
+def _followed(simulator: DirectSimulator, motions: Sequence[Sequence[Pose]], pool: Pool,
+              steps: Progress) -> list[Shapes]:
+    """Return the Shapes of each motion."""
+    payload, found, done = CachedPayload(simulator), dict[int, Columns](), 0
+    total = sum(len(motion) for motion in motions)
+
+    def finished(index: int, rows: Columns) -> None:
+        nonlocal done
+        found[index] = rows
+        done += len(motions[index])
+        steps.done(done, total)
+
+    pool.run(columns_of, (Piece(payload, *arrays_of(motion), True, steps.left())
+                          for motion in motions), finished)
+    return [_shapes(simulator, motion, found[index], simulator.mesh.s)
+            for index, motion in enumerate(motions)]
+
+
+def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Columns,
+            s: Floats) -> Shapes:
+    if simulator.surroundings.pinned:
+        grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))
+                    for gripper, frames in zip(grippers, rows['frames'], strict=True)]
+    freeze(rows)  # all new: Shapes need not copy them
+    return Shapes(tuple(grippers), s, **rows)
+
+
+# What workers do.
+
+
+class Piece(NamedTuple):
+    """Gripper poses as arrays (a pickled Pose costs ten times as much), and what is there."""
+
+    simulator: CachedPayload  # a DirectSimulator
+    positions: Floats         # (m, 3)
+    rotations: Floats         # (m, 3, 3)
+    followed: bool            # one after the other; else each from the natural shape
+    seconds: float | None     # of computing that are left
+    rods: tuple[Rod, ...] | None = None  # the m rods that are held instead of the simulator's
+
+
+def arrays_of(grippers: Sequence[Pose]) -> tuple[Floats, Floats]:
+    """Return positions (n, 3) and rotations (n, 3, 3) of n Poses, read-only."""
+    n = len(grippers)
+    return (_rows([pose.position for pose in grippers]).reshape(n, 3),
+            _rows([pose.rotation for pose in grippers]).reshape(n, 3, 3))
+
+
+def _rows(arrays: list[Any]) -> Floats:
+    """Return the numbers of some arrays in a row, read-only: `np.array` takes ten times as long."""
+    try:
+        return np.frombuffer(b''.join(arrays))
+    except TypeError:  # some are transposed in memory
+        return np.frombuffer(b''.join([one.tobytes() for one in arrays]))
+
+
+def columns_of(piece: Piece) -> Columns:
+    """Return the `columns` of a Piece; workers call it."""
+    simulator = piece.simulator.content
+    if piece.rods is not None:
+        return _each_rod(simulator, piece)
+    if not piece.followed and hangs_in_a_loop(simulator):
+        return _each_alone(simulator, piece)
+    grippers = [_pose(*both) for both in zip(piece.positions, piece.rotations, strict=True)]
+    steps = Progress(deadline=piece.seconds)
+    shapes = [shape for motion in ([grippers] if piece.followed else [[one] for one in grippers])
+              for shape in simulator.track(motion, deadline=steps.left())]
+    return columns(shapes, simulator.mesh.s)
+
+
+def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns:
+    """Return `columns` in each gripper, by the compiled loop where the DLO hangs freely."""
+    n = len(piece.positions)
+    filled = Filled.new(n, simulator.mesh.s.size - 1)
+    steps = Progress(deadline=piece.seconds)
+    good = hanging_shapes(simulator, piece.positions, piece.rotations, filled)
+    touching = [_NO_CONTACTS]
+    for k in np.flatnonzero(~good):
+        shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
+        for name, values in columns([shape], simulator.mesh.s).items():
+            if name != 'contact_table':
+                filled.columns[name][k] = values[0]
+            elif len(values):
+                touching.append(values + k * (np.arange(values.shape[1]) == 0))
+        steps.check()
+    return filled.columns | {'contact_table': np.concatenate(touching)}
+
+
+def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
+    """Return `columns` of one shape of each rod, on nodes like the simulator's."""
+    rods, s = piece.rods or (), simulator.mesh.s
+    n = len(rods)
+    parts: dict[int, Columns] = {}
+    loop = np.array([k for k, rod in enumerate(rods) if even(simulator, rod)], dtype=np.int64)
+    if loop.size:
+        rows, good = hanging_rods(simulator, [rods[k] for k in loop],
+                                  piece.positions[loop], piece.rotations[loop])
+        rows['contact_table'] = _NO_CONTACTS
+        if loop.size == n and good.all():
+            return rows
+        for row, k in enumerate(loop):
+            if good[row]:
+                parts[k] = {name: values[row:row + 1] for name, values in rows.items()}
+    for k in (k for k in range(n) if k not in parts):
+        one = simulator.with_rod(rods[k])
+        shape = one.solve(_pose(piece.positions[k], piece.rotations[k]))
+        parts[k] = columns([shape], scaled_nodes(s, rods[k].length))
+    return stacked([parts[k] for k in range(n)])
+
+
+def _pose(position: Floats, rotation: Floats) -> Pose:
+    """Return a Pose with exactly these axes, which `Pose.from_rotation` would make orthonormal."""
+    pose = object.__new__(Pose)
+    put(pose, position=position.copy(), rotation=rotation.copy())
+    freeze(list(pose.__dict__.values()))
+    return pose
