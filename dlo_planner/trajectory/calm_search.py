@@ -65,18 +65,10 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
 
 @dataclass
 class _Wrong:
-    """A DLO whose stiffness is wrong, leg by leg.
+    """A DLO whose stiffness is wrong, leg by leg."""
 
-    Parameters
-    ----------
-    quick : DirectSimulator
-        DirectSimulator of the DLO as it is given.
-    factor : float
-        Factor of its stiffness.
-    """
-
-    quick: DirectSimulator
-    factor: float
+    quick: DirectSimulator  # DirectSimulator of the DLO as it is given
+    factor: float  # factor of its stiffness
 
     def __post_init__(self) -> None:
         rod = self.quick.rod
@@ -125,34 +117,16 @@ DEADLINE = 'calm, but not all is known of it: the deadline came first'
 
 @dataclass(eq=False)
 class CalmSearch:
-    """Looks for the fastest laws with which a plan's DLO stays calm, round by round.
-
-    Attributes
-    ----------
-    plan : Plan
-    fastest : TimedPath
-        TimedPath within limits alone.
-    tolerance : float
-        Tolerance in m.
-    simulator : DirectSimulator
-        DirectSimulator that verifies.
-    begin : Shape
-        Shape at the beginning.
-    obstacles : tuple of obstacle
-        Obstacles from which the DLO has to stay away.
-    progress : Progress
-    rounds : int or None
-        How many laws are simulated at most. If None, _ROUNDS.
-    """
+    """Looks for the fastest laws with which a plan's DLO stays calm, round by round."""
 
     plan: Plan
-    fastest: TimedPath
-    tolerance: float
-    simulator: DirectSimulator
-    begin: Shape
-    obstacles: tuple[Obstacle, ...]
+    fastest: TimedPath  # TimedPath within limits alone
+    tolerance: float  # tolerance in m
+    simulator: DirectSimulator  # DirectSimulator that verifies
+    begin: Shape  # Shape at the beginning
+    obstacles: tuple[Obstacle, ...]  # obstacles from which the DLO has to stay away
     progress: Progress
-    rounds: int | None = None
+    rounds: int | None = None  # how many laws are simulated at most. If None, _ROUNDS
 
     def __post_init__(self) -> None:
         self._rounds, self._aim, self._slower = 0, self.tolerance, 1.0
@@ -338,29 +312,14 @@ class _Missed:
 
 @dataclass(frozen=True)
 class Calm:
-    """A motion that is calm.
+    """A motion that is calm."""
 
-    Attributes
-    ----------
-    search : CalmSearch
-        CalmSearch that found it.
-    timed : TimedPath
-    motions : list of InMotion
-        InMotion of each simulator.
-    motion : InMotion
-        The worse of them.
-    mode_margin : float
-        Part by which frequencies may be off, nan: not known.
-    status : str
-        COMPLETE, or what is not known of it.
-    """
-
-    search: CalmSearch
+    search: CalmSearch  # CalmSearch that found it
     timed: TimedPath
-    motions: list[InMotion]
-    motion: InMotion
-    mode_margin: float = np.nan
-    status: str = DEADLINE
+    motions: list[InMotion]  # InMotion of each simulator
+    motion: InMotion  # the worse of them
+    mode_margin: float = np.nan  # part by which frequencies may be off, nan: not known
+    status: str = DEADLINE  # COMPLETE, or what is not known of it
 
 
 @one_thread()
