@@ -187,12 +187,14 @@ def certificate(simulator: DirectSimulator, task: Threading) -> str:
     if shapes is None:
         return ''
     _, depths, _ = at_the_second(quick, task, shapes)
-    begin = (f'of {len(shapes.stability)} shapes in which the DLO hangs, about {depths.size} stable '
-             'ones pass both centers in their directions as the free end comes to the second')
+    begin = f'of {len(shapes.stability)} shapes in which the DLO hangs, '
     if depths.size:
-        return f'{begin}, {depths.min():.4g} to {depths.max():.4g} m deep in the first'
+        return (f'{begin}about {depths.size} stable ones pass both centers in their directions as '
+                f'the free end comes to the second, {depths.min():.4g} to {depths.max():.4g} m '
+                'deep in the first')
     least = TwoPoints(quick, _chord(task)).least_miss(shapes)
-    return f'{begin}; it is missed by {least:.3g} m at least'
+    return (f'{begin}no stable one passes both centers in their directions as the free end comes '
+            f'to the second; it is missed by {least:.3g} m at least')
 
 
 def _no_beginning(simulator: DirectSimulator, task: Threading,
