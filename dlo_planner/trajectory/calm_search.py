@@ -171,7 +171,8 @@ class CalmSearch:
     @property
     def over(self) -> bool:
         """Whether no other law is left to be tried."""
-        return (self._inside > 0 or self._rounds >= (self.rounds or _ROUNDS)
+        return (not self._first.converged or self._inside > 0
+                or self._rounds >= (self.rounds or _ROUNDS)
                 or self._missed_by.slowest > _SLOWEST * self.fastest.duration)
 
     def go_on(self, below: float = np.inf) -> Calm | None:
@@ -188,7 +189,8 @@ class CalmSearch:
         if used <= 1:
             return Calm(self, timed, motions, _worst([
                 replace(one, error_estimate=np.inf) for one in motions]))
-        self._inside = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
+        if motion.converged:
+            self._inside = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
         missed = self._missed_by
         if not missed.what or used < missed.least:
             missed = _Missed(name, used, timed.duration, missed.slowest)
@@ -205,11 +207,16 @@ class CalmSearch:
         what, least = self._missed_by.what, self._missed_by.least
         touch = ('loses a contact that the plan keeps' if means_to_touch(self.plan) else
                  'touches what the plan does not')
+        if not self._first.converged:
+            return Infeasible(f'limits: where the motion begins, the DLO is '
+                              f'{self._first.status}', 0, 'motion', np.inf, self.plan)
         if self._inside > 0:
             said = ('limits: however slow it is, the DLO touches what the plan does not, '
                     f'{self._inside:.3g} m deep')
         elif what == 'contact':
             said = f'limits: in motion the DLO {touch}'
+        elif what == 'motion':
+            said = f'limits: {self.reached}'
         else:
             said = (f'limits: the DLO is not calm: {self.reached}: expected at most '
                     f'{self.tolerance:.3g} m')
@@ -220,6 +227,8 @@ class CalmSearch:
     def reached(self) -> str:
         """What the best laws so far come to, in words; empty before there are any."""
         missed = self._missed_by
+        if missed.what == 'motion':
+            return 'no motion that was tried could be simulated to its end'
         return missed.what and (f'{missed.what} in motion, {missed.least * self.tolerance:.3g} m '
                                 f'at best, in {missed.duration:.3g} s')
 

@@ -260,6 +260,15 @@ def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(short, monkey
     assert error.amount > 0 and error.plan is plan
 
 
+def test_a_dlo_that_stands_nowhere_is_refused_before_a_law_is_made(short, monkeypatch):
+    direct, plan = short
+    monkeypatch.setattr(CalmSearch, '_timed', None)
+    yielding = direct.with_rod(replace(direct.rod, yield_curvature=0.1))
+    with pytest.raises(Infeasible, match='where the motion begins, .* plastic hinge') as caught:
+        Trajectory(plan, simulator=yielding)
+    assert caught.value.constraint == 'motion'
+
+
 def test_it_is_a_value(short, short_way):
     (_, plan), way = short, short_way
     again = pickle.loads(pickle.dumps(way))
