@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from hanging import hanging_and_stable
+from references.hanging import hanging_and_stable
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod

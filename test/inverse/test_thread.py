@@ -4,8 +4,8 @@
 
 import numpy as np
 import pytest
-from hanging import ends_with_gravity_at, hanging_and_stable, sphere
-from kirchhoff import true_rod
+from references.hanging import ends_with_gravity_at, hanging_and_stable, sphere
+from references.kirchhoff import true_rod
 from scipy.spatial.transform import Rotation
 from sweeps import MASS
 from sweeps.cutouts import BASES, random_cutout, threaded
