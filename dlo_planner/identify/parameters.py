@@ -49,6 +49,8 @@ MASSES: dict[str, tuple[float, ...]] = {
 STRAINS: dict[str, tuple[int, ...]] = {'natural_twist': (0,), 'natural_curvature': (1, 2)}
 VARIATION = 5  # Legendre polynomials by which the natural curvature of a sample varies
 _STEP = 1e-4   # of the length: of difference quotients of what depends on the length
+_TURN = 1e-4   # rad along the length: of those by strains
+_TOLD = 1e-9   # of a strain: a series tells it but for so little
 _KEPT = 8      # meshes that are remembered
 _SAME = 1e-9   # of the length: nodes closer than this are the same
 
@@ -328,19 +330,19 @@ class ParameterizedMesh:
         system = shape.state.made_on.static
         stiff = np.diff(shape.s)[:, None] * system.stiffness
         bent = shape.bent if shape.state.made_on.yields else shape.element_strains - system.natural
-        gradients = np.zeros((parameters.size, *bent.shape))
+        gradients, natural = np.zeros((2, parameters.size, *bent.shape))
         for name, part in STIFFNESS.items():
             gradients[parameters.columns(name)[0]] = stiff * bent * np.array(part)
         for name in STRAINS:
             for column, function, axis in zip(parameters.columns(name)[0],
                                               *parameters.functions(name), strict=True):
-                gradients[column, :, axis] = -stiff[:, axis] * self.means[:, function]
+                natural[column, :, axis] = self.means[:, function]
+        gradients -= stiff * natural
         weights = parameters.mass_factors(x)[:, None, None] * self._weights
         for name, part in MASSES.items():
             for column in parameters.columns(name)[0]:
-                heavier, _ = sensitivity.slope_of(
-                    pull=system.pull + np.tensordot(part, weights, 1))
-                gradients[column] = heavier - sensitivity.slope_of()[0]
+                gradients[column] = sensitivity.slope_of(pull=system.pull + np.tensordot(
+                    part, weights, 1)) - sensitivity.slope_of()
         stretch = np.zeros((parameters.size, len(bent)))
         for column in parameters.columns('length')[0]:
             by_length = {**self.by_length, 'stiffness': parameters.stiffness_factors(x)
@@ -348,12 +350,22 @@ class ParameterizedMesh:
             step = 0.1 * _STEP * shape.s[-1]
             less, more = (sensitivity.slope_of(**{
                 name: getattr(system, name) + side * step * change
-                for name, change in by_length.items()})[0] for side in (-1, 1))
+                for name, change in by_length.items()}) for side in (-1, 1))
             gradients[column] = (more - less) / (2 * step)
             stretch[column] = self.by_length['lengths'] / np.diff(shape.s)
+        own = np.zeros_like(natural)
+        if system.basis.shape[1]:  # what a series cannot tell of a natural strain stays in it
+            lengths = np.diff(shape.s)[:, None]
+            own = natural - system.scale * (system.basis @ (
+                system.basis.T @ (natural / system.scale * lengths)))
+            step = _TURN / shape.s[-1]
+            for k in np.flatnonzero(np.abs(own).max(axis=(1, 2)) > _TOLD):
+                less, more = (sensitivity.slope_of(side * step * own[k], natural=system.natural
+                                                   + side * step * own[k]) for side in (-1, 1))
+                gradients[k] += (more - less) / (2 * step)
         acts = np.flatnonzero(gradients.any(axis=(1, 2)))
-        strains = np.zeros_like(gradients)
-        strains[acts] = sensitivity.strains_by(gradients[acts])
+        strains = own
+        strains[acts] += sensitivity.strains_by(gradients[acts])
         return strains, stretch
 
     def _by_length(self) -> dict[str, Floats]:
