@@ -354,7 +354,9 @@ class ParameterizedMesh:
             gradients[column] = (more - less) / (2 * step)
             stretch[column] = self.by_length['lengths'] / np.diff(shape.s)
         own = np.zeros_like(natural)
-        if system.basis.shape[1]:  # what a series cannot tell of a natural strain stays in it
+        # what a series cannot tell of a natural strain stays in it (by how little that moves a held
+        # end is left out)
+        if system.basis.shape[1]:
             lengths = np.diff(shape.s)[:, None]
             own = natural - system.scale * (system.basis @ (
                 system.basis.T @ (natural / system.scale * lengths)))
