@@ -269,10 +269,18 @@ def _contacts_after(contact: Any, system: Problem, state: Configuration, origin:
     if contact is None:
         return None, None, 0.0
     inside = 0.0
-    if contact.scene.kind.size:
+    if is_obstructed(contact):
         inside = penetration_of_point(translated(contact.scene, np.zeros(3)), origin)
     return (forces_after(system, state, origin, ended), contact_rows(system, state),
             max(0.0, inside))
+
+
+@kernel
+def is_obstructed(contact: Any) -> bool:
+    """Whether there are obstacles."""
+    if contact is None:
+        return False
+    return contact.scene.kind.size > 0  # type: ignore[no-any-return]
 
 
 def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, memory: Memory | None = None,

@@ -175,7 +175,7 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
         if not solved:
             return Outside(shapes, calm, np.array(forces), False)
         k += count
-        start, velocity = reached[-1].shape, np.array(reached[-1].nodes.velocity)
+        start, velocity = reached[-1].shape, np.array(reached[-1].velocities)
         progress.check()
     return Outside(shapes, calm, np.array(forces), True)
 

@@ -210,9 +210,9 @@ def test_steps_without_what_may_act_leave_nothing_of_it(monkeypatch):
             shape, np.nan if dtype is float else 7, dtype))
         now = stepper.begin(start)
         batch = stepper.steps(now, (), np.array([1.0, 2.0]), Scheme.named('paper', 0.01), Limits())
-    assert batch.refused is None and batch.last.rows.free
-    assert batch.last.memory.plastic.size and not batch.last.memory.plastic.any()
-    assert not batch.last.memory.node_forces.any()
+    assert batch.refused is None and batch.last.free
+    assert batch.last.row.plastic.size and not batch.last.row.plastic.any()
+    assert not batch.last.row.node_forces.any()
 
 
 def test_nothing_is_passed_between_two_poses(all_acts):

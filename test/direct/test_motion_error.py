@@ -34,7 +34,7 @@ def steps_of(wire, grippers, dt, elements, halvings, change=None):
         batch = stepper.steps(now, (), k + np.arange(1, parts + 1) / parts, scheme, Limits())
         assert batch.refused is None
         now = batch.last
-    return now.nodes.position
+    return now.positions
 
 
 def true_end(wire, grippers, dt):

@@ -26,7 +26,7 @@ def test_a_step_is_as_stable_as_the_hessian_that_it_minimized_says(basis, dampin
     for k in range(1, 7):
         batch = stepper.steps(now, (), np.array([float(k)]), scheme, Limits())
         assert batch.refused is None
-        problem = stepper.problem(now.nodes, now.bends, now.memory, float(k), scheme)
+        problem = stepper.problem(now, float(k), scheme)
         there = batch.last.shape
         true = newton(problem, start.mesh.unknowns(there.element_strains), 1e-9, 100, True)
         np.testing.assert_allclose(true.state.strains, there.element_strains, rtol=0, atol=1e-5)
