@@ -18,21 +18,14 @@ from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 
 
-class Guide(Value):
+class GripTrajectory(Value):
     """The smooth motion of a grip through n poses at the times 0, dt, 2 dt, ...
 
     Position and quaternion are cubic splines with continuous second derivatives (the quaternion is
     normalized), so that velocities and accelerations are continuous: inertia feels no jerk that is
     not in the poses. Between two neighbors a grip turns the shorter way.
 
-    Parameters
-    ----------
-    poses : sequence of Pose
-        The n poses.
-    dt : float
-        Time step in s.
-    at_rest : bool, optional
-        Whether the velocity is zero at time 0; else it is what the poses say.
+    `at_rest`: whether the velocity is zero at time 0; else it is what the poses say. dt in s.
     """
 
     PARTS = ('poses', 'dt', 'at_rest')
@@ -94,26 +87,17 @@ def _spline(poses: Sequence[Pose], at_rest: bool) -> Any:
     return scipy.interpolate.CubicSpline(np.arange(n), values, bc_type=tuple(ends))
 
 
-class Grips(Value):
-    """All that holds a DLO in motion.
-
-    Parameters
-    ----------
-    gripper : Guide
-        Motion of the gripper.
-    far_end : Guide, optional
-        Motion of the far end. None where it is free.
-    grip : str, optional
-        Grip of `FarEnd`; unused where it is free.
-    """
+class BoundaryMotion(Value):
+    """All that holds a DLO in motion; `grip` is that of `FarEnd`, unused where the end is free."""
 
     PARTS = ('gripper', 'far_end', 'grip')
 
-    gripper: Guide
-    far_end: Guide | None
+    gripper: GripTrajectory
+    far_end: GripTrajectory | None
     grip: str
 
-    def __init__(self, gripper: Guide, far_end: Guide | None = None, grip: str = 'clamped'):
+    def __init__(self, gripper: GripTrajectory, far_end: GripTrajectory | None = None,
+                 grip: str = 'clamped'):
         put(self, gripper=gripper, far_end=far_end, grip=grip)
 
     def at(self, place: float) -> tuple[Pose, FarEnd | None]:
@@ -142,7 +126,7 @@ def ends_of(far_ends: Iterable[Any] | None, count: int) -> list[FarEnd | None]:
 
 
 def moving_grips(grippers: Sequence[Pose], ends: Sequence[FarEnd | None], dt: float, at_rest: bool,
-                 initial: Shape | None) -> Grips:
+                 initial: Shape | None) -> BoundaryMotion:
     """Return the smooth motion of what holds a DLO, at instants `dt` (s) apart."""
     if len({None if end is None else end.grip for end in ends}) > 1:
         raise InvalidTask('far_ends: expected the same grip from the beginning to the end of a '
@@ -150,8 +134,8 @@ def moving_grips(grippers: Sequence[Pose], ends: Sequence[FarEnd | None], dt: fl
     if initial is not None and initial.far_end is not None and ends[0] is None:
         raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
                           'free, as it is in the motion, or far_ends')
-    gripper = Guide(grippers, dt, at_rest)
+    gripper = GripTrajectory(grippers, dt, at_rest)
     if ends[0] is None:
-        return Grips(gripper)
+        return BoundaryMotion(gripper)
     held = [end.pose for end in ends if end is not None]
-    return Grips(gripper, Guide(held, dt, at_rest), ends[0].grip)
+    return BoundaryMotion(gripper, GripTrajectory(held, dt, at_rest), ends[0].grip)

@@ -188,7 +188,7 @@ _STILL = 1e-7  # of the length: what moves no farther rests
 
 
 @dataclass(frozen=True)
-class Recipe:
+class IntegrationOptions:
     """What a motion was computed with, so that it can be repeated."""
 
     instants: int
@@ -201,7 +201,7 @@ class Recipe:
         return Scheme.named(self.integrator, dt / (1 << halvings))
 
 
-class Begun(NamedTuple):
+class InitialConditions(NamedTuple):
     """How a motion begins: the Shape that was given, if any, that on its mesh, velocities."""
 
     initial: Shape | None
@@ -217,7 +217,8 @@ class Trace(NamedTuple):
     samples: Floats | None
 
 
-def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floats:
+def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
+             trace: Trace) -> Floats:
     """Return (n,) how far, in m, nodes are from the true ones at most until each instant.
 
     Looked at are all nodes at the instants and some of them after each step. What halving
@@ -281,7 +282,7 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
     return batch._replace(errors=np.zeros(0))
 
 
-def _estimate(coarse: Discretization, plan: Recipe, found: Floats) -> Floats:
+def _estimate(coarse: Discretization, plan: IntegrationOptions, found: Floats) -> Floats:
     """Return the errors (n,) that differences `found` (n,) from a finer motion tell, m."""
     rounding = 1e-15 * coarse.s.size * coarse.s[-1]
     second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
@@ -294,7 +295,7 @@ def _apart(one: Floats, other: Floats) -> float:
     return float(np.linalg.norm(one - other, axis=-1).max())
 
 
-def finer_start(mesh: Discretization, begun: Begun) -> Shape:
+def finer_start(mesh: Discretization, begun: InitialConditions) -> Shape:
     """Return the Shape at time 0 on a mesh whose elements are halves of those of the motion.
 
     A DLO at rest hangs otherwise there: this is a part of the error, and no reason to swing. So is
@@ -348,7 +349,8 @@ class Run(NamedTuple):
     samples: Floats | None = None  # (k, m, 3) places after each step, see `StepBatch`
 
 
-def simulate(stepper: Stepper, begun: Begun, plan: Recipe, progress: Progress) -> Motion:
+def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
+             progress: Progress) -> Motion:
     """Return the Motion that begins so; see `DirectSimulator.simulate`."""
     first = stepper.begin(begun.start, begun.velocity)
     if begun.velocity is not None:
@@ -369,12 +371,12 @@ def run(stepper: Stepper, first: TimePoint, instants: int, tolerance: float,
 
     And whether all steps were good; the last TimePoint is where it ended, see `Run`.
     """
-    plan = Recipe(instants, 'generalized_alpha', tolerance)
+    plan = IntegrationOptions(instants, 'generalized_alpha', tolerance)
     made = _run(stepper, first, plan, progress)
     return made.reached, made.status == 'complete'
 
 
-def _run(stepper: Stepper, first: TimePoint, plan: Recipe, progress: Progress) -> Run:
+def _run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: Progress) -> Run:
     """Return the Run that begins with the TimePoint `first`."""
     pace, reached = _Pace(stepper, first, plan), [first]
     while len(reached) < plan.instants:
@@ -397,15 +399,10 @@ def _run(stepper: Stepper, first: TimePoint, plan: Recipe, progress: Progress) -
 class _Pace:
     """Makes the steps of a motion, as long as they may be.
 
-    Attributes
-    ----------
-    now : TimePoint
-        At the end of the last good step.
-    stuck : bool
-        Whether the next step is not good, however short it is.
+    It is `stuck` where the next step after `now` is not good, however short it is.
     """
 
-    def __init__(self, stepper: Stepper, first: TimePoint, plan: Recipe) -> None:
+    def __init__(self, stepper: Stepper, first: TimePoint, plan: IntegrationOptions) -> None:
         self.now, self.stuck = first, False
         self._stepper, self._plan = stepper, plan
         self._fixed = plan.integrator == 'paper'

@@ -72,19 +72,9 @@ class Vibration:
 
 
 class Linearized:
-    """A Shape, and the Vibrations about it on its own mesh and on finer ones.
+    """A converged Shape, and the Vibrations about it on its own mesh and on finer ones.
 
-    Parameters
-    ----------
-    shape : Shape
-        Converged Shape from a simulator, without friction and dead moments, not grasped inside.
-    name : str, optional
-        Name of the shape, for messages.
-
-    Raises
-    ------
-    InvalidTask
-        The shape is not of this kind.
+    Raises InvalidTask where there are none, with its `name`.
     """
 
     def __init__(self, shape: Shape, name: str = 'shape'):

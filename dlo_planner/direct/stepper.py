@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.boundary_motion import Grips
+from dlo_planner.direct.boundary_motion import BoundaryMotion
 from dlo_planner.direct.contact import contacts_of
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.integrator import (
@@ -249,7 +249,7 @@ class Stepper:
 
     nearby = True  # whether a shape near the start of a search is sought first
 
-    def __init__(self, discretization: Discretization, grips: Grips, dt: float,
+    def __init__(self, discretization: Discretization, grips: BoundaryMotion, dt: float,
                  method: str = 'newton', watched: Ints | None = None) -> None:
         self.discretization, self.grips, self.dt = discretization, grips, dt
         self.method = method

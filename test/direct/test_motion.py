@@ -36,8 +36,8 @@ from dlo_planner import (
     Rod,
 )
 from dlo_planner.direct import dynamics
-from dlo_planner.direct.boundary_motion import Grips, Guide
-from dlo_planner.direct.dynamics import Begun, finer_start
+from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
+from dlo_planner.direct.dynamics import InitialConditions, finer_start
 from dlo_planner.direct.integrator import PUSHED, Scheme, within_energy_budget
 from dlo_planner.direct.stepper import Limits, Stepper
 from dlo_planner.minimize.newton import newton
@@ -286,7 +286,7 @@ def twist_at(guide, place):
 
 
 def test_two_poses_are_one_constant_acceleration():
-    guide = Guide([Pose.identity(), Pose((0.4, 0, -0.2), (0, 0, 0, 1))], 0.5)
+    guide = GripTrajectory([Pose.identity(), Pose((0.4, 0, -0.2), (0, 0, 0, 1))], 0.5)
     for place in (0.25, 0.5, 0.75):
         np.testing.assert_allclose(guide.at(place).position, place**2 * np.array([0.4, 0, -0.2]),
                                    atol=1e-15)
@@ -299,9 +299,9 @@ def test_two_poses_are_one_constant_acceleration():
 def test_several_whole_turns_are_gone_through(at_rest):
     # a rotation has two quaternions: here now the one comes, now the other
     angles = 4.5 * np.pi * np.linspace(0, 1, 60) ** 2
-    guide = Guide([Pose((0, 0, 0), (-1) ** (k // 3) * Rotation.from_rotvec(a * AXIS).as_quat())
-                   for k, a in enumerate(angles)],
-                  0.1, at_rest)
+    guide = GripTrajectory(
+        [Pose((0, 0, 0), (-1) ** (k // 3) * Rotation.from_rotvec(a * AXIS).as_quat())
+         for k, a in enumerate(angles)], 0.1, at_rest)
     for place in np.arange(2.5, 57):
         angle = 4.5 * np.pi * (place / 59) ** 2
         away = guide.at(place).rotation @ Rotation.from_rotvec(-angle * AXIS).as_matrix()
@@ -378,7 +378,7 @@ def test_a_step_is_as_stable_as_the_hessian_that_it_minimized_says(basis, dampin
     simulator = DirectSimulator(wire, basis=basis, n_elements=24)
     grippers = [tilted(0.5 * k * dt) for k in range(7)]
     start = simulator.solve(grippers[0])
-    stepper = Stepper(start.mesh, Grips(Guide(grippers, dt)), dt)
+    stepper = Stepper(start.mesh, BoundaryMotion(GripTrajectory(grippers, dt)), dt)
     now, scheme, told = stepper.begin(start), Scheme.named(integrator, dt), []
     for k in range(1, 7):
         batch = stepper.steps(now, (), np.array([float(k)]), scheme, Limits())
@@ -493,11 +493,11 @@ def test_one_step_does_not_use_up_what_a_motion_may_gain():
 def contact_work(simulator, to):
     """Return the work of contacts along the chord of one very slow step, and both shapes."""
     start, dt = simulator.solve(LEVEL), 1e4
-    stepper = Stepper(start.mesh, Grips(Guide([LEVEL, to], dt)), dt)
+    stepper = Stepper(start.mesh, BoundaryMotion(GripTrajectory([LEVEL, to], dt)), dt)
     batch = stepper.steps(stepper.begin(start), (), np.array([1.0]), Scheme.named('paper', dt),
                           Limits())
     assert batch.refused is None
-    return batch.last.energies[PUSHED], start, batch.last.shape
+    return batch.last.row.energies[PUSHED], start, batch.last.shape
 
 
 # 26, 77, 148: one of the last elements gets flat; 98: the DLO slips along a bar
@@ -590,7 +590,8 @@ def lash(damping=0.0, seconds=0.6):
 def steps_of(wire, grippers, dt, elements, halvings, change=None):
     """Return the last positions of even steps; at the instant `change` they are renewed."""
     simulator = DirectSimulator(wire, basis='local', n_elements=elements)
-    stepper = Stepper(simulator.solve(grippers[0]).mesh, Grips(Guide(grippers, dt)), dt)
+    grips = BoundaryMotion(GripTrajectory(grippers, dt))
+    stepper = Stepper(simulator.solve(grippers[0]).mesh, grips, dt)
     now = stepper.begin(simulator.solve(grippers[0]))
     scheme, parts = Scheme.named('generalized_alpha', dt / 2**halvings), 2**halvings
     for k in range(len(grippers) - 1):
@@ -691,7 +692,7 @@ def test_a_finer_motion_begins_with_the_geometry_of_its_own_mesh():
     floor = Plane((0, 0, -0.2), (0, 0, 1))  # which it is compared with
     start = DirectSimulator(rod(radius=3e-3), n_elements=16, obstacles=[floor]).solve(LEVEL)
     mesh = start.state.mesh.finer
-    finer = finer_start(mesh, Begun(None, start, None))
+    finer = finer_start(mesh, InitialConditions(None, start, None))
     np.testing.assert_array_equal(finer.s, mesh.s)
     assert finer.frames.shape == (33, 3, 3) and finer.positions.shape == (33, 3)
     np.testing.assert_allclose(finer.positions[::2], start.positions, atol=1e-3)
