@@ -7,11 +7,20 @@ from functools import partial
 
 import numpy as np
 import pytest
+from references.vibrations import (
+    GAUSS,
+    WEIGHT,
+    G,
+    beam_frequencies,
+    plane_rod,
+    polynomials,
+    ring,
+    slowest,
+)
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import eigh
 from scipy.optimize import brentq, curve_fit
 from scipy.spatial.transform import Rotation
-from vibrating import GAUSS, WEIGHT, G, beam_frequencies, plane_rod, polynomials, ring, slowest
 
 from dlo_planner import (
     Capsule,
