@@ -124,17 +124,18 @@ class Sensitivity:
         result: Floats = _strains_by(self._system, self._hessian, slopes)
         return result
 
-    def slope_of(self, **fields: Floats) -> tuple[Floats, Floats]:
-        """Return the potential's slope (N, 3) by the strains, and the nodes' places (N + 1, 3).
+    def slope_of(self, more: Floats | float = 0.0, **fields: Floats) -> Floats:
+        """Return the potential's slope (N, 3) by the strains, the gripper's pose that of the shape.
 
-        With the strains and the gripper of the shape, and other `fields` of the Problem.
+        `more` (N, 3) is added to the strains of the shape, 1/m; other `fields` of the Problem.
         """
         # one unknown strain an element: these strains, whatever the basis
         system = self._system._replace(basis=np.zeros((self._system.lengths.size, 0)), **fields)
         state = new_configuration(system)
-        state.q[:] = (self._state.strains - system.natural) / system.scale
+        state.q[:] = (self._state.strains + more - system.natural) / system.scale
         evaluate(system, state)
-        return state.gradient / system.scale, state.positions
+        result: Floats = state.gradient / system.scale
+        return result
 
     def moved(self, twist: ArrayLike) -> Shape:
         """Return the Shape predicted for a gripper moved by a small `twist` (6,).
