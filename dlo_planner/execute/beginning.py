@@ -50,7 +50,7 @@ def from_where_it_is(way: TimedPath, here: Pose, shape: Shape, limits: Limits,
         steered = Steered(way, windows, (Change(_LONG_AGO, np.zeros(1), away[None]),
                                          Change(begin, np.zeros(1), -away[None])))
         times = begin + period * np.arange(-3, steps + 1)
-        if used(steered.poses(times), limits, period) <= 1:
+        if used(steered.frames(times), limits, period) <= 1:
             return steered, begin
         least *= _LONGER
     raise Refused(Cause.NOT_AT_START, f'the gripper is {np.linalg.norm(away[3:]):.3g} m and '

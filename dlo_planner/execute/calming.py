@@ -77,9 +77,9 @@ class Calming:
                 for later, sign in ((0.0, 1.0), (lasts, -1.0))]
             return Steered(TimedPath(path, (None,), limits), windows, tuple(changes))
 
-        poses = way(pulses).poses(np.arange(0.0, duration + 4 * period, period))
-        most = max(used(poses, limits, period) / _LIMITS, max(float(np.linalg.norm(
-            pose.position - here.position)) for pose in poses) / farthest)
+        frames = way(pulses).frames(np.arange(0.0, duration + 4 * period, period))
+        away = np.linalg.norm(frames[0] - here.position, axis=1).max()
+        most = max(used(frames, limits, period) / _LIMITS, float(away) / farthest)
         pulses /= max(most, 1.0)
         return cls(vibration, way(pulses), stamp + duration, np.tensordot(pulses, answers, 1))
 

@@ -8,20 +8,22 @@ Commands are the poses of the motion at even times, a period apart, whenever a t
 that takes them one by one, or by the stamps that it was told, follows the motion as it was proved.
 
 With a horizon the motion goes on by the clock of the stamps, whether the machine is late or not: a
-robot that was told the coming time with stamps (`ahead.told`) does not wait for this machine.
+robot that was told the coming time with stamps (`Ahead`) does not wait for this machine.
 Without one, a robot follows each command as it comes, and a late command delays the motion.
 """
 
 from dataclasses import dataclass, field, replace
+from itertools import accumulate, repeat
+from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.execute.ahead import Ahead, grippers_ahead
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Enabled, Guards, Heard
 from dlo_planner.execute.limiter import Limiter, used
 from dlo_planner.execute.stopping import Rising, accelerate, decelerate
 from dlo_planner.identify.steering import Steered
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.motion.limits import Limits
 from dlo_planner.plan.motion.timed_path import TimedPath
@@ -37,8 +39,63 @@ _LONGER = 1.0, 1.4, 2.0, 2.8  # times as long as a correction is blended in
 _WIDEST = 5.0  # s, of its windows
 _CORRECTED = 0.98  # of the limits, which a motion that is corrected may use
 _COARSE = 4   # periods, in which what is blended in changes little
+_SAMPLES = 25
 _SEEN = 3     # commands before the next one that tell its jerk
 EXACT = 1 + 1e-3  # of a limit: differences of rounded numbers
+
+
+class Ahead(NamedTuple):
+    """What a robot is told of the coming time, so that a machine that is late does no harm.
+
+    All of the coming motion: the horizon, and after it a way to rest along the path, which the next
+    message replaces. So a robot comes to rest within its limits where the messages end. A
+    controller that takes trajectories with stamps, and replaces what it had from the first point on
+    (as joint_trajectory_controller does), needs no more.
+    """
+
+    times: Floats      # (n,) s since `Execution.stamp`, ascending from 0, a period apart
+    poses: list[Pose]  # n, of the tool frame; after the last the robot rests
+
+    @classmethod
+    def of(cls, execution: 'Execution', positions: Floats, rotations: Floats) -> 'Ahead':
+        """Return the commands (n,) that lead the gripper frame through n frames."""
+        back = execution.back
+        return cls(execution.period * np.arange(len(positions), dtype=float), [
+            Pose.from_rotation(*frame) for frame in zip(
+                positions + rotations @ back.position, rotations @ back.rotation, strict=True)])
+
+
+def coming(execution: 'Execution') -> Ahead:
+    """Return the coming commands of an Execution with a horizon, one in each of its periods."""
+    return Ahead.of(execution, *execution.way.frames(places_ahead(execution)))
+
+
+def places_ahead(execution: 'Execution') -> Floats:
+    """Return the times along the way, s, of the coming commands."""
+    way, period, done = execution.way, execution.period, execution.done
+    if execution.phase == 'stopping':
+        return np.array([done, *execution.places(len(execution.pace))])
+    steps = max(int(np.ceil((execution.sent - done) / period - 1e-9)), 0)
+    places = np.array([done, *execution.places(steps)])
+    if execution.sent < way.duration:
+        places = np.append(places, decelerate(way, execution.sent, execution.kept, period))
+    return places
+
+
+class Samples:
+    """Poses of a way a period apart, evaluated many at once: one alone costs about as much."""
+
+    def __init__(self, way: TimedPath | Steered, period: float) -> None:
+        self.way, self._period = way, period
+        self._known: dict[float, Pose] = {}
+
+    def pose(self, time: float) -> Pose:
+        """Return the Pose of the way at a time, s."""
+        if time not in self._known:
+            # added up one by one as `Execution.places` does, so that they are the same numbers
+            times = list(accumulate(repeat(self._period, _SAMPLES), initial=time))
+            self._known = dict(zip(times, self.way.poses(times), strict=True))
+        return self._known[time]
 
 
 @dataclass(frozen=True)
@@ -114,6 +171,11 @@ class Execution:
     told_of: str = ''         # phase of which it was told then
     tellings: int = 0         # how often it was told
     shaken: float = 0.0       # m by which late commands have moved the gripper against its motion
+    samples: 'Samples' = field(default=None, compare=False)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.samples is None or self.samples.way is not self.way:
+            object.__setattr__(self, 'samples', Samples(self.way, self.period))
 
     @property
     def kept(self) -> Limits:
@@ -252,12 +314,10 @@ class Execution:
         if self.phase == 'running':
             steps = int(np.ceil(self.horizon / self.period - 1e-9))
             told = replace(told, sent=min(self.done + steps * self.period, self.way.duration))
-        grippers = grippers_ahead(told)
-        before = self.way.poses(self.trail[:-1]) if len(self.trail) > 1 else []
-        if used([*before, *grippers], self.kept, self.period) <= EXACT:
-            return replace(told, ahead=Ahead(
-                self.period * np.arange(len(grippers), dtype=float),
-                [gripper.compose(self.back) for gripper in grippers]))
+        before = len(self.trail[:-1])
+        frames = self.way.frames([*self.trail[:-1], *places_ahead(told)])
+        if used(frames, self.kept, self.period) <= EXACT:
+            return replace(told, ahead=Ahead.of(self, *(part[before:] for part in frames)))
         if self.phase == 'running':  # what the robot was told before ends at rest
             return self.stop(Cause.LIMITS, 'the coming motion exceeds its limits')._told(True)
         return replace(self, phase='stopped')
@@ -287,7 +347,7 @@ class Execution:
             begin=self.begin, done=self.begin)
         if not single.active:  # it is at rest: at the end that is said again
             return self if self.phase in ('settling', 'succeeded') else replace(self, sending=None)
-        single = replace(single, way=self.way)
+        single = replace(single, way=self.way, samples=self.samples)
         if self.phase in ('stopping', 'stopped'):
             single = single.stop(self.cause, self.reason, self.phase == 'stopped')
         single = single.tick(now)
@@ -325,7 +385,7 @@ class Execution:
         blended, period = self.free + way.windows.sum(), self.period
         soon = np.arange(self.free - _SEEN * period, blended + _SEEN * period, period)
         later = np.arange(blended, way.duration + _SEEN * period, _COARSE * period)
-        return max(used(way.poses(times), self.kept, step) for times, step in (
+        return max(used(way.frames(times), self.kept, step) for times, step in (
             (soon, period), (later, _COARSE * period)) if len(times) > 1)
 
     def done_at(self, stamp: float) -> float:
@@ -373,8 +433,7 @@ class Execution:
         """Return the execution with commands at times along its way, which are due now."""
         if not places:
             return self
-        poses = self.way.poses(places)
-        command = poses[-1].compose(self.back)
+        command = self.samples.pose(places[-1]).compose(self.back)
         return replace(self, command=command, sending=command,
                        trail=(*self.trail, *places)[-_SEEN - 1:])
 
@@ -401,11 +460,8 @@ class Execution:
             return replace(self, phase='stopped', cause=Cause.GOAL_TOLERANCE, reason=late)
         return self
 
-    def _gripper(self, done: float) -> Pose:
-        return self.way.poses([done])[0]
-
     def _pose(self, done: float) -> Pose:
-        return self._gripper(done).compose(self.back)
+        return self.way.poses([done])[0].compose(self.back)
 
     def _silence(self, heard: Heard | None, now: float, step: float) -> float:
         """Return the age of a gripper pose, s.

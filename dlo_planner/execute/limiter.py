@@ -24,22 +24,30 @@ _ENDLESS = 1e9     # stands for a limit that is infinite
 _PARTS = slice(0, 3), slice(3, 6)  # linear, angular
 
 
-def velocities(poses: Sequence[Pose], period: float) -> Floats:
-    """Return (n - 1, 6) the linear and angular velocities between n Poses that are a period apart.
+def velocities(positions: Floats, rotations: Floats, period: float) -> Floats:
+    """Return (n - 1, 6) linear and angular velocities between frames that are a period (s) apart.
 
     In m/s and rad/s, world axes.
+
+    Shapes: positions (n, 3), rotations (n, 3, 3).
     """
-    places = np.array([pose.position for pose in poses])
-    turns = Rotation.from_matrix([pose.rotation for pose in poses])
-    return np.hstack([np.diff(places, axis=0), (turns[1:] * turns[:-1].inv()).as_rotvec()]) / period
+    turns = Rotation.from_matrix(rotations[1:] @ rotations[:-1].swapaxes(1, 2))
+    return np.hstack([np.diff(positions, axis=0), turns.as_rotvec()]) / period
 
 
-def used(poses: Sequence[Pose], limits: Limits, period: float) -> float:
-    """Return the largest part of its limits that a stream of Poses uses, one in each period (s).
+def frames_of(poses: Sequence[Pose]) -> tuple[Floats, Floats]:
+    """Return positions (n, 3) and rotations (n, 3, 3) of n Poses."""
+    return (np.array([pose.position for pose in poses]),
+            np.array([pose.rotation for pose in poses]))
 
-    Of speed, acceleration and jerk, linear and angular, by differences of the poses.
+
+def used(frames: tuple[Floats, Floats], limits: Limits, period: float) -> float:
+    """Return the largest part of its limits that a stream of frames uses, one in each period (s).
+
+    Of speed, acceleration and jerk, linear and angular, by differences of positions (n, 3) and
+    rotations (n, 3, 3).
     """
-    rates, most = velocities(poses, period), 0.0
+    rates, most = velocities(*frames, period), 0.0
     for row in limits.sizes:
         most = max(most, *(float((_sizes(rates[:, part]) / limit).max(initial=0.0))
                            for part, limit in zip(_PARTS, row, strict=True)))
@@ -84,7 +92,7 @@ class Limiter:
             return replace(self, pose=self.rest[0] if self.rest else self.pose, rest=self.rest[1:])
         if self.pose is None:
             return replace(self, pose=wanted)
-        velocity = velocities([self.pose, wanted], self.period)[0]
+        velocity = velocities(*frames_of([self.pose, wanted]), self.period)[0]
         acceleration = (velocity - self.rates[0]) / self.period
         jerk = (acceleration - self.rates[1]) / self.period
         if _part(np.stack([velocity, acceleration, jerk]), self.limits) > 1 + _ROUNDING:

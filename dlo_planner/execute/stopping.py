@@ -58,7 +58,7 @@ def _shortest(way: TimedPath | Steered, done: float, limits: Limits, period: flo
         since = np.arange(-_SEEN, lead + steps + _SEEN)[:, None] + _NODES
         times = period * np.append(0.0, np.cumsum(rate(since, steps) @ _WEIGHTS))
         times += done - times[_SEEN]
-        part = used(way.poses(times), limits, period)
+        part = used(way.frames(times), limits, period)
         found.append((part, times[_SEEN + 1:_SEEN + 1 + lead + steps]))
         if part <= 1 or steps * period > max(_LONGEST, least):
             return min(found, key=lambda one: one[0])[1] if part > 1 else found[-1][1]

@@ -157,11 +157,18 @@ class Steered(Value):
         InvalidTask
             A time is not a finite number.
         """
+        return [Pose.from_rotation(*frame) for frame in zip(*self.frames(times), strict=True)]
+
+    def frames(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Return positions (n, 3) and rotations (n, 3, 3) of `poses`: many cost little more."""
         times = row('times', times, most=MOST_TIMES)
-        poses = [pose.compose(self.tool) for pose in self.trajectory.poses(times)]
+        positions, rotations = self.trajectory.frames(times)
+        positions = positions + rotations @ self.tool.position
+        rotations = rotations @ self.tool.rotation
         if not self.changes:
-            return poses
-        return list(map(displaced, poses, self._offsets(times, 1)[0]))
+            return positions, rotations
+        turned, shifted = np.split(self._offsets(times, 1)[0], 2, axis=1)
+        return positions + shifted, Rotation.from_rotvec(turned).as_matrix() @ rotations
 
     def progress(self, times: ArrayLike) -> Floats:
         """Return the plan's times (n,) that the trajectory has reached at `times` (n,), s."""

@@ -22,9 +22,8 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
-from dlo_planner.execute.ahead import Ahead
 from dlo_planner.execute.causes import Cause, Refused, cause_of
-from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.execution import Ahead, Execution
 from dlo_planner.execute.guards import Enabled
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
 from dlo_planner.identify.closed_loop import Phase

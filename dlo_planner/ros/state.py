@@ -267,7 +267,7 @@ class State:
         way, begin = from_where_it_is(proved, self.heard.pose.compose(scene.tool),
                                       self.made.plan.shapes[0], scene.limits, scene.period)
         times = np.arange(-_SEEN, proved.duration / scene.period + _SEEN) * scene.period
-        part = used(proved.poses(times), scene.limits, scene.period)
+        part = used(proved.frames(times), scene.limits, scene.period)
         if part > EXACT:
             raise Refused(Cause.LIMITS, f'the motion of the plan uses {part:.3g} of its limits of '
                           'speed, acceleration and jerk (threading.*): plan again')

@@ -23,7 +23,7 @@ from dlo_planner.execute import judge, threading_loop
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.judge import aimed_anew
-from dlo_planner.execute.limiter import used
+from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
 from dlo_planner.identify import Steered
 from dlo_planner.identify.closed_loop import Phase
@@ -155,7 +155,7 @@ def test_a_swing_is_taken_away_before_it_is_planned(ways):
     away = [np.linalg.norm(pose.position - START.position) for pose in moved]
     assert 2e-4 < max(away) <= 0.01
     assert away[-1] == pytest.approx(0.0, abs=1e-9)
-    assert used(moved, task().limits, PERIOD) <= 1
+    assert used(frames_of(moved), task().limits, PERIOD) <= 1
     ended = cell.time
     cell.until(lambda: cell.loop.phase is not Phase.LOOK)
     assert cell.loop.phase is Phase.PLAN

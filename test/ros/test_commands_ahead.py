@@ -9,9 +9,8 @@ import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
 from dlo_planner.cell.robot import Robot, Timetable
-from dlo_planner.execute.ahead import coming
 from dlo_planner.execute.causes import Cause
-from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.execution import Execution, coming
 from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.identify.blending import Change
 from dlo_planner.identify.steering import Steered

@@ -14,7 +14,7 @@ from dlo_planner.execute.beginning import from_where_it_is
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.limiter import Limiter, shortest_stop, used
+from dlo_planner.execute.limiter import Limiter, frames_of, shortest_stop, used
 from dlo_planner.identify.blending import Change
 from dlo_planner.identify.steering import Steered
 from dlo_planner.ros.parameters import ENTRIES
@@ -104,7 +104,7 @@ def test_the_measure_is_that_of_closed_forms():
         for k, size in ((0, r * w**n), (1, 0.2 * w**n)):
             name = [['linear', 'angular'][k], ['speed', 'acceleration', 'jerk'][n - 1]]
             one = replace(free, **{'_'.join(name): 2 * size})
-            assert used(poses, one, period) == pytest.approx(0.5, rel=1e-3)
+            assert used(frames_of(poses), one, period) == pytest.approx(0.5, rel=1e-3)
             assert largest(poses, one, period, rests=(False, False)) == pytest.approx(
                 0.5, rel=1e-3)
 
