@@ -29,8 +29,8 @@ from dlo_planner.cell.drivers import OpenLoop, ways
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.run import TOUCH, Outcome, run
 from dlo_planner.cell.tasks import RODS, Task, draw_task
-from dlo_planner.plan.assembly import concatenate
-from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.plan.plan import concatenate
+from dlo_planner.trajectory.trajectory import Trajectory
 
 FOLDER = Path(__file__).parent.parent / 'docs' / 'benchmarks'
 ALIGNED, PAST = 0.05, 0.05  # m: free end before and past the hole

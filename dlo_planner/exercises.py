@@ -18,8 +18,8 @@ from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fitting import fit_rod
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
+from dlo_planner.inverse.equilibria import hanging_shapes
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
 from dlo_planner.model.pose import Pose

@@ -3,7 +3,7 @@
 """Penalties of a shape, their search, and what penalties of one's own are made of."""
 
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.inverse.solvers.search import PenaltyResult, minimize_penalty
+from dlo_planner.inverse.tasks.minimize import PenaltyResult, minimize_penalty
 from dlo_planner.model.value import Value, put
 from dlo_planner.plan.goals import (
     AwayFrom,

@@ -43,10 +43,10 @@ from dlo_planner.model.supports import FarEnd, PointLoad
 from dlo_planner.model.varying import Piecewise
 from dlo_planner.parallel.mapping import solve_many
 from dlo_planner.parallel.shapes import Shapes
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness, robustness

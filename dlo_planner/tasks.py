@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tasks beyond those of the package itself: what plans keep, tasks of one's own, tasks as files."""
 
-from dlo_planner.inverse.context import PlanContext
-from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks import Approach, threading_of
 from dlo_planner.model.value import put
-from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.plan import PlanStatus
+from dlo_planner.plan.plan import PlanStatus, concatenate
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 from dlo_planner.settings.tasks import read_task, task_from_yaml, task_to_yaml, write_task

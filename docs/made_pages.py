@@ -12,7 +12,7 @@ import ast
 import re
 from pathlib import Path
 
-from dlo_planner.settings.entries import ENTRIES, Entry
+from dlo_planner.settings.parameters import ENTRIES, Entry
 
 COPIES = ('CONTRIBUTING.md', 'CHANGELOG.rst')
 TUTORIALS = {  # page -> scripts
@@ -62,7 +62,7 @@ def parameters_page() -> str:
     """Return a page with all parameters, from the table that the node declares them by."""
     parts = ['# Parameters', 'All parameters of the node, of the YAML files and of '
              '`dlo-planner -p`, as `ros2 param describe` prints them. This page is made from the '
-             'table in `dlo_planner/settings/entries.py`.']
+             'table in `dlo_planner/settings/parameters.py`.']
     groups: dict[str, list[str]] = {}
     for name, entry in ENTRIES.items():
         group = name.split('.')[0] if '.' in name else 'Of the node itself'

@@ -25,7 +25,7 @@ from dlo_planner.model.obstacles import (
     Sphere,
 )
 from dlo_planner.model.pose import Pose
-from dlo_planner.settings.guarded_yaml import load_yaml, yaml_of
+from dlo_planner.settings.yaml_files import load_yaml, yaml_of
 from msg_helpers.poses import header, pose_from_msg, pose_msg
 
 _ALIKE = 1e-6  # relative: sizes that count as the same

@@ -17,7 +17,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.trajectory.trajectory import Trajectory
 from msg_helpers.poses import header
 
 _NANOSECONDS = 10**9

@@ -10,11 +10,11 @@ import numpy as np
 import yaml
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod, Trajectory
-from dlo_planner.plan.assembly import concatenate
-from dlo_planner.plan.motion.calm_search import leg_tasks
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.periods import slowest_period
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.plan import concatenate
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.calm_search import leg_tasks
+from dlo_planner.trajectory.modal_response import slowest_period
 
 CONFIG = Path(__file__).parent.parent / 'config'
 

@@ -31,7 +31,7 @@ from dlo_planner import (  # noqa: E402
     Sphere,
 )
 from dlo_planner.direct.shape import UNKNOWN  # noqa: E402
-from dlo_planner.inverse.solvers.contact.family import STABLE  # noqa: E402
+from dlo_planner.inverse.contact_family import STABLE  # noqa: E402
 from dlo_planner.model.rod import part_of_rod  # noqa: E402
 
 MASS, GRAVITY = 0.05, np.array([0, 0, -9.81])

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Limits, Pose
 from dlo_planner.arm import Arm
-from dlo_planner.plan.motion.timed_path import TimedPath, fastest_law
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.trajectory.timed_path import TimedPath, fastest_law
 
 
 def _robots():

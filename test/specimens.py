@@ -49,7 +49,7 @@ from dlo_planner import (
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.identify import ObservedMotion, Steered, correct
-from dlo_planner.inverse.context import PlanContext
+from dlo_planner.inverse.task import PlanContext
 from dlo_planner.parallel import CellGrid, capability_map
 from dlo_planner.penalties import (
     AwayFrom,

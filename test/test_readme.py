@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import dlo_planner
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose
 from dlo_planner.cli.main import main
-from dlo_planner.settings.building import rod_of
+from dlo_planner.settings.build import rod_of
 from dlo_planner.settings.yaml_files import read_values
 
 ROOT = Path(__file__).parent.parent

@@ -24,7 +24,7 @@ from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.verify.uncertainty import Uncertainty
 
 _STANDOFF = 0.05    # of the length

@@ -27,11 +27,9 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks import Approach
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.assembly import concatenate
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.requirements import Requirements
+from dlo_planner.plan.plan import Plan, concatenate
+from dlo_planner.plan.requirements import Limits, Requirements
+from dlo_planner.trajectory.trajectory import Trajectory
 
 Command = Callable[[Sequence[Image], float, Pose], Pose | None]
 Driver = Callable[[Task], Command]

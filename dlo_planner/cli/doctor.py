@@ -48,7 +48,7 @@ class Finding(NamedTuple):
 
 
 @click.command('doctor')
-def command() -> None:
+def doctor() -> None:
     """Check versions, compiled kernels, extras and ROS; say what to do where something is amiss.
 
     \b

@@ -16,9 +16,9 @@ from dlo_planner.identify.blending import Change
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.periods import slowest_period
-from dlo_planner.plan.motion.timed_path import TimedPath
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.modal_response import slowest_period
+from dlo_planner.trajectory.timed_path import TimedPath
 
 _NOTICED = 1e-3, 5e-3  # m, rad: what is less is left to the robot, as it is at every command
 _LONG_AGO = -1e6       # s

@@ -18,10 +18,10 @@ from dlo_planner.identify.steering import Steered
 from dlo_planner.identify.vibration import FreeVibration
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.oscillators import vibrated
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.modal_response import vibrated
+from dlo_planner.trajectory.timed_path import TimedPath
 
 _WIDTH = 0.1       # of the slowest period, of each of three windows that smooth a step
 _PULSES = 10       # steps aside and back again, one after the other

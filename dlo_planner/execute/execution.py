@@ -25,8 +25,8 @@ from dlo_planner.execute.stopping import Rising, accelerate, decelerate
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.timed_path import TimedPath
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.timed_path import TimedPath
 
 _UNWATCHED = Guards(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True, 0.0)
 # phases of what is not at its end

@@ -20,8 +20,8 @@ from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
+from dlo_planner.trajectory.trajectory import Trajectory
 
 _ANSWER = 2.0  # a DLO moves by less than so many times a jerk of its gripper
 _ERRORS = 5.0  # standard deviations by which points may be off on the mean

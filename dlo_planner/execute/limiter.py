@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.requirements import Limits
 
 _ROUNDING = 1e-3   # by which part a command may exceed a limit: of differences of rounded numbers
 _CHOICES = 14      # durations of each phase of a stop that are tried

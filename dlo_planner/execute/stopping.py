@@ -14,8 +14,8 @@ import numpy as np
 from dlo_planner.execute.limiter import used
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.timed_path import TimedPath
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.timed_path import TimedPath
 
 _SHORTEST = 2     # periods
 _LONGEST = 20.0   # s

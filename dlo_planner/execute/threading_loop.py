@@ -47,13 +47,13 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.rod import Surface
-from dlo_planner.plan.assembly import build_plan, concatenate, truncate
+from dlo_planner.plan.builder import build_plan
 from dlo_planner.plan.clearance import clearance
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan, PlanStatus
+from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, truncate
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.trajectory.trajectory import Trajectory
 
 _FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
 _LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion

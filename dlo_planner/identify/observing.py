@@ -30,9 +30,9 @@ from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.identify.vibration import STATED, FreeVibration, enough, nearest_on_line
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.motion.periods import slowest_period
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.plan.plan import Plan
+from dlo_planner.trajectory.modal_response import slowest_period
+from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.verify.uncertainty import Uncertainty
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz

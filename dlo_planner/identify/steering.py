@@ -3,7 +3,7 @@
 """A motion that is corrected while it runs, without setting the DLO swinging.
 
 A correction is multiplied by the response of moving averages to a step. As with the time laws of
-`plan.motion.time_law`, a vibration whose period is the width of one of the averages is not excited.
+`trajectory.time_law`, a vibration whose period is the width of one of the averages is not excited.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, number, row
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.timed_path import TimedPath
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.timed_path import TimedPath
 
 _MODES = 4       # slowest vibrations that are looked at: two in each plane of a round DLO
 _DIFFERENT = 1.2  # ratio above which two periods count as different

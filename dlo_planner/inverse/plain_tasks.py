@@ -16,8 +16,7 @@ from dlo_planner.files import readable, writable
 from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import FrozenDict, Value
-from dlo_planner.plan.plan import Plan, PlanStatus
-from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
+from dlo_planner.plan.plan import Plan, PlanStatus, plan_arrays, plan_contents
 
 _TYPE = 'type'
 _DICT = 'dict'  # type of a dict that is no value

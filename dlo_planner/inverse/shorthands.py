@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.context import PlanContext, checked_speed
-from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.task import PlanContext, Task, checked_speed
 from dlo_planner.inverse.tasks import (
     Approach,
     HoldContact,

@@ -8,16 +8,15 @@ from dataclasses import replace
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.context import PlanContext
 from dlo_planner.inverse.shorthands import Shorthands
-from dlo_planner.inverse.solvers.penalty_function import Penalty
-from dlo_planner.inverse.solvers.search import PenaltyResult
-from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks import Minimize
+from dlo_planner.inverse.tasks.minimize import Penalty, PenaltyResult
 from dlo_planner.model.checks import flag, instance
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
-from dlo_planner.plan.builder import PlanRequirements, kept_between
+from dlo_planner.plan.builder import kept_between
+from dlo_planner.plan.checks import PlanRequirements
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.waypoint import Waypoint

@@ -12,10 +12,8 @@ import numpy as np
 from dlo_planner.direct.continuation import shape_change
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.builder import PlanBuilder
 
 _Number = TypeVar('_Number', float, Floats)
 _QUIET = 0.1   # rad: a change of shape, besides the gripper's turn, that needs no second look
@@ -99,18 +97,3 @@ def gripper_motion(one: Pose, other: Pose, length: float) -> float:
     """Return the turn in rad plus the shift, in parts of the length (m), between two Poses."""
     shift = np.linalg.norm(other.position - one.position)
     return angle_between(one.rotation, other.rotation) + float(shift) / length
-
-
-def refusal_for_leap(simulator: DirectSimulator, builder: PlanBuilder,
-                     shape: Shape) -> Infeasible | None:
-    """Return Infeasible if the next waypoint of a PlanBuilder cannot have this Shape, else None."""
-    away = discontinuity(simulator, builder.last, shape)
-    if not away:
-        return None
-    if not builder.waypoints:
-        why = ('set down there in its natural shape' if builder.last is None
-               else 'brought there from its initial shape')
-        return builder.refusal('start', away, 'a stable shape does the task, but the DLO, '
-                               f'{why}, falls into another one')
-    return builder.refusal('continuity', away, 'the DLO would fall into another shape on the way '
-                           'there; closer waypoints may help')

@@ -27,7 +27,7 @@ from dlo_planner.model.checks import direction, instance, items, number, vector
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
-from dlo_planner.plan.nearest import nearest
+from dlo_planner.plan.clearance import nearest
 
 _POINTS = 9  # of a stretch, at which its tangent is looked at, evenly
 

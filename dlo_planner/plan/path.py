@@ -1,31 +1,161 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The path of the gripper, without its timing: splines through the poses of a plan.
-
-The parameter u of the path is the plan's own time. A time law (`plan.motion.trajectory`) says how
-fast the gripper goes through it. The checks of a plan (`plan.between`) are made on this path.
-"""
+"""One leg of a gripper's path: splines through poses, without corners, or a dwell."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value
-from dlo_planner.plan.leg import Leg
-from dlo_planner.plan.passing import held_after
+from dlo_planner.model.value import Value, put
 
 if TYPE_CHECKING:
     from dlo_planner.plan.plan import Plan
+
+
+class LegPoints(NamedTuple):
+    """A leg at n parameters u.
+
+    Derivatives are by u; the linear ones before the angular ones, world axes: of the rotation
+    vector that turns the gripper, not of coordinates of its rotation.
+
+    Attributes
+    ----------
+    positions : ndarray, shape (n, 3)
+        Positions in m.
+    rotations : ndarray, shape (n, 3, 3)
+    first : ndarray, shape (n, 6)
+        First derivatives, m and rad.
+    second : ndarray, shape (n, 6)
+        Second derivatives.
+    """
+
+    positions: Floats
+    rotations: Floats
+    first: Floats
+    second: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Leg(Value):
+    """A path without corners, or a dwell: twice continuously differentiable within.
+
+    SciPy's cubic spline of the positions and its rotation spline.
+
+    Attributes
+    ----------
+    knots : ndarray, shape (m,)
+        Parameters of the poses, increasing, m >= 2.
+    positions : ndarray, shape (m, 3)
+        Positions in m.
+    rotations : ndarray, shape (m, 3, 3)
+    """
+
+    knots: Floats
+    positions: Floats
+    rotations: Floats
+    _position: CubicSpline = field(init=False, repr=False, compare=False)
+    _turn: RotationSpline = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        since = self.knots - self.knots[0]
+        put(self, _position=CubicSpline(since, self.positions),
+            _turn=RotationSpline(since, Rotation.from_matrix(self.rotations)))
+        super().__post_init__()
+
+    @property
+    def still(self) -> bool:
+        """Whether it is a dwell."""
+        return bool((self.positions == self.positions[0]).all()
+                    and (self.rotations == self.rotations[0]).all())
+
+    def poses(self, u: Floats) -> tuple[Floats, Floats]:
+        """Return positions (n, 3) and rotations (n, 3, 3) at parameters `u` (n,)."""
+        since = np.clip(u, *self.knots[[0, -1]]) - self.knots[0]
+        return self._position(since), self._turn(since).as_matrix()
+
+    def at(self, u: Floats) -> LegPoints:
+        """Return the LegPoints at parameters u.
+
+        Shapes: u (n,).
+        """
+        positions, rotations = self.poses(u)
+        since = np.clip(u, *self.knots[[0, -1]]) - self.knots[0]
+        # the rotation spline's own are in the gripper's axes; turned as they are, because the
+        # turning of those axes adds the cross product of the rate with itself
+        first, second = (np.hstack([self._position(since, order), np.einsum(
+            'nij,nj->ni', rotations, self._turn(since, order))]) for order in (1, 2))
+        return LegPoints(positions, rotations, first, second)
+
+    def control_points(self, a: Floats, b: Floats) -> Floats:
+        """Return (n, 4, 3) m: the path of the origin from a to b is in the convex hull of the four.
+
+        They are those of a Bezier curve, so their polygon is no shorter than the path.
+
+        Shapes: a, b (n,).
+        """
+        from_a, from_b, middle = a - self.knots[0], b - self.knots[0], self._middle(a, b)
+        third = (b - a)[:, None] / 3
+        c = self._position.c[:, middle]
+        slopes = [(3 * c[0] * x + 2 * c[1]) * x + c[2]
+                  for x in ((t - self._position.x[middle])[:, None] for t in (from_a, from_b))]
+        first, last = self._position(from_a), self._position(from_b)
+        return np.stack([first, first + third * slopes[0], last - third * slopes[1], last], axis=1)
+
+    def bounds(self, a: Floats, b: Floats) -> Floats:
+        """Return (n, 2, 3) bounds of derivatives by u between parameters a and b.
+
+        [:, 0]: of the sizes of the position's first to third derivative. [:, 1]: of the angular
+        rate and of its first two derivatives. Polynomials are bounded by their control points. The
+        rate is J phi' of the rotation vector phi since the last knot, a cubic polynomial, and
+        J = integral of exp(-s phi) over s = 0...1: |J| <= 1, |J'| <= |phi'| / 2,
+        |J''| <= |phi''| / 2 + |phi'|^2 / 3.
+
+        Shapes: a, b (n,).
+        """
+        middle = self._middle(a, b)
+        place, turn = (_polynomial_bounds(spline.c[:, middle], a - self.knots[0] - spline.x[middle],
+                                          b - self.knots[0] - spline.x[middle])
+                       for spline in (self._position, self._turn.interpolator))
+        first, second, third = turn.T
+        return np.stack([place, np.stack([
+            first, second + 0.5 * first**2, third + 1.5 * first * second + first**3 / 3], axis=1)],
+            axis=1)
+
+    def pieces(self, least: int = 1) -> tuple[Floats, Floats]:
+        """Return parameters a, b (n,) of the pieces between knots, each cut in `least` parts."""
+        edges = np.concatenate([np.linspace(one, other, least, endpoint=False) for one, other in
+                                zip(self.knots, self.knots[1:], strict=False)] + [self.knots[-1:]])
+        return edges[:-1], edges[1:]
+
+    def _middle(self, a: Floats, b: Floats) -> Ints:
+        """Return the indices (n,) of the pieces between knots in which [a, b] lie."""
+        index = np.searchsorted(self.knots, 0.5 * (a + b), side='right') - 1
+        return np.clip(index, 0, self.knots.size - 2)
+
+
+def _polynomial_bounds(c: Floats, a: Floats, b: Floats) -> Floats:
+    """Return (n, 3) bounds of the sizes of a cubic's first to third derivatives within [a, b].
+
+    Shapes: c (4, n, 3), a, b (n,).
+    """
+    a, b = a[:, None], b[:, None]
+    slopes = [(3 * c[0] * x + 2 * c[1]) * x + c[2] for x in (a, b)]
+    bends = [6 * c[0] * x + 2 * c[1] for x in (a, b)]
+    between = slopes[0] + 0.5 * (b - a) * bends[0]  # the control point in the middle
+    return np.stack([np.max([np.linalg.norm(v, axis=1) for v in vectors], axis=0)
+                     for vectors in ((*slopes, between), bends, (6 * c[0],))], axis=1)
+
 
 _CORNER = 0.5     # cosine between directions: a sharper turn is a corner
 _SAME = 1e-9      # rad, and of the length: nearer poses are one
@@ -104,24 +234,6 @@ class GripperPath(Value):
         return int(np.clip(np.searchsorted(self.times, u, side='left'), 1, self.times.size - 1))
 
 
-def pose_at_arc_length(plan: Plan, known: Floats, s: float) -> Pose:
-    """Return the Pose on a Plan's path at which the arc length `s`, m, first passes a cut-out.
-
-    Shapes: known (n,).
-    """
-    between = np.flatnonzero((known[1:] - s) * (known[:-1] - s) <= 0)
-    if not between.size:
-        passing = known[np.isfinite(known)]
-        raise InvalidTask(f's = {s:g}: expected an arc length that passes a cut-out, ' + (
-            f'{passing.min():g} to {passing.max():g} m' if passing.size > 1 else 'none does'))
-    one, other = between[0], between[0] + 1
-    step = known[other] - known[one]
-    share = (s - known[one]) / step if step else 0.0
-    u = plan.times[one] + share * (plan.times[other] - plan.times[one])
-    position, rotation = GripperPath.of(plan).at(u)
-    return Pose.from_rotation(position[0], rotation[0])
-
-
 def _chords(grippers: Sequence[Pose], length: float) -> Floats:
     """Return (n - 1, 6) the differences of n Poses in m, a turn of 1 rad counted as `length`."""
     positions = np.array([gripper.position for gripper in grippers])
@@ -147,3 +259,9 @@ def _between_corners(knots: Sequence[int], grippers: Sequence[Pose], times: Floa
 def _leg(times: Floats, grippers: Sequence[Pose]) -> Leg:
     return Leg(np.array(times), np.array([gripper.position for gripper in grippers]),
                np.array([gripper.rotation for gripper in grippers]))
+
+
+def held_after(plan: Plan) -> int | None:
+    """Return the index of the waypoint after which a bore holds the DLO of a Plan; None: none."""
+    held = [shape.far_end is not None for shape in plan.shapes]
+    return max(held.index(True) - 1, 0) if any(held) else None

@@ -4,32 +4,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 from os import PathLike
-from typing import NamedTuple, overload
+from typing import Any, NamedTuple, TypeAlias, overload
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, pack, unpack
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Filmed
 from dlo_planner.plan.goals import DirectionAt, FrameAt, PositionAt, Residuals
-from dlo_planner.plan.passing import Passes, arc_lengths_at, first_center
-from dlo_planner.plan.path import pose_at_arc_length
-from dlo_planner.plan.plan_storage import plan_arrays, plan_contents
+from dlo_planner.plan.path import GripperPath
+
+# An entry of `Plan.via_points`: center (3,), m; arc length, m; normal (3,) or None.
+Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
+
+
+
 
 # fields of a Plan with an entry for each waypoint
 PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
                 'via_points', 'clearances', 'insertion_force')
+_SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
+_STRAIGHT = np.cos(np.deg2rad(5))
+_ARRAYS = {'depths': 'depths', 'misalignment': 'misalignment', 'miss': 'position_error',
+           'times': 'times', 'clearances': 'clearances', 'stops': 'stops',
+           'insertion_force': 'insertion_force'}  # in a file: in a Plan
 
 
 class PlanStatus(Enum):
@@ -264,3 +276,175 @@ def _straightening(shape: Shape) -> Floats:
     moment[0] = 0.0  # its twist is free
     result: Floats = shape.frames[-1] @ moment
     return result
+
+
+
+
+def truncate(plan: Plan, count: int, status: PlanStatus) -> Plan:
+    """Return the first `count` waypoints of a Plan, as a plan with another PlanStatus."""
+    part = {name: getattr(plan, name)[:count] for name in PER_WAYPOINT}
+    return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
+                   else plan.fraction * count / len(plan), status=status,
+                   stops=tuple(stop for stop in plan.stops if stop < count))
+
+
+def concatenate(one: Plan, other: Plan) -> Plan:
+    """Return one Plan that does a Plan and then another, which begins where the first ends.
+
+    The gripper stops between them, unless it goes on in the same direction (within 5 degrees).
+
+    Raises
+    ------
+    InvalidTask
+        The second begins elsewhere than the first ends.
+    """
+    for name, plan in (('one', one), ('other', other)):
+        if not len(instance(name, plan, Plan)):
+            raise InvalidTask(f'{name} = {plan!r}: expected a Plan with a waypoint')
+    apart = np.abs(one.grippers[-1].matrix - other.grippers[0].matrix).max()
+    if apart > _SAME * max(1.0, one.shapes[-1].s[-1]):
+        raise InvalidTask(f'other begins at {other.grippers[0]!r}: expected the end of one, '
+                          f'{one.grippers[-1]!r}')
+    depths, grippers, shapes, misalignment, errors, times, via_points, clearances, pushes = (
+        [*getattr(one, name), *getattr(other, name)[1:]] for name in PER_WAYPOINT)
+    end = len(one) - 1
+    times[end + 1:] = one.times[-1] + other.times[1:] - other.times[0]
+    stops = [*one.stops, *(stop + end for stop in other.stops if stop)]
+    if _turns(grippers[max(end - 1, 0):end + 2], shapes[0].s[-1]):
+        stops.append(end)
+    return Plan(np.array(depths), tuple(grippers), tuple(shapes), np.array(misalignment),
+                np.array(errors), np.array(times), tuple(via_points), padded_clearances(clearances),
+                other.sheets or one.sheets,
+                min(one.fraction, other.fraction), other.status, tuple(sorted(set(stops))),
+                np.array(pushes))
+
+
+def _turns(grippers: Sequence[Pose], length: float) -> bool:
+    """Whether the path through three Poses bends; a turn by 1 rad counts as `length`."""
+    chords = [np.concatenate([after.position - before.position, length * Rotation.from_matrix(
+        after.rotation @ before.rotation.T).as_rotvec()])
+        for before, after in zip(grippers, grippers[1:], strict=False)]
+    sizes = [np.linalg.norm(chord) for chord in chords]
+    return len(chords) == 2 and bool(
+        min(sizes) > 0 and chords[0] @ chords[1] < _STRAIGHT * sizes[0] * sizes[1])
+
+
+def padded_clearances(clearances: Sequence[Sequence[Sequence[float] | Floats] | Floats]) -> Floats:
+    """Return (n, k, 3) of n sequences of at most k entries; infinite where there is none."""
+    most = max((len(rooms) for rooms in clearances), default=0)
+    out = np.full((len(clearances), most, 3), np.inf)
+    for k, rooms in enumerate(clearances):
+        if len(rooms):
+            out[k, :len(rooms)] = rooms
+    return out
+
+
+def pose_at_arc_length(plan: Plan, known: Floats, s: float) -> Pose:
+    """Return the Pose on a Plan's path at which the arc length `s`, m, first passes a cut-out.
+
+    Shapes: known (n,).
+    """
+    between = np.flatnonzero((known[1:] - s) * (known[:-1] - s) <= 0)
+    if not between.size:
+        passing = known[np.isfinite(known)]
+        raise InvalidTask(f's = {s:g}: expected an arc length that passes a cut-out, ' + (
+            f'{passing.min():g} to {passing.max():g} m' if passing.size > 1 else 'none does'))
+    one, other = between[0], between[0] + 1
+    step = known[other] - known[one]
+    share = (s - known[one]) / step if step else 0.0
+    u = plan.times[one] + share * (plan.times[other] - plan.times[one])
+    position, rotation = GripperPath.of(plan).at(u)
+    return Pose.from_rotation(position[0], rotation[0])
+
+
+def means_to_touch(plan: Plan) -> bool:
+    """Whether a Plan has contacts, or a bore that holds the DLO."""
+    return any(shape.contacts or shape.far_end is not None for shape in plan.shapes)
+
+
+def arc_length_at(center: Floats | None, passes: Passes) -> float | None:
+    """Return the arc length (m) at which the DLO has to pass a center, None if it has not."""
+    if center is None:
+        return None
+    return next((s for other, s, _ in passes if np.array_equal(other, center)), None)
+
+
+def first_center(passes: Iterable[Passes]) -> Floats | None:
+    """Return the center (3,) that a plan's waypoints pass first, None if none does."""
+    return next((one[0][0] for one in passes if one), None)
+
+
+def arc_lengths_at(center: Floats | None, passes: Iterable[Passes]) -> Floats:
+    """Return (n,) the arc lengths in m at which a center or None is passed, nan where it is not."""
+    return np.array([np.nan if s is None else s
+                     for s in (arc_length_at(center, one) for one in passes)])
+
+
+def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
+    """Return (n,) times in s: each leg takes as long as the slower of its two motions."""
+    if len(grippers) < 2:
+        return np.zeros(len(grippers))
+    positions = np.array([pose.position for pose in grippers])
+    rotations = Rotation.from_matrix([pose.rotation for pose in grippers])
+    distance = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    angle = (rotations[1:] * rotations[:-1].inv()).magnitude()
+    legs = np.maximum(distance / linear_speed, angle / angular_speed)
+    return np.concatenate([[0.0], np.cumsum(legs)])
+
+
+def plan_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
+    """Return a dict of arrays that hold all of a Plan but the rods of its shapes."""
+    arrays = {key: np.asarray(getattr(plan, name)) for key, name in _ARRAYS.items()}
+    arrays['grippers'] = np.array([_pose(gripper) for gripper in plan.grippers]).reshape(-1, 7)
+    arrays['fraction'], arrays['status'] = np.asarray(plan.fraction), np.asarray(plan.status.value)
+    arrays['passes'] = np.array([
+        [k, *center, s, *(np.full(3, np.nan) if normal is None else normal)]
+        for k, points in enumerate(plan.via_points) for center, s, normal in points]).reshape(-1, 8)
+    arrays['sheets'] = np.asarray(json.dumps([
+        {**_sheet(sheet), 'normal': list(normal)} for sheet, normal in plan.sheets]))
+    for k, shape in enumerate(plan.shapes):
+        arrays |= pack(shape, f'{k}/')
+    return arrays
+
+
+def plan_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a dict of what a Plan is made of, from the arrays of `plan_arrays`."""
+    grippers = [_read_pose(row) for row in arrays['grippers']]
+    via_points: list[list[tuple[Floats, float, Floats | None]]] = [[] for _ in grippers]
+    for k, *numbers in arrays['passes']:
+        normal = np.array(numbers[4:])
+        via_points[int(k)].append((np.array(numbers[:3]), float(numbers[3]),
+                               None if np.isnan(normal).any() else normal))
+    shapes = []
+    for k in range(len(grippers)):
+        mark = f'{k}/'
+        shapes.append(unpack({key[len(mark):]: value for key, value in arrays.items()
+                                     if key.startswith(mark)}))
+    sheets = [(_read_sheet(one), np.array(one['normal']))
+              for one in json.loads(str(arrays['sheets']))]
+    known = {name: arrays[key] for key, name in _ARRAYS.items() if key in arrays}
+    return {**known, 'grippers': grippers, 'shapes': shapes, 'sheets': sheets,
+            'via_points': [tuple(one) for one in via_points],
+            'fraction': float(arrays['fraction']),
+            'stops': tuple(int(stop) for stop in arrays['stops'])}
+
+
+def _pose(pose: Pose) -> list[float]:
+    return [*map(float, pose.position), *map(float, pose.quaternion)]
+
+
+def _read_pose(numbers: Sequence[float]) -> Pose:
+    return Pose(numbers[:3], numbers[3:])
+
+
+def _sheet(sheet: Sheet) -> dict[str, Any]:
+    return {'pose': _pose(sheet.pose), 'width': sheet.width, 'height': sheet.height,
+            'thickness': sheet.thickness, 'friction': sheet.friction, 'cutouts': [
+                {'pose': _pose(one.pose), 'radius': one.radius, 'width': one.width,
+                 'height': one.height} for one in sheet.cutouts]}
+
+
+def _read_sheet(known: Mapping[str, Any]) -> Sheet:
+    cutouts = [CutOut(**{**one, 'pose': _read_pose(one['pose'])}) for one in known['cutouts']]
+    return Sheet(_read_pose(known['pose']), cutouts=cutouts,
+                 **{name: known[name] for name in ('width', 'height', 'thickness', 'friction')})

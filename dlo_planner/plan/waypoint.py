@@ -17,7 +17,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import hole_clearances, scene_about, sheet_of
-from dlo_planner.plan.passing import Passes
+from dlo_planner.plan.plan import Passes
 
 _FREE = (np.inf,) * 3
 

@@ -21,8 +21,7 @@ from dlo_planner.model.checks import array, instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, put
-from dlo_planner.plan.leg import Leg
-from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.path import GripperPath, Leg
 
 # Rooms (n,) of places (n, 3), m, and their slopes (n, 3).
 Rooms: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]

@@ -16,12 +16,12 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 from dlo_planner.arm import Arm, JointTrajectory, joint_trajectory
-from dlo_planner.arm.urdf import parsed, single_joints
+from dlo_planner.arm.robot import parsed, single_joints
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.motion.timed_path import TimedPath
-from dlo_planner.settings.entries import ARM
+from dlo_planner.settings.parameters import ARM
+from dlo_planner.trajectory.timed_path import TimedPath
 from msg_helpers.joints import joint_trajectory_msg, positions_from_joint_state
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,

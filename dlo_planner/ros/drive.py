@@ -35,7 +35,7 @@ from dlo_planner.ros.plan import Planning, refuse_tolerance
 from dlo_planner.ros.state import Looking, Made, State, Store
 from dlo_planner.ros.status import Health, Parts, stamp_text
 from dlo_planner.ros.worker import Worker, persistent
-from dlo_planner.settings.threading import cutouts_of
+from dlo_planner.settings.tasks import cutouts_of
 from msg_helpers.diagnostics import OK, WARN, status_msg
 from msg_helpers.markers import command_markers
 from msg_helpers.paths import plan_path

@@ -3,7 +3,7 @@
 """What is seen of the DLO: an estimate of it, by which motions are corrected, or the parameters."""
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from threading import Lock
 from typing import Any
@@ -38,6 +38,7 @@ from dlo_planner.ros.managed import LATEST, REQUEST, Gate
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import Made, State
 from dlo_planner.ros.status import Parts
+from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.view.dlo_items import drawn_radius
 from msg_helpers.clouds import points_from_cloud
 from msg_helpers.markers import estimate_markers
@@ -277,7 +278,7 @@ class Camera:
             if wrong:
                 raise Refused(Cause.INVALID_POINTS, f'{wrong}; let the DLO hang freely, and call '
                               '~/reset')
-            changed = identified(estimate, dict(state.values))
+            changed = parameters_of_estimate(estimate, state.values)
             self._identified = estimate
             result = self._set([Parameter(name, value=value) for name, value in changed.items()])
             if not result.successful:
@@ -327,41 +328,6 @@ def _seconds(stamp: Time) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
-_MOST_POISSON = 0.5
-_SECTIONS = 'youngs_modulus', 'density'
-_STIFFNESSES = 'bending_stiffness', 'mass_per_length'
-
-
-def identified(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters (name -> value) that change by an Estimate.
-
-    Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
-    """
-    uncertain, z = estimate.uncertain, estimate.mean
-    (twist, bend, _), mass = uncertain.factors(z)
-    terms = uncertain.terms(z)
-    sized = values['rod.section'] != 'stiffness'
-    stiffness, weight = (f'rod.{name}' for name in (_SECTIONS if sized else _STIFFNESSES))
-    out = {stiffness: _times(values[stiffness], bend), weight: _times(values[weight], mass),
-           'rod.tip_mass': values['rod.tip_mass'] * mass,
-           'rod.plug.mass': values['rod.plug.mass'] * mass,
-           'rod.point_masses': [value * (mass if k % 2 else 1.0)
-                                for k, value in enumerate(values['rod.point_masses'])],
-           'rod.length': float(values['rod.length'] + uncertain.part(z, 'length', 1)[0]),
-           'rod.natural_curvature': (np.array(values['rod.natural_curvature'])
-                                     + terms[0]).tolist(),
-           'rod.natural_curvature_terms': _sum(values['rod.natural_curvature_terms'], terms[1:])}
-    if sized:
-        ratio = (1 + values['rod.poisson_ratio']) * bend / twist - 1
-        out['rod.poisson_ratio'] = float(min(ratio, _MOST_POISSON))
-    else:
-        out['rod.torsional_stiffness'] = float(values['rod.torsional_stiffness'] * twist)
-    tool = Pose(values['tool.position'], values['tool.orientation']).compose(
-        estimate.gripper_offset)
-    return out | {'tool.position': tool.position.tolist(),
-                  'tool.orientation': tool.quaternion.tolist()}
-
-
 def told(estimate: Estimate) -> str:
     """Return in a sentence what an Estimate says: the numbers that were told by what was seen."""
     values, deviations = estimate.values, estimate.deviations
@@ -370,17 +336,3 @@ def told(estimate: Estimate) -> str:
             if deviations[name] < 0.7 * prior[name]]
     return (f'{estimate.looks} looks, points {1e3 * estimate.misfit:.2g} mm off, '
             f'{estimate.outliers:.0%} of them outliers: {", ".join(said) or "nothing told"}')
-
-
-def _times(value: Any, factor: float) -> Any:
-    return [float(factor * part) for part in value] if isinstance(value, list) else float(
-        factor * value)
-
-
-def _sum(known: Sequence[float], terms: Floats) -> list[float]:
-    """Return the sum of pairs that follow each other and of rows (n, 2), as pairs in a row."""
-    pairs = np.asarray(known, dtype=float).reshape(-1, 2)
-    out = np.zeros((max(len(pairs), len(terms)), 2))
-    out[:len(pairs)] += pairs
-    out[:len(terms)] += terms
-    return out.ravel().tolist()

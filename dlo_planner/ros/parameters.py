@@ -9,10 +9,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.settings.building import check_described, idle_warnings
-from dlo_planner.settings.entries import ENTRIES, Entry
-from dlo_planner.settings.entries import as_declared as typed
-from dlo_planner.settings.names import unknown_parameter
+from dlo_planner.settings.build import check_described, idle_warnings
+from dlo_planner.settings.parameters import ENTRIES, Entry, unknown_parameter
+from dlo_planner.settings.parameters import as_declared as typed
 
 # Each node has these anyway.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service')

@@ -20,6 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import threading_of
@@ -33,8 +34,15 @@ from dlo_planner.ros.picture import markers_of_plan
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import Made, Proof, State
 from dlo_planner.ros.status import Outcome, Parts, stamp_text
-from dlo_planner.settings.tasks import close_task, open_task, poses_of
-from dlo_planner.settings.threading import Present, Wanted, cutouts_of, plan_task
+from dlo_planner.settings.tasks import (
+    Present,
+    Wanted,
+    close_task,
+    cutouts_of,
+    open_task,
+    plan_task,
+    poses_of,
+)
 from dlo_planner.view.dlo_items import drawn_radius
 from msg_helpers.paths import plan_path
 
@@ -261,6 +269,9 @@ def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,
     wanted = Wanted(scene.waypoints, scene.deepest, scene.limits, scene.standoff,
                     scene.gripper_clearance, scene.tolerance)
     plan = plan_task(scene.inverse, task, wanted, Present(start, here), miss=miss)
+    if len(plan) == 1:
+        raise InvalidTask('start = None: expected the pose of the gripper now, where a plan of '
+                          f'one pose, as of this {type(task).__name__}, begins')
     return plan, here if start is not None and _same(plan.grippers[0], start) else None
 
 

@@ -37,8 +37,8 @@ from dlo_planner.ros.status import Health, Parts, Reporter
 from dlo_planner.ros.surroundings import Surroundings
 from dlo_planner.ros.warm_up import warm_up, warm_up_corrections, warm_up_loop, warm_up_proofs
 from dlo_planner.ros.worker import Worker
-from dlo_planner.settings.building import doubts
-from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.build import doubts
+from dlo_planner.settings.parameters import ENTRIES
 from msg_helpers.diagnostics import WARN, diagnostics_msg, status_msg
 
 __all__ = ['LATCHED', 'REQUEST', 'THREADS', 'PlannerNode']

@@ -13,7 +13,6 @@ from dlo_planner.arm import rolls_freely
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.execute.causes import Cause
-from dlo_planner.plan.motion.trajectory import Trajectory
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.managed import LATCHED, Gate
@@ -21,6 +20,7 @@ from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import Made, Proof, State
 from dlo_planner.ros.status import Parts, figures_of, stamp_text
 from dlo_planner.ros.worker import ATTEMPTS, ProcessLost, Worker, persistent
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.latest import Latest

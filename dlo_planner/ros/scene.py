@@ -19,9 +19,9 @@ from dlo_planner.model.checks import choice
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import GRIPS
-from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.settings.building import (
+from dlo_planner.settings.build import (
     bounded,
     direct_of,
     grasped_of,

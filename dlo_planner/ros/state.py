@@ -22,9 +22,9 @@ from dlo_planner.identify.steering import Steered
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
+from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.verify.report import ValidationReport
 
 DONE = ('held', 'refused')  # states of a proof that has no step left

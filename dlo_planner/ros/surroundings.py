@@ -20,7 +20,7 @@ from dlo_planner.ros.managed import CHANGES, Gate, hear_latched
 from dlo_planner.ros.scene import Scene, scene_of
 from dlo_planner.ros.state import State
 from dlo_planner.ros.status import Parts
-from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.parameters import ENTRIES
 from msg_helpers.markers import obstacle_markers
 
 _LOOKS = 60       # poses of the gripper on the rest of its way that are looked at

@@ -19,7 +19,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.uncertainty import Uncertainty

@@ -16,25 +16,24 @@ from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.rod import Surface, before
-from dlo_planner.plan.between import violation_between
-from dlo_planner.plan.builder import PlanRequirements
+from dlo_planner.plan.checks import PlanRequirements
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.goals import DirectionAt, PositionAt
-from dlo_planner.plan.motion.in_motion import (
+from dlo_planner.plan.path import GripperPath, held_after
+from dlo_planner.plan.plan import Plan, means_to_touch
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.plan.swept import Nearness, violation_between
+from dlo_planner.plan.workspace import Workspace
+from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.trajectory.dynamic_check import (
     InMotion,
+    contact_lost,
     in_motion,
     least_clearance,
     unplanned,
     watched,
 )
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.nearness import Nearness
-from dlo_planner.plan.motion.trajectory import Trajectory
-from dlo_planner.plan.passing import contact_lost, held_after, means_to_touch
-from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.workspace import Workspace
-from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
 
 _AS_PLANNED = 0.01  # of the length: shapes that are farther from the planned ones are others

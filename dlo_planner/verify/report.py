@@ -16,7 +16,7 @@ from dlo_planner.direct.storage import load, save
 from dlo_planner.model.checks import figure, flag, instance, items
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
-from dlo_planner.plan.motion.trajectory import Trajectory, trajectory_arrays, trajectory_of, under
+from dlo_planner.trajectory.trajectory import Trajectory, trajectory_arrays, trajectory_of, under
 
 _OTHERS = ('trajectory', 'not_looked_at')  # fields that are no numbers or texts
 

@@ -26,8 +26,7 @@ from dlo_planner.model.pose import displaced
 from dlo_planner.model.value import brief, put, same
 from dlo_planner.pictured import Answer
 from dlo_planner.plan.goals import Through
-from dlo_planner.plan.passing import Passes
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import Passes, Plan
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.verify.response import node_slopes
 from dlo_planner.verify.uncertain import Uncertain, mesh_of

@@ -12,7 +12,7 @@ from dlo_planner.extras import extra
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.fitting import Fit
 from dlo_planner.model.arrays import Floats
-from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.robustness import Robustness
 from dlo_planner.view.axes import Frame, box_around, checked_axes
 from dlo_planner.view.colors import VERMILION, viridis

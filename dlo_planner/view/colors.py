@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance
-from dlo_planner.plan.builder import yield_shares
+from dlo_planner.plan.checks import yield_shares
 
 COLORINGS = ('curvature', 'yield')
 ALERT = (0.85, 0.11, 0.38)  # what is beyond its limit; nothing in viridis comes near to it

@@ -14,8 +14,7 @@ from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.assembly import concatenate
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.progress import OnProgress
 
 _SAME = 1e-9      # m

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dlo_planner.extras import extra
-from dlo_planner.plan.motion.trajectory import Trajectory
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.view.axes import checked_axes
 

@@ -13,8 +13,7 @@ from dlo_planner.model.checks import items
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.passing import means_to_touch
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import Plan, means_to_touch
 from dlo_planner.view.axes import Frame, azimuth, box_around
 from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE
 from dlo_planner.view.dlo_items import axes_items

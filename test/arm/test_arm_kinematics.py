@@ -22,7 +22,7 @@ from scipy.spatial import ConvexHull
 
 from dlo_planner import InvalidTask, Pose
 from dlo_planner.arm import Arm
-from dlo_planner.arm.solving import solve
+from dlo_planner.arm.inverse_kinematics import solve
 
 ARMS = {'Panda': panda, 'UR5': ur5, 'Kinova, whose joints turn for ever': kinova}
 

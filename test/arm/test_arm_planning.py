@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Joint trajectories of Panda, UR5 and Kinova: the tool by hand, limits, speeds, refusals."""
+"""Joint trajectories of Panda, UR5, Kinova: the tool by hand, limits, speeds, rolls, refusals."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,12 +19,20 @@ from robot_arms import (
 )
 from scipy.interpolate import BPoly, PPoly
 from scipy.spatial.transform import Rotation
-from specimens import values
+from specimens import LEVEL, values
 
-from dlo_planner import DeadlineExceeded, Infeasible, Limits, Pose
-from dlo_planner.arm import Arm, joint_trajectory
-from dlo_planner.arm.following import Lost
-from dlo_planner.arm.proof import smallest_distance
+from dlo_planner import (
+    DeadlineExceeded,
+    DirectSimulator,
+    Infeasible,
+    Limits,
+    PointLoad,
+    Pose,
+    Rod,
+)
+from dlo_planner.arm import Arm, joint_trajectory, rolls_freely
+from dlo_planner.arm.follow import smallest_distance
+from dlo_planner.arm.inverse_kinematics import IKFailure
 from dlo_planner.model.pose import angle_between
 
 TOOL = Pose((0.02, -0.01, 0.1), (0.0, -np.sqrt(0.5), 0.0, np.sqrt(0.5)))  # x along the tool's z
@@ -215,13 +225,13 @@ def test_links_that_come_together_are_named():
 def test_links_that_come_together_between_two_samples_are_found():
     arm = ur5()
     bent = np.array([0, 0, 1.25, -1.2, 0, 0])  # there and back from one sample to the next
-    with pytest.raises(Lost, match='come together'):
+    with pytest.raises(IKFailure, match='come together'):
         smallest_distance(arm, PPoly(np.array([-4 * bent, 4 * bent, UR5_READY])[:, None], [0, 1]),
                           lambda: None)
 
 
 def test_between_far_points_the_tool_is_where_it_shall_be(monkeypatch):
-    monkeypatch.setattr('dlo_planner.arm.planning._STEP', 0.4)
+    monkeypatch.setattr('dlo_planner.arm.follow._STEP', 0.4)
     arm = ur5()
     trajectory = timed(way(arm.pose(UR5_READY), (-0.05, 0.12, 0.08), (0.2, -0.3, 0.4)),
                        Limits(0.05, 0.2))
@@ -236,6 +246,17 @@ def test_a_clearance_is_kept():
     # far from what is needed, pairs that are always nearer are not looked at
     with pytest.raises(Infeasible, match='expected at least'):
         joint_trajectory(trajectory, ur5(self_clearance=1.05 * least), current=UR5_READY)
+
+
+def test_links_keep_a_margin_by_default():
+    bare = ur5(self_clearance=0.0)
+    near = next(one for one in np.linspace(UR5_READY, UR5_READY + [0, 0, 1.25, -1.2, 0, 0], 400)
+                if bare.collision.distances(one).min() < 0.004)
+    trajectory = timed([bare.pose(near)] + [
+        bare.pose(near + [0.1 * part, 0, 0, 0, 0, 0]) for part in (0.5, 1.0)])
+    assert 0 < joint_trajectory(trajectory, bare, current=near).self_clearance < 0.005
+    with pytest.raises(Infeasible, match='expected at least 0.005 m'):
+        joint_trajectory(trajectory, ur5(), current=near)
 
 
 def test_seven_joints_stay_off_their_limits_where_the_least_motion_does_not():
@@ -263,5 +284,50 @@ def test_malformed_arguments_are_refused_by_name(argument):
     good = {'trajectory': timed(way(ur5().pose(UR5_READY), (0, 0.02, 0))), 'arm': ur5(),
             'tool': Pose.identity(), 'current': UR5_READY, 'free_roll': False, 'deadline': 5.0}
     wrong = {label: outcome(joint_trajectory, {**good, argument: make()}, argument)
+             for label, make in MALFORMED.items()}
+    assert not {label: what for label, what in wrong.items() if what}
+
+
+ROUND = Rod(1.0, 0.1, 1.0, 0.7)
+RODS = {
+    'round': (ROUND, True),
+    'round, of a section': (Rod.circular(1.0, 0.004, 1000.0, 1e10, 0.3), True),
+    'a strip': (Rod(1.0, 0.1, (1.0, 2.0), 0.7), False),
+    'square': (Rod.rectangular(1.0, 0.01, 0.01, 1000.0, 1e9, 0.3), False),  # touches by corners
+    'bent': (Rod(1.0, 0.1, 1.0, 0.7, natural_curvature=(0.0, 0.5)), False),
+    'twisted': (Rod(1.0, 0.1, 1.0, 0.7, natural_twist=0.5), False),
+    'a strip in a part': (Rod(1.0, 0.1, (1.0, ((0.0, 1.0), (0.8, 1.0), (1.0, 3.0))), 0.7), False),
+    'one that yields': (Rod(1.0, 0.1, 1.0, 0.7, yield_curvature=0.5), False),
+}
+
+
+@pytest.mark.parametrize('name', RODS)
+def test_whether_a_roll_is_free(name):
+    rod, free = RODS[name]
+    assert rolls_freely(DirectSimulator(rod), values()['Plan']) is free
+
+
+@pytest.mark.parametrize('name', ['round', 'a strip', 'bent'])
+def test_the_simulator_agrees(name):
+    rod, free = RODS[name]
+    simulator = DirectSimulator(rod, n_elements=16, n_terms=6,
+                                point_loads=[PointLoad((0.0, 0.3, 0.0))])
+    turn = Rotation.from_rotvec([0.7, 0.0, 0.0]).as_matrix()
+    rolled = LEVEL.compose(Pose.from_rotation((0, 0, 0), turn))
+    off = np.abs(simulator.solve(rolled).positions - simulator.solve(LEVEL).positions).max()
+    assert bool(off < 1e-6) is free
+
+
+def test_a_held_far_end_keeps_the_roll():
+    simulator = DirectSimulator(ROUND, n_elements=8, n_terms=4)
+    held = simulator.solve(LEVEL, far_end=(0.8, 0.0, 1.0))
+    plan = values()['Plan']
+    assert not rolls_freely(simulator, replace(plan, shapes=(held,) * len(plan)))
+
+
+@pytest.mark.parametrize('argument', ['simulator', 'plan'])
+def test_malformed_arguments_of_rolls_freely_are_refused_by_name(argument):
+    good = {'simulator': DirectSimulator(ROUND), 'plan': values()['Plan']}
+    wrong = {label: outcome(rolls_freely, {**good, argument: make()}, argument)
              for label, make in MALFORMED.items()}
     assert not {label: what for label, what in wrong.items() if what}

@@ -28,10 +28,10 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.cli.doctor import findings
+from dlo_planner.cli.io import read_poses
 from dlo_planner.cli.main import BAD_INPUT, FAULT, INTERRUPTED, NO_SOLUTION, main
-from dlo_planner.cli.reading import read_poses
 from dlo_planner.parallel import CapabilityMap
-from dlo_planner.settings.building import rod_of
+from dlo_planner.settings.build import rod_of
 from dlo_planner.settings.yaml_files import read_values
 
 COMMANDS = ['cable', 'shape', 'thread', 'plan', 'replay', 'identify', 'map', 'doctor']
@@ -354,7 +354,7 @@ def test_an_unexpected_error_is_a_line(monkeypatch, error):
     def broken(*_):
         raise error
 
-    monkeypatch.setattr('dlo_planner.cli.shape.checked', broken)
+    monkeypatch.setattr('dlo_planner.cli.commands.checked', broken)
     result = run('shape', 'copper_wire', '-g', '0,0,1')
     assert result.exit_code == FAULT and 'Traceback' not in result.output
     first, second = result.output.splitlines()
@@ -371,7 +371,7 @@ def test_a_file_that_cannot_be_written_and_an_interrupt_are_no_faults(monkeypatc
         def broken(*_):
             raise error
 
-        monkeypatch.setattr('dlo_planner.cli.shape.checked', broken)
+        monkeypatch.setattr('dlo_planner.cli.commands.checked', broken)
         return run('shape', 'copper_wire', '-g', '0,0,1')
 
     full = raising(OSError(28, 'No space left on device', 'wire.npz'))

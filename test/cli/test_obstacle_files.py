@@ -5,7 +5,7 @@
 import pytest
 
 from dlo_planner import Box, Capsule, Cylinder, InvalidTask, Plane, Pose, Sphere
-from dlo_planner.cli.reading import read_obstacles
+from dlo_planner.cli.io import read_obstacles
 
 TEXT = """
 - plane: {point: [0, 0, 0.2], normal: [0, 0, 1], friction: 0.3}

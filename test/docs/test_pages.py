@@ -22,7 +22,7 @@ from dlo_planner import (
     robustness,
 )
 from dlo_planner.cli.main import main
-from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.parameters import ENTRIES
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'

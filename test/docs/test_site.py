@@ -18,7 +18,7 @@ import dlo_planner.parallel
 import dlo_planner.penalties
 import dlo_planner.tasks
 import dlo_planner.view
-from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.parameters import ENTRIES
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'

@@ -22,12 +22,12 @@ from dlo_planner.execute.judge import (
 )
 from dlo_planner.identify import Steered, correct
 from dlo_planner.identify.observing import Observing, Seeing
-from dlo_planner.plan.motion.in_motion import InMotion
-from dlo_planner.plan.motion.trajectory import restored
 from dlo_planner.ros.drive import room_of
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.state import Made
+from dlo_planner.trajectory.dynamic_check import InMotion
+from dlo_planner.trajectory.trajectory import restored
 
 SEEING = Seeing(SPREAD, NOISE)
 LARGEST, ROOM = 0.05, 4.25e-3  # m, of a correction; in the hole

@@ -30,11 +30,10 @@ from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.identify.vibration import STATED, FreeVibration
 from dlo_planner.model.pose import displaced
-from dlo_planner.plan.assembly import concatenate, truncate
-from dlo_planner.plan.motion.in_motion import InMotion
-from dlo_planner.plan.motion.trajectory import restored
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus
+from dlo_planner.plan.plan import PlanStatus, concatenate, truncate
+from dlo_planner.trajectory.dynamic_check import InMotion
+from dlo_planner.trajectory.trajectory import restored
 
 SEEING = Seeing(SPREAD, NOISE, robot_rotation=5e-3)
 DIRECT = DirectSimulator(WIRE)

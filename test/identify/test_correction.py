@@ -27,7 +27,7 @@ from dlo_planner.identify import correction as correction_module
 from dlo_planner.model.pose import displaced
 from dlo_planner.model.rod import before as part_before
 from dlo_planner.penalties import PositionAt, Through
-from dlo_planner.plan.assembly import concatenate
+from dlo_planner.plan.plan import concatenate
 
 OBSERVER = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
 PLAN = plan_of()

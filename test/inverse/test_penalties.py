@@ -25,7 +25,7 @@ from dlo_planner import (
     Workspace,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.inverse.solvers.penalty_function import PenaltyFunction
+from dlo_planner.inverse.tasks.minimize import PenaltyFunction
 from dlo_planner.penalties import (
     AwayFrom,
     BentAtMost,
@@ -37,7 +37,7 @@ from dlo_planner.penalties import (
     Through,
     minimize_penalty,
 )
-from dlo_planner.plan.builder import PlanRequirements
+from dlo_planner.plan.checks import PlanRequirements
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.requirements import STABILITY
 from dlo_planner.plan.waypoint import Waypoint

@@ -25,8 +25,8 @@ from dlo_planner import (
     Workspace,
     robustness,
 )
-from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
-from dlo_planner.inverse.solvers.threading.one_cutout import certificate
+from dlo_planner.inverse.equilibria import is_axisymmetric
+from dlo_planner.inverse.tasks.thread import certificate
 
 ROD = Rod(1.0, 0.05, 0.3, 0.25, radius=0.002)
 HOLE = CutOut(Pose.looking_along((1.0, 0.0, 1.0), (1, 0.2, 0)), radius=0.02)

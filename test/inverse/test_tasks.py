@@ -32,8 +32,7 @@ from dlo_planner import (
     ThreadTwo,
     Workspace,
 )
-from dlo_planner.inverse.context import PlanContext
-from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks import threading_of
 from dlo_planner.model.value import put
 from dlo_planner.penalties import DirectionAt, PositionAt

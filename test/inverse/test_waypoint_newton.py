@@ -10,9 +10,8 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.inverse import nearest_goals as nearest_module
+from dlo_planner.inverse.continuation import Passing, TwoPoints, aligned_shape
 from dlo_planner.inverse.nearest_goals import nearest_goals
-from dlo_planner.inverse.solvers.conditions import TwoPoints, aligned_shape
-from dlo_planner.inverse.solvers.continuation.following import Passing
 from dlo_planner.inverse.waypoint_newton import follow, free_axis
 from dlo_planner.model.pose import displaced, turned_by
 from dlo_planner.penalties import DirectionAt, PositionAt, Through

@@ -26,10 +26,9 @@ from dlo_planner import (
     Workspace,
 )
 from dlo_planner.energy.scene import build_scene
-from dlo_planner.plan.assembly import concatenate
 from dlo_planner.plan.clearance import clearance, hole_clearances
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus
+from dlo_planner.plan.plan import PlanStatus, concatenate
 from dlo_planner.plan.workspace import _distances
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)

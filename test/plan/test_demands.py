@@ -21,7 +21,7 @@ from dlo_planner import (
     Sphere,
     Workspace,
 )
-from dlo_planner.plan.builder import utilization
+from dlo_planner.plan.checks import utilization
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 STRIP = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod
-from dlo_planner.plan.passing import worst_miss
+from dlo_planner.trajectory.dynamic_check import worst_miss
 
 
 @pytest.fixture(scope='module')

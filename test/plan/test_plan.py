@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, DirectSimulator, InvalidTask, InverseSimulator, Pose, Rod
-from dlo_planner.plan.assembly import concatenate, truncate
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.plan import concatenate, truncate
 from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.tasks import PlanStatus
 

@@ -20,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from dlo_planner import DloPlannerError, Infeasible, InvalidTask, Pose
 from dlo_planner.ros.arm import _LATCHED, ArmOutput, _current
-from dlo_planner.settings.entries import ARM
+from dlo_planner.settings.parameters import ARM
 
 STAMP = Time(sec=5)
 TOOL = Pose((0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0))

@@ -19,9 +19,10 @@ from dlo_planner import (
     Uncertainty,
 )
 from dlo_planner.identify.observing import Observing, Seeing, Swing, motion_at
-from dlo_planner.ros.estimate import identified, observing_of, told
+from dlo_planner.ros.estimate import observing_of, told
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
+from dlo_planner.settings.build import parameters_of_estimate
 
 SEEING = Seeing(SPREAD, NOISE)
 COPPER = {'rod.diameter': 1.5e-3}
@@ -209,7 +210,7 @@ def test_what_is_identified_is_the_dlo_of_the_estimate(section, rng):
     scene = build_scene(values)
     truth = Truth.drawn(rng, scene.direct.rod)
     estimate = looked(observing(scene.direct), truth, rng, looks=6)
-    changed = identified(estimate, values)
+    changed = parameters_of_estimate(estimate, values)
     assert set(changed) <= set(ENTRIES)
     assert all(type(value) is type(ENTRIES[name].default) for name, value in changed.items())
     after = build_scene(values | changed)
@@ -227,7 +228,8 @@ def test_terms_add_up(rng):
     np.testing.assert_allclose(rod.natural_strains([0.0, 1.0])[:, 1:],
                                [[-0.1, -0.3], [0.1, 0.1]])
     estimate = observing(DirectSimulator(rod)).estimate
-    assert identified(estimate, values)['rod.natural_curvature_terms'][:4] == [0.1, 0.2, 0.0, -0.1]
+    changed = parameters_of_estimate(estimate, values)
+    assert changed['rod.natural_curvature_terms'][:4] == [0.1, 0.2, 0.0, -0.1]
 
 
 def test_terms_that_are_no_pairs_are_refused():

@@ -9,9 +9,8 @@ from rclpy.parameter import Parameter
 
 from dlo_planner import InvalidTask
 from dlo_planner.ros.parameters import declare, take_overrides
-from dlo_planner.settings.building import NEEDED
-from dlo_planner.settings.entries import ENTRIES
-from dlo_planner.settings.names import unknown_parameter
+from dlo_planner.settings.build import NEEDED
+from dlo_planner.settings.parameters import ENTRIES, unknown_parameter
 
 
 @pytest.fixture

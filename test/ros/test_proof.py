@@ -67,7 +67,7 @@ def test_absurd_tolerances_are_refused_by_name(value):
 
 
 def test_a_motion_that_cannot_be_made_calm_is_refused_with_the_figure_that_fails(monkeypatch):
-    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)  # else it takes long
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)  # else it takes long
     _, (slowly, moving) = proved(scene_with(threading__tolerance=2e-5))
     assert slowly.state == 'held slowly'
     assert (moving.state, moving.done, moving.safe) == ('refused', True, False)
@@ -138,7 +138,7 @@ def test_what_may_not_be_touched_counts_in_motion_as_well(monkeypatch):
     assert moving.safe and 0 < report.dynamic_clearance < report.clearance < 4.1e-3
     assert report.workspace_margin == pytest.approx(highest + 4e-3 - gripper, abs=1e-9)
     # so near that the DLO touches it in motion
-    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
     near = Plane((0, 0, highest + 1e-4), (0, 0, -1))
     _, (slowly, moving) = proved(scene_with([near]))
     assert slowly.state == 'held slowly'

@@ -16,9 +16,8 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Heard
 from dlo_planner.execute.guards import Enabled, Guards
 from dlo_planner.identify.observing import Seeing
-from dlo_planner.plan.assembly import truncate
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.plan import PlanStatus
+from dlo_planner.plan.plan import PlanStatus, truncate
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs

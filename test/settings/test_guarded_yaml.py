@@ -14,10 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dlo_planner import InvalidTask
-from dlo_planner.cli.reading import read_observations, read_obstacles, read_poses
-from dlo_planner.settings.guarded_yaml import load_yaml, read_yaml, yaml_of
+from dlo_planner.cli.io import read_observations, read_obstacles, read_poses
 from dlo_planner.settings.tasks import read_task
-from dlo_planner.settings.yaml_files import config_file, read_values, write_values
+from dlo_planner.settings.yaml_files import (
+    config_file,
+    load_yaml,
+    read_values,
+    read_yaml,
+    write_values,
+    yaml_of,
+)
 
 READERS = {'values': read_values, 'task': read_task, 'poses': read_poses,
            'obstacles': read_obstacles, 'observations': lambda path: read_observations([path], [])}

@@ -9,8 +9,7 @@ import pytest
 
 from dlo_planner import InvalidTask
 from dlo_planner.identify import Fit
-from dlo_planner.settings.building import rod_of
-from dlo_planner.settings.identified import identified
+from dlo_planner.settings.build import parameters_of_fit, rod_of
 from dlo_planner.settings.yaml_files import read_values
 
 PLACES = [0.1, 0.4]
@@ -34,7 +33,7 @@ def test_stiffness_torsion_and_mass_are_as_found(name, factors):
     bend, twist, heavy = factors
     fit = found(values, bending_stiffness=tuple(bend * one for one in bending),
                 torsional_stiffness=twist * torsion, mass_per_length=heavy * mass)
-    again = rod_of(values | identified(fit, values))
+    again = rod_of(values | parameters_of_fit(fit, values))
     np.testing.assert_allclose(again.stiffnesses(PLACES), fit.rod.stiffnesses(PLACES), rtol=1e-9)
     np.testing.assert_allclose(again.masses_per_length(PLACES), heavy * mass, rtol=1e-9)
     poisson = (1 + values['rod.poisson_ratio']) * bend / twist - 1
@@ -44,7 +43,7 @@ def test_stiffness_torsion_and_mass_are_as_found(name, factors):
 def test_what_a_parameter_says_itself_is_taken_as_it_is():
     values, _ = read_values('copper_wire')
     fit = found(values, natural_curvature=(0.1, -0.2), natural_twist=0.3, tip_mass=0.01)
-    assert identified(fit, values) == {'rod.natural_curvature': [0.1, -0.2],
+    assert parameters_of_fit(fit, values) == {'rod.natural_curvature': [0.1, -0.2],
                                        'rod.natural_twist': 0.3, 'rod.tip_mass': 0.01}
 
 
@@ -53,13 +52,13 @@ def test_a_rod_given_by_stiffness_stays_one():
         'rod.section=stiffness', 'rod.mass_per_length=0.007', 'rod.torsional_stiffness=0.004',
         'rod.bending_stiffness=[0.005, 0.005]'])
     fit = found(values, bending_stiffness=(0.01, 0.02))
-    assert identified(fit, values) == {'rod.bending_stiffness': [0.01, 0.02]}
+    assert parameters_of_fit(fit, values) == {'rod.bending_stiffness': [0.01, 0.02]}
 
 
 def test_what_no_parameter_says_is_refused():
     values, _ = read_values('copper_wire')
     fit = found(values, tip_mass=0.01)
     with pytest.raises(InvalidTask, match='bending_stiffness_n'):
-        identified(replace(fit, values={'bending_stiffness_n': 1.0}), values)
+        parameters_of_fit(replace(fit, values={'bending_stiffness_n': 1.0}), values)
     with pytest.raises(InvalidTask, match='natural_curvature'):
-        identified(replace(fit, values={'natural_curvature': [[0, 1], [1, 0]]}), values)
+        parameters_of_fit(replace(fit, values={'natural_curvature': [[0, 1], [1, 0]]}), values)

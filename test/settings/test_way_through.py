@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod, Sphere
-from dlo_planner.plan.motion.limits import Limits
+from dlo_planner.inverse.tasks import threading_of
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.settings.building import direct_of, inverse_of
-from dlo_planner.settings.threading import Present, Wanted, way_through
+from dlo_planner.settings.build import direct_of, inverse_of
+from dlo_planner.settings.tasks import Present, Wanted, plan_task
 from dlo_planner.settings.yaml_files import read_values
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -36,18 +37,18 @@ def apart_from(places, *others):
 
 def test_a_plan_that_ends_before_the_sheet_is_checked_again():
     inverse = InverseSimulator(DIRECT)
-    whole = way_through(inverse, [HOLE], WANTED)
+    whole = plan_task(inverse, threading_of([HOLE]), WANTED)
     cut = replace(WANTED, gripper_clearance=float(
         (HOLE.center - whole.grippers[-1].position) @ HOLE.normal) + 1e-3)
-    part = way_through(inverse, [HOLE], cut)
+    part = plan_task(inverse, threading_of([HOLE]), cut)
     assert len(part) == 3 < len(whole)
     place, far = apart_from(way(part), way(whole))  # without its last pose it bulges elsewhere
     ball = Sphere(place, 0.5 * far)
     assert far > 1e-3
     kept = InverseSimulator(DIRECT, workspace=Workspace(keep_out=[ball]))
-    assert len(way_through(kept, [HOLE], WANTED)) == 4
+    assert len(plan_task(kept, threading_of([HOLE]), WANTED)) == 4
     with pytest.raises(Infeasible) as refused:
-        way_through(kept, [HOLE], cut)
+        plan_task(kept, threading_of([HOLE]), cut)
     assert refused.value.constraint == 'workspace.keep_out[0]'
 
 
@@ -55,22 +56,22 @@ def test_what_is_joined_is_in_time_by_its_speeds_and_begins_with_the_present_sha
     start = Pose.looking_along(HOLE.center - 1.3 * HOLE.normal + (0, 0.2, 0.1), HOLE.normal)
     wanted = replace(WANTED, standoff=0.05, limits=Limits(0.02, 0.05))
     inverse = InverseSimulator(DIRECT)
-    plan = way_through(inverse, [HOLE], wanted, Present(start))
+    plan = plan_task(inverse, threading_of([HOLE]), wanted, Present(start))
     assert np.allclose(plan.grippers[0].matrix, start.matrix)
     speeds = plan.velocities
     assert np.linalg.norm(speeds[:, :3], axis=1).max() < 0.02 * (1 + 1e-9)
     assert np.linalg.norm(speeds[:, 3:], axis=1).max() < 0.05 * (1 + 1e-9)
     held = DIRECT.solve(start, far_end=start.position + (0.5, 0.0, 0.0))
     with pytest.raises(ValueError, match='initial'):  # what is held now is no beginning
-        way_through(inverse, [HOLE], wanted, Present(start, held))
+        plan_task(inverse, threading_of([HOLE]), wanted, Present(start, held))
 
 
 def test_what_is_joined_is_checked_as_a_whole(monkeypatch):
     checked = []
     monkeypatch.setattr(InverseSimulator, 'check', lambda _, plan: checked.append(plan) or plan)
     start = Pose.looking_along(HOLE.center - 1.3 * HOLE.normal, HOLE.normal)
-    plan = way_through(InverseSimulator(DIRECT), [HOLE], replace(WANTED, standoff=0.05),
-                       Present(start))
+    plan = plan_task(InverseSimulator(DIRECT), threading_of([HOLE]),
+                     replace(WANTED, standoff=0.05), Present(start))
     assert len(plan) > 4
     assert len(checked) == 1
     assert checked[0] is plan

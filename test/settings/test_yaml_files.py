@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from dlo_planner import DirectSimulator, InvalidTask, Rod
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.settings.building import (
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.settings.build import (
     direct_of,
     doubts,
     inverse_of,
@@ -18,7 +18,7 @@ from dlo_planner.settings.building import (
     spread_of,
     tolerance_of,
 )
-from dlo_planner.settings.entries import ENTRIES
+from dlo_planner.settings.parameters import ENTRIES
 from dlo_planner.settings.yaml_files import config_files, read_values, write_values
 
 HEAD = '/**:\n  ros__parameters:\n'

@@ -25,7 +25,7 @@ from dlo_planner import (
 )
 from dlo_planner.errors import DeadlineExceeded
 from dlo_planner.plan.clearance import clearance
-from dlo_planner.plan.motion.periods import slowest_period
+from dlo_planner.trajectory.modal_response import slowest_period
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))
 DIRECT = DirectSimulator(WIRE)
@@ -175,7 +175,7 @@ def test_a_start_phase_in_motion_is_judged_by_swing_and_clearance(way):
 
 
 def test_every_reason_not_to_execute(plan, way, good, monkeypatch):
-    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 2)  # else it takes long
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 2)  # else it takes long
     quick = Trajectory(plan, Limits(2.0, 10.0, 20.0, 100.0, np.inf, np.inf), tolerance=np.inf)
     softer = DirectSimulator(Rod.circular(1.0, 1.2e-3, 8960.0, 110e9, 0.34))
     narrow = Workspace((-3, -3, -3), (3, 3, 0.9))

@@ -3,10 +3,9 @@
 """The inverse tasks: one frozen value for each."""
 
 from dlo_planner.inverse.tasks.approach import Approach
-from dlo_planner.inverse.tasks.hold_contact import HoldContact
+from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.minimize import Minimize
-from dlo_planner.inverse.tasks.slide_contact import SlideContact
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, threading_of
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo

@@ -22,21 +22,20 @@ from dlo_planner.direct.continuation import between
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
-from dlo_planner.inverse.context import PlanContext
-from dlo_planner.inverse.solvers.continuation.quick import quick_simulator
-from dlo_planner.inverse.task import Task
+from dlo_planner.inverse.route import quick_simulator
+from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
-from dlo_planner.plan.assembly import concatenate
-from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
+from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.checks import PlanRequirements
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import apart, same
-from dlo_planner.plan.motion.trajectory import quickest_plan
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.trajectory.trajectory import quickest_plan
 
 _MARGIN = 0.02        # of the length
 _LONGEST = 0.1        # of the length, and

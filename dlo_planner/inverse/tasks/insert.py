@@ -23,11 +23,9 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.context import PlanContext
-from dlo_planner.inverse.solvers.conditions import aligned_shape
-from dlo_planner.inverse.solvers.hanging.marching import hanging
-from dlo_planner.inverse.solvers.hanging.start_candidates import start_candidates, with_free_end
-from dlo_planner.inverse.task import Task, depths_on, depths_or_none
+from dlo_planner.inverse.continuation import aligned_shape
+from dlo_planner.inverse.equilibria import hanging, start_candidates, with_free_end
+from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
@@ -37,8 +35,9 @@ from dlo_planner.model.rod import Rod, before
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import put
 from dlo_planner.plan.bore import insertion_force
-from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
-from dlo_planner.plan.continuity import gripper_motion, refusal_for_leap
+from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
+from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.continuity import gripper_motion
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Holes, waypoint_at
 

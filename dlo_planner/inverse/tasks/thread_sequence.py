@@ -19,22 +19,20 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.context import PlanContext
+from dlo_planner.inverse.equilibria import is_axisymmetric
 from dlo_planner.inverse.nearest_goals import nearest_goals
-from dlo_planner.inverse.solvers.continuation.quick import quick_simulator, thinned
-from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric
-from dlo_planner.inverse.solvers.threading.one_cutout import thread
-from dlo_planner.inverse.solvers.threading.through_depths import Threading
-from dlo_planner.inverse.task import Task, depths_on, depths_or_none
-from dlo_planner.inverse.tasks.thread import Thread
+from dlo_planner.inverse.route import quick_simulator, thinned
+from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
+from dlo_planner.inverse.tasks.thread import Thread, Threading, thread
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.model.value import put
-from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
-from dlo_planner.plan.continuity import largest_shift, largest_turn, refusal_for_leap
+from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
+from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.continuity import largest_shift, largest_turn
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.goals import Through
 from dlo_planner.plan.plan import Plan

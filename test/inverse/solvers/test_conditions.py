@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
-from dlo_planner.inverse.solvers import conditions
-from dlo_planner.inverse.solvers.conditions import Aligned
-from dlo_planner.inverse.solvers.continuation.following import LONGEST_STEP
-from dlo_planner.inverse.solvers.hanging.start_candidates import start_candidates
+from dlo_planner.inverse import continuation as conditions
+from dlo_planner.inverse.continuation import LONGEST_STEP, Aligned
+from dlo_planner.inverse.equilibria import start_candidates
 from dlo_planner.plan import continuity
 
 CUTOUT = CutOut(Pose.looking_along((0.1, -0.2, 0.3), (1.0, 0.4, 0.1)))

@@ -23,16 +23,15 @@ from dlo_planner import (
     Trajectory,
 )
 from dlo_planner.errors import DeadlineExceeded
-from dlo_planner.plan.motion.calm import LegTask, calm_law, margin, predicted
-from dlo_planner.plan.motion.cases import Case
-from dlo_planner.plan.motion.fastest import fastest_rates
-from dlo_planner.plan.motion.in_motion import in_motion
-from dlo_planner.plan.motion.periods import slowest_period
-from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.motion.timed_path import TimedPath
-from dlo_planner.plan.motion.trajectory import _tolerance
-from dlo_planner.plan.passing import holes_passed, worst_miss
 from dlo_planner.progress import Progress
+from dlo_planner.trajectory.calm_search import holes_passed
+from dlo_planner.trajectory.dynamic_check import in_motion, worst_miss
+from dlo_planner.trajectory.modal_response import Case, slowest_period
+from dlo_planner.trajectory.shaping import LegTask, calm_law, margin, predicted
+from dlo_planner.trajectory.time_law import TimeLaw
+from dlo_planner.trajectory.timed_path import TimedPath
+from dlo_planner.trajectory.topp import fastest_rates
+from dlo_planner.trajectory.trajectory import _tolerance
 
 # m and s at most; motions are verified with a damping ratio of 1 % and with none
 PROMISED = {'wire': (1e-3, 24.0), 'hose': (1.2e-3, 15.5), 'leaf spring': (1e-3, 26.0)}
@@ -245,7 +244,7 @@ def test_of_several_holes_the_narrowest_one_gives_the_tolerance():
 
 def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(short, monkeypatch):
     _, plan = short
-    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)  # else it takes long
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)  # else it takes long
     with pytest.raises(Infeasible, match='the DLO is not calm: .* in motion') as caught:
         Trajectory(plan, tolerance=1e-5)
     error = caught.value
@@ -273,7 +272,7 @@ def test_progress_and_deadline(short):
 
 def test_an_obstacle_that_is_only_met_in_motion_refuses(short, monkeypatch):
     _, plan = short
-    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 2)
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 2)
     way = Trajectory(plan, obstacles=[Sphere((0, 0, 5), 0.1)])
     assert 0 < way.motion.clearance < 0.01  # the rim is nearer than the ball
     inside = Sphere(plan.shapes[3].positions[-20], 0.02)

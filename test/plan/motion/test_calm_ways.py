@@ -15,10 +15,9 @@ from dlo_planner import (
     Sphere,
     Trajectory,
 )
-from dlo_planner.plan.assembly import truncate
-from dlo_planner.plan.motion.leg_response import Response
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus
+from dlo_planner.plan.plan import PlanStatus, truncate
+from dlo_planner.trajectory.modal_response import Response
 
 SHORT = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
 LEAF = Rod.rectangular(0.8, 0.020, 0.0005, 7850.0, 206e9, 0.29)

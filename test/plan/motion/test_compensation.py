@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from calm_cases import cell, tasks
 
-from dlo_planner.plan.motion.calm import compensated, predicted
-from dlo_planner.plan.motion.fastest import fastest_rates
-from dlo_planner.plan.motion.in_motion import in_motion
-from dlo_planner.plan.motion.timed_path import TimedPath, smoothed
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.progress import Progress
+from dlo_planner.trajectory.dynamic_check import in_motion
+from dlo_planner.trajectory.shaping import compensated, predicted
+from dlo_planner.trajectory.timed_path import TimedPath, smoothed
+from dlo_planner.trajectory.topp import fastest_rates
 
 
 def shaped(task, slower=1.0):

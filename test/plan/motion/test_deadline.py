@@ -25,9 +25,9 @@ from dlo_planner import (
     ValidationReport,
     replay,
 )
-from dlo_planner.plan.motion import calm_search
-from dlo_planner.plan.motion.calm_search import CalmSearch
 from dlo_planner.progress import Progress
+from dlo_planner.trajectory import calm_search
+from dlo_planner.trajectory.calm_search import CalmSearch
 
 ROD = Rod(0.3, 0.05, 5e-3, 4e-3, radius=2e-3)
 DIRECT = DirectSimulator(ROD)
@@ -97,7 +97,7 @@ def test_a_deadline_before_a_calm_motion_says_what_was_reached(plan, monkeypatch
 
 
 def test_a_refusal_is_an_answer_though_the_deadline_comes(plan, monkeypatch):
-    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
     monkeypatch.setattr('dlo_planner.verify.replay.in_motion', late)
     report = replay(DIRECT, plan, limits=Limits(), tolerance=1e-5)
     assert not report.safe and 'the DLO is not calm' in report.reason

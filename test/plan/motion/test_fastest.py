@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import InvalidTask, Limits, Pose
-from dlo_planner.plan.motion.fastest import Bearing, fastest_rates
-from dlo_planner.plan.motion.time_law import TimeLaw
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.trajectory.time_law import TimeLaw
+from dlo_planner.trajectory.topp import Bearing, fastest_rates
 
 LONG = 0.6
 FREE = {'angular_speed': np.inf, 'angular_acceleration': np.inf}

@@ -21,12 +21,11 @@ from dlo_planner import (
     Trajectory,
     replay,
 )
-from dlo_planner.plan.motion.feed import Feed
-from dlo_planner.plan.motion.in_motion import in_motion
-from dlo_planner.plan.motion.inserted import Instants, pushed
-from dlo_planner.plan.motion.timed_path import TimedPath
 from dlo_planner.progress import Progress
 from dlo_planner.tasks import concatenate
+from dlo_planner.trajectory.dynamic_check import in_motion
+from dlo_planner.trajectory.sliding_end import Feed, Instants, pushed
+from dlo_planner.trajectory.timed_path import TimedPath
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.3, 0.0))
 BENT = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4), natural_twist=0.3)
@@ -117,7 +116,7 @@ def test_what_is_outside_keeps_away_from_obstacles():
 
 def test_what_cannot_be_calm_or_is_not_known_is_refused(monkeypatch):
     direct, plan = planned(WIRE)
-    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
     with pytest.raises(Infeasible, match='not calm: miss in motion') as caught:
         Trajectory(plan, tolerance=1e-8)
     assert caught.value.constraint == 'miss' and caught.value.amount > 0

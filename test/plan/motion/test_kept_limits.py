@@ -7,11 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Limits, Pose
-from dlo_planner.plan.motion.fastest import fastest_rates
-from dlo_planner.plan.motion.kept_limits import _bounds, _jerks, _sizes, _slopes, most_used
-from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.motion.timed_path import smoothed
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.trajectory.time_law import TimeLaw
+from dlo_planner.trajectory.timed_path import _bounds, _jerks, _sizes, _slopes, most_used, smoothed
+from dlo_planner.trajectory.topp import fastest_rates
 
 
 def wandering(rng):
@@ -139,6 +138,6 @@ def test_a_bound_that_was_proved_early_still_counts(monkeypatch):
                  begins < 1, 0.008, 0.03)[:, None, None],
              '_largest_jerk': lambda *_: 0.0}
     for name, function in known.items():
-        monkeypatch.setattr(f'dlo_planner.plan.motion.kept_limits.{name}', function)
+        monkeypatch.setattr(f'dlo_planner.trajectory.timed_path.{name}', function)
     leg = wandering(np.random.default_rng(0))
     assert most_used(leg, Law(), Limits(1, 1, 1, 1, 1, 1)) == pytest.approx(1.004, abs=1e-12)

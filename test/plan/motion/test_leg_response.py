@@ -7,12 +7,11 @@ import pytest
 from calm_cases import cell, tasks
 from scipy.integrate import solve_ivp
 
-from dlo_planner.plan.motion.leg_response import Response, _turning
-from dlo_planner.plan.motion.limits import Limits
-from dlo_planner.plan.motion.oscillators import vibrated
-from dlo_planner.plan.motion.time_law import TimeLaw
-from dlo_planner.plan.motion.timed_path import TimedPath, fastest_law
 from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.modal_response import Response, _turning, vibrated
+from dlo_planner.trajectory.time_law import TimeLaw
+from dlo_planner.trajectory.timed_path import TimedPath, fastest_law
 
 
 @pytest.mark.parametrize('ratio', [0.0, 0.02, 0.3])

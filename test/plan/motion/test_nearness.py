@@ -23,11 +23,10 @@ from dlo_planner import (
 )
 from dlo_planner.direct.continuation import between
 from dlo_planner.model.rod import Surface
-from dlo_planner.plan.assembly import truncate
 from dlo_planner.plan.clearance import clearance, hole_clearances
-from dlo_planner.plan.motion.in_motion import InMotion
-from dlo_planner.plan.motion.nearness import Nearness
-from dlo_planner.plan.plan import PlanStatus
+from dlo_planner.plan.plan import PlanStatus, truncate
+from dlo_planner.plan.swept import Nearness
+from dlo_planner.trajectory.dynamic_check import InMotion
 
 ROD = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
 DIRECT = DirectSimulator(ROD)
@@ -72,7 +71,7 @@ def test_beside_an_obstacle_it_moves_as_without_one(way):
 
 @pytest.mark.parametrize('radius', [2e-3, 2e-4])
 def test_what_is_touched_between_two_waypoints_refuses(way, radius, monkeypatch):
-    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
     ball = beside(way, -radius, radius)
     assert min(clearance([ball], Surface.of(ROD), shape) for shape in way.shapes) > 4e-3
     with pytest.raises(Infeasible, match='touches what the plan does not') as caught:
@@ -100,7 +99,7 @@ def test_what_is_touched_in_motion_alone_is_not_safe(way):
 
 
 def test_a_plan_that_begins_where_it_touches_is_refused(way, monkeypatch):
-    monkeypatch.setattr('dlo_planner.plan.motion.calm_search._ROUNDS', 1)
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
     with pytest.raises(Infeasible) as caught:
         Trajectory(way, LIMITS, simulator=amid(Sphere(way.shapes[0].positions[20], 5e-3)))
     assert caught.value.constraint == 'contact'

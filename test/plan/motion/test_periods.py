@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod, with_plug
-from dlo_planner.plan.motion.periods import slowest_period
+from dlo_planner.trajectory.modal_response import slowest_period
 
 PLAIN = Rod(1.0, 0.1, 1.0, 0.75)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import InvalidTask
-from dlo_planner.plan.motion.shift import DEGREE, Shift
+from dlo_planner.trajectory.time_law import DEGREE, Shift
 
 KNOTS = np.concatenate([[0.0] * DEGREE, np.linspace(0, 3, 13), [3.0] * DEGREE])
 

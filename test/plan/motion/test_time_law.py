@@ -9,8 +9,7 @@ import pytest
 from scipy.integrate import trapezoid
 
 from dlo_planner import InvalidTask
-from dlo_planner.plan.motion.shift import Shift
-from dlo_planner.plan.motion.time_law import TimeLaw
+from dlo_planner.trajectory.time_law import Shift, TimeLaw
 
 PARAMETERS, RATES = np.array([0.5, 1.1, 2.9, 4.0]), np.array([0.0, 0.8, 0.5, 0.0])
 WINDOWS = [[0.4], [0.9, 0.31], [0.5, 0.5], [1.3, 0.2, 0.77, 0.9], [8.0, 0.01]]

@@ -19,9 +19,9 @@ from dlo_planner import (
     Rod,
     Trajectory,
 )
-from dlo_planner.plan.assembly import build_plan, concatenate
+from dlo_planner.plan.builder import build_plan
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import PlanStatus
+from dlo_planner.plan.plan import PlanStatus, concatenate
 from dlo_planner.plan.waypoint import Waypoint
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, damping=(0.5, 0.01))

@@ -16,8 +16,8 @@ from dlo_planner import (
     Pose,
     Rod,
 )
-from dlo_planner.inverse.solvers.contact.family import STABLE, ContactFamily
-from dlo_planner.inverse.solvers.contact.touching import LEAST, MOST, PRESSED
+from dlo_planner.inverse.contact_family import STABLE, ContactFamily
+from dlo_planner.inverse.tasks.contact import LEAST_FORCE, MOST_FORCE, PRESSED
 from dlo_planner.plan.clearance import clearance
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -98,7 +98,7 @@ def test_conditions_choose_the_least_of_all_forces(rod):
     direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[BAR, FLOOR])
     inverse, start = InverseSimulator(direct), Pose((-0.05, 0.02, 0.75), (0, 0, 0, 1))
     many = ContactFamily(direct, TOP, 0.6, lambda: None)
-    forces = np.geomspace(PRESSED * many.scale[0], MOST * many.scale[1], 300)
+    forces = np.geomspace(PRESSED * many.scale[0], MOST_FORCE * many.scale[1], 300)
     shapes = [many.shape(force) for force in forces if many.merit(force) > 0]
     assert 30 < len(shapes) < 300
 
@@ -125,7 +125,7 @@ def test_the_family_goes_as_far_as_it_is_stable():
     plan = inverse.hold_contact(TOP, 0.6, condition=None, min_force=0.0)
     forces = np.array([shape.contacts[0].force for shape in plan.shapes])
     scale = WEIGHT + WIRE.bending_stiffness[0]
-    assert forces[0] == pytest.approx(LEAST * scale, rel=0.01)
+    assert forces[0] == pytest.approx(LEAST_FORCE * scale, rel=0.01)
     assert plan.stability[-1] == pytest.approx(STABLE, abs=5e-3)
     assert forces[-1] == pytest.approx(2.5 * WEIGHT, rel=0.02)  # as docs/theory.md says
     held = scan(direct, TOP, 0.6, decades=4, per_decade=6)  # Runge-Kutta and direct simulation

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod, Trajectory, replay
-from dlo_planner.inverse.solvers.threading.through_depths import even_rolls
+from dlo_planner.inverse.tasks.thread import even_rolls
 from dlo_planner.plan.path import GripperPath
 
 AXIS = np.array([1.0, 0.0, 0.0])

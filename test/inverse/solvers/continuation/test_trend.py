@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
-from dlo_planner.inverse.solvers.conditions import Aligned
-from dlo_planner.inverse.solvers.continuation.following import Passing
+from dlo_planner.inverse.continuation import Aligned, Passing
 
 CUTOUT = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0)))
 

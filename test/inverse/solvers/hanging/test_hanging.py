@@ -7,8 +7,8 @@ import pytest
 from hanging import hanging_and_stable
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
-from dlo_planner.inverse.solvers.conditions import Aligned, TwoPoints
-from dlo_planner.inverse.solvers.hanging.sphere import hanging_shapes
+from dlo_planner.inverse.continuation import Aligned, TwoPoints
+from dlo_planner.inverse.equilibria import hanging_shapes
 
 ROD = Rod(1.0, 0.1, (0.1, 0.3), 0.1, natural_curvature=(0.6, -0.4), natural_twist=0.3)
 WEIGHT = np.array([0, 0, -9.81 * 0.1])

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import DirectSimulator, Rod
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
-from dlo_planner.inverse.solvers.hanging.marching import integrate_from_tip
-from dlo_planner.inverse.solvers.hanging.start_candidates import is_axisymmetric, least_turn
+from dlo_planner.inverse.equilibria import integrate_from_tip, is_axisymmetric, least_turn
 
 ROD = Rod(1.0, 0.1, (0.5, 1.0), 0.4, natural_curvature=(0.6, -0.3), natural_twist=0.5,
           tip_mass=0.02)

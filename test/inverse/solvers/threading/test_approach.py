@@ -20,9 +20,9 @@ from dlo_planner import (
     Trajectory,
 )
 from dlo_planner.inverse.tasks import Approach
-from dlo_planner.plan.motion.calm_search import CalmSearch
-from dlo_planner.plan.motion.in_motion import InMotion
 from dlo_planner.tasks import concatenate
+from dlo_planner.trajectory.calm_search import CalmSearch
+from dlo_planner.trajectory.dynamic_check import InMotion
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0.2, 0.1, 1.0), (1, 0.3, 0)), radius=0.01)

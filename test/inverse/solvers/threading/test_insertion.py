@@ -21,7 +21,8 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.inverse.tasks.insert import _Insertion, _unconverged
-from dlo_planner.plan.builder import PlanBuilder, PlanRequirements
+from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.checks import PlanRequirements
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 RODS = {'round': WIRE,

@@ -1,0 +1,389 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What subcommands read and write: arguments, files of poses and obstacles, pictures, tables."""
+
+import csv
+import json
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import MISSING, Field, fields
+from functools import wraps
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import DloPlannerError, InvalidTask
+from dlo_planner.extras import extra
+from dlo_planner.files import text_of, writable
+from dlo_planner.identify.observation import Observation
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import row, shown
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.plan import Plan
+from dlo_planner.settings.build import direct_of, doubts
+from dlo_planner.settings.yaml_files import read_values, read_yaml, yaml_of
+from dlo_planner.trajectory.trajectory import Trajectory
+from dlo_planner.verify.report import ValidationReport
+from dlo_planner.view.summaries import rod_line, rows_of
+
+_BAR_WIDTH = 30  # of a progress bar
+
+
+class PoseType(click.ParamType):  # type: ignore[type-arg]  # generic in stubs alone
+    """A Pose as 3, 6 or 7 numbers with commas between."""
+
+    name = 'X,Y,Z[,...]'
+
+    def convert(self, value: object, param: click.Parameter | None,
+                ctx: click.Context | None) -> object:
+        """Return the Pose."""
+        try:
+            name = param.name if param is not None else None
+            return pose_of_numbers(name or 'pose', [float(one) for one in str(value).split(',')])
+        except DloPlannerError as error:
+            self.fail(str(error), param, ctx)
+        except ValueError:
+            self.fail(f'{value!r}: expected numbers with commas between: X,Y,Z, '
+                      'X,Y,Z,DX,DY,DZ or X,Y,Z,QX,QY,QZ,QW', param, ctx)
+
+
+class VectorType(click.ParamType):  # type: ignore[type-arg]  # generic in stubs alone
+    """Numbers with commas between."""
+
+    name = 'X,Y,Z'
+
+    def convert(self, value: object, param: click.Parameter | None,
+                ctx: click.Context | None) -> object:
+        """Return them as a tuple of three."""
+        try:
+            numbers = tuple(float(one) for one in str(value).split(','))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != 3:
+            self.fail(f'{value!r}: expected three numbers with commas between', param, ctx)
+        return numbers
+
+
+POSE, VECTOR = PoseType(), VectorType()
+READ = click.Path(exists=True, dir_okay=False, path_type=Path)
+
+
+def described(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the argument CONFIG and the options that say what the DLO and its surroundings are.
+
+    What they describe, a Described, is the first argument of the command.
+    """
+    @wraps(command)
+    def reading(config: str, changes: tuple[str, ...], obstacles: Path | None,
+                **options: Any) -> object:
+        return command(read_described(config, changes, obstacles), **options)
+
+    for decorator in (
+            click.option('--obstacles', type=READ, metavar='FILE',
+                         help='YAML list of boxes, spheres, capsules and planes around the DLO.'),
+            click.option('-p', '--parameter', 'changes', multiple=True, metavar='NAME=VALUE',
+                         help='A parameter that counts more than the file, as rod.length=0.8.'),
+            click.argument('config')):
+        reading = decorator(reading)
+    return reading
+
+
+def written(kinds: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Add the option -o; `kinds` says what its endings mean."""
+    return click.option('-o', '--output', 'outputs', multiple=True, metavar='FILE',
+                        type=click.Path(dir_okay=False, path_type=Path),
+                        help=f'Write a file; may be repeated. Its ending says what: {kinds}.')
+
+
+class Described(NamedTuple):
+    """What CONFIG and its options describe."""
+
+    values: dict[str, Any]  # Values of all parameters
+    direct: DirectSimulator
+
+    @property
+    def rod_line(self) -> str:
+        """What the DLO is, in a line."""
+        return rod_line(self.direct.rod, self.direct.gravity, self.values['rod.name'])
+
+
+def read_described(config: str, changes: tuple[str, ...], obstacles: Path | None) -> Described:
+    """Return what CONFIG and its options describe; warn of what has no effect or is doubtful."""
+    values, warnings = read_values(config, changes)
+    direct = direct_of(values, () if obstacles is None else read_obstacles(obstacles))
+    for warning in warnings + doubts(direct.rod, direct.gravity):
+        click.echo(f'warning: {warning}', err=True)
+    return Described(values, direct)
+
+
+class Bar:
+    """A progress bar on standard error, where that is a terminal; give it as `progress=`."""
+
+    def __init__(self, label: str) -> None:
+        self._label = label
+        self._bar: Any = None
+        self._total = 0
+        self._shown = sys.stderr.isatty()
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show that `done` of `total` steps are finished; a new total is a new bar."""
+        if not self._shown:
+            return
+        if self._bar is None or total != self._total or done < self._bar.pos:
+            self.close()
+            self._total = total
+            self._bar = click.progressbar(length=total, label=self._label, width=_BAR_WIDTH,
+                                          file=sys.stderr)
+            self._bar.__enter__()
+        self._bar.update(done - self._bar.pos)
+
+    def close(self) -> None:
+        """End the line."""
+        if self._bar is not None:
+            self._bar.__exit__(None, None, None)
+            self._bar = None
+
+    def __enter__(self) -> 'Bar':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+_LEVEL = (0.0, 0.0, 0.0, 1.0)
+
+
+def pose_of_numbers(name: str, numbers: Sequence[float]) -> Pose:
+    """Return the Pose of 3 (level), 6 (place, direction) or 7 numbers (place, quaternion)."""
+    given = row(name, numbers)
+    if given.size == 3:
+        return Pose(given, _LEVEL)
+    if given.size == 6:
+        return Pose.looking_along(given[:3], given[3:])
+    if given.size == 7:
+        return Pose(given[:3], given[3:])
+    raise InvalidTask(f'{name} = {shown(given.tolist())}: expected 3, 6 or 7 numbers: a place, '
+                      'and a direction or a quaternion')
+
+
+def pose_of(name: str, content: object) -> Pose:
+    """Return the Pose that a part of a YAML file says: numbers, or as geometry_msgs/Pose."""
+    if isinstance(content, list):
+        return pose_of_numbers(name, content)
+    if not isinstance(content, dict) or 'position' not in content:
+        raise InvalidTask(f'{name} = {shown(content)}: expected position and orientation, or '
+                          '3, 6 or 7 numbers')
+    turned = content.get('orientation', content.get('quaternion', _LEVEL))
+    return Pose(_numbers(f'{name}.position', content['position'], 'xyz'),
+                _numbers(f'{name}.orientation', turned, 'xyzw'))
+
+
+def read_poses(path: Path) -> list[Pose]:
+    """Return the Poses of a YAML or JSON file: a list of poses, as `-o x.poses.yaml` writes it."""
+    content = read_yaml(path)
+    if isinstance(content, dict):
+        content = content.get('poses')
+    if not isinstance(content, list) or not content:
+        raise InvalidTask(f'{path}: expected a list of poses')
+    return [pose_of(f'{path}[{k}]', one) for k, one in enumerate(content)]
+
+
+def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
+    """Return the obstacles of a YAML file."""
+    content = read_yaml(path)
+    if not isinstance(content, list):
+        raise InvalidTask(f'{path}: expected a list of obstacles')
+    return tuple(_obstacle(f'{path}[{k}]', one) for k, one in enumerate(content))
+
+
+def read_observations(paths: Sequence[Path], grippers: Sequence[Pose]) -> list[Observation]:
+    """Return Observations: of YAML files, each with its grippers; of CSV files x, y, z."""
+    tables = [path for path in paths if path.suffix.lower() == '.csv']
+    if len(tables) != len(grippers):
+        raise InvalidTask(f'--gripper was given {len(grippers)} times: expected once for each of '
+                          f'the {len(tables)} CSV files')
+    left, out = iter(grippers), []
+    for path in paths:
+        if path.suffix.lower() == '.csv':
+            out.append(Observation(next(left), _points_of_table(path)))
+        else:
+            out += _observations(path)
+    return out
+
+
+def _observations(path: Path) -> list[Observation]:
+    content = read_yaml(path)
+    if isinstance(content, dict):
+        content = content.get('observations', [content])
+    if not isinstance(content, list) or not content:
+        raise InvalidTask(f'{path}: expected a list of observations')
+    out = []
+    for k, one in enumerate(content):
+        if not isinstance(one, dict) or not {'gripper', 'points'} <= one.keys():
+            raise InvalidTask(f'{path}[{k}]: expected gripper: and points:')
+        out.append(Observation(pose_of(f'{path}[{k}].gripper', one['gripper']), one['points'],
+                               one.get('s')))
+    return out
+
+
+def _points_of_table(path: Path) -> Floats:
+    """Return (n, 3) of a CSV file, its heading left out."""
+    rows: list[list[float]] = []
+    try:
+        table = list(csv.reader(text_of(path).splitlines()))
+    except csv.Error as error:
+        raise InvalidTask(f'{path}: expected lines of x, y, z, {error}') from None
+    for number, cells in enumerate(table, start=1):
+        try:
+            rows.append([float(cell) for cell in cells[:3]])
+        except ValueError:
+            if number > 1:
+                raise InvalidTask(f'{path}, line {number}: expected x, y, z') from None
+    if not rows or any(len(one) != 3 for one in rows):
+        raise InvalidTask(f'{path}: expected lines of x, y, z in m')
+    return np.array(rows)
+
+
+def _obstacle(name: str, content: object) -> Obstacle:
+    if not isinstance(content, dict) or len(content) != 1:
+        raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}')
+    kind, attributes = next(iter(content.items()))
+    if kind not in _KINDS or not isinstance(attributes, dict):
+        raise InvalidTask(f'{name}: expected one of {", ".join(_KINDS)}, with its values')
+    known = [item.name for item in _fields_of(_KINDS[kind])]
+    for key in attributes:
+        if key not in known:
+            raise InvalidTask(f'{name}.{kind}.{key}: expected one of {", ".join(known)}')
+    for item in _fields_of(_KINDS[kind]):
+        if item.default is MISSING and item.name not in attributes:
+            raise InvalidTask(f'{name}.{kind}: expected {item.name}')
+    try:
+        return _KINDS[kind](**{key: pose_of(f'{name}.pose', part) if key == 'pose' else part
+                               for key, part in attributes.items()})
+    except DloPlannerError as error:
+        raise InvalidTask(f'{name}: {error}') from None
+
+
+def _fields_of(kind: Any) -> tuple[Field[Any], ...]:
+    return fields(kind)
+
+
+_KINDS: dict[str, Callable[..., Obstacle]] = {
+    one.__name__.lower(): one for one in OBSTACLES if one is not Sheet}  # that has holes
+
+
+def _numbers(name: str, content: Any, keys: str) -> ArrayLike:
+    if isinstance(content, dict):
+        if not set(content) <= set(keys):
+            raise InvalidTask(f'{name} = {shown(content)}: expected {", ".join(keys)}')
+        given = {**dict.fromkeys(keys, 0.0), **content}
+        if keys == 'xyzw' and not content.get('w') and not any(content.values()):
+            given['w'] = 1.0
+        return [given[key] for key in keys]
+    return row(name, content)
+
+
+PICTURES, FILMS, VALUES = ('.png', '.svg', '.pdf'), ('.gif', '.mp4'), ('.npz', '.json')
+POSES = ('.poses.yaml', '.poses.json')
+_DPI = 150
+
+Writable = Shape | Plan | Motion | ValidationReport | Trajectory
+
+
+def checked(outputs: Iterable[Path], endings: Iterable[str]) -> None:
+    """Refuse, before anything is computed, what cannot be written."""
+    endings = tuple(endings)
+    for path in map(writable, outputs):
+        if not path.name.lower().endswith(endings):
+            raise InvalidTask(f'-o {path}: expected a file that ends with one of '
+                              f'{" ".join(endings)}')
+        if not path.parent.is_dir():
+            raise InvalidTask(f'-o {path}: expected a folder that exists, {path.parent} does not')
+        if path.suffix.lower() in PICTURES + FILMS:
+            extra('matplotlib', 'figures', 'pictures').use('Agg')
+
+
+def write(value: Writable, outputs: Iterable[Path], rate: float = 50.0, **drawn: Any) -> None:
+    """Write a value to files, and say which were written."""
+    if isinstance(value, Trajectory):
+        _write_motion(value, outputs, rate)
+        return
+    for path in outputs:
+        kind = path.suffix.lower()
+        if path.name.lower().endswith(POSES):
+            write_poses(path, _poses(value))
+        elif kind in PICTURES:
+            value.plot(**drawn).savefig(path, dpi=_DPI)
+        elif kind in FILMS and isinstance(value, Plan | Motion):
+            value.animate(path, **drawn)
+        elif kind in VALUES:
+            value.save(path)
+        else:
+            write_table(path, *_table(value))
+        click.echo(f'wrote {path}')
+
+
+def _write_motion(trajectory: Trajectory, outputs: Iterable[Path], rate: float) -> None:
+    """Write the gripper's motion, poses at even times: .csv, .json, or the poses alone."""
+    times = np.linspace(0.0, trajectory.duration, max(2, round(trajectory.duration * rate) + 1))
+    poses, velocities, _ = trajectory.at(times)
+    head = ('time', *'xyz', 'qx', 'qy', 'qz', 'qw', 'vx', 'vy', 'vz', 'wx', 'wy', 'wz')
+    rows = np.column_stack([times, [[*pose.position, *pose.quaternion] for pose in poses],
+                            velocities])
+    for path in outputs:
+        if path.name.lower().endswith(POSES):
+            write_poses(path, poses)
+        elif path.suffix.lower() == '.json':
+            path.write_text(json.dumps(dict(zip(head, rows.T.tolist(), strict=True))),
+                            encoding='utf-8')
+        else:
+            write_table(path, head, rows.tolist())
+        click.echo(f'wrote {path}: {trajectory.duration:.4g} s')
+
+
+def write_table(path: Path, head: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a CSV file."""
+    with path.open('w', newline='', encoding='utf-8') as file:
+        writer = csv.writer(file)
+        writer.writerow(head)
+        writer.writerows(rows)
+
+
+def write_poses(path: Path, poses: Iterable[Pose]) -> None:
+    """Write poses as geometry_msgs/Pose[], as MoveIt takes waypoints: YAML or JSON."""
+    content = [{'position': dict(zip('xyz', pose.position.tolist(), strict=True)),
+                'orientation': dict(zip('xyzw', pose.quaternion.tolist(), strict=True))}
+               for pose in poses]
+    text = (json.dumps(content, indent=1) if path.suffix.lower() == '.json'
+            else yaml_of(content))
+    path.write_text(text, encoding='utf-8')
+
+
+def _poses(value: Shape | Plan | Motion | ValidationReport) -> Sequence[Pose]:
+    if isinstance(value, Shape):
+        return [value.at(s) for s in value.s]
+    return value.grippers if isinstance(value, Plan) else ()
+
+
+def _table(value: Shape | Plan | Motion | ValidationReport,
+           ) -> tuple[tuple[str, ...], Sequence[Sequence[object]]]:
+    """Return the heading and the rows of a value."""
+    if isinstance(value, Shape):
+        quaternions = [value.at(s).quaternion for s in value.s]
+        return (('s', *'xyz', 'qx', 'qy', 'qz', 'qw', 'torsion', 'curvature_n', 'curvature_b'),
+                np.column_stack([value.s, value.positions, quaternions, value.strains]).tolist())
+    if isinstance(value, Plan):
+        poses = [[*pose.position, *pose.quaternion] for pose in value.grippers]
+        return (('time', 'depth', *'xyz', 'qx', 'qy', 'qz', 'qw', 'miss', 'misalignment',
+                 'clearance', 'stability', 'residual'),
+                np.column_stack([value.times, value.depths, poses, value.position_error,
+                                 value.misalignment,
+                                 value.clearance, value.stability, value.residual]).tolist())
+    return ('quantity', 'value', 'unit'), rows_of(value)

@@ -1,0 +1,460 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Following the shapes that satisfy a condition from one depth to another, without a leap.
+
+The condition leaves the gripper one free rotation, a roll. At each depth the shapes that satisfy it
+are a curve on the sphere of all hanging shapes (`inverse.equilibria`); a step goes to
+the next curve, by Newton's method, with no roll or with a given one.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise, takewhile
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from dlo_planner.direct.continuation import fell
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.equilibria import Crossings, HangingShapes, crossings
+from dlo_planner.inverse.nested import nested_alignment
+from dlo_planner.inverse.waypoint_newton import Found, follow, free_axis
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import turned_by
+from dlo_planner.model.value import freeze
+from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
+from dlo_planner.plan.continuity import excess, without_doubt
+from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
+
+LONGEST_STEP = 1 / 16   # of the length
+_SHORTEST_STEP = 1 / 1024
+_AHEAD = 4.0             # steps ahead that a trend is believed for
+_SHARES = 1.0, 0.5, 0.0  # of a roll
+
+
+class Passing(NamedTuple):
+    """A Shape that satisfies a condition at some depth.
+
+    Attributes
+    ----------
+    shape : Shape
+    place : ndarray, shape (3,)
+        The gripper's origin from the first center, m.
+    second : float or None
+        Arc length at a second center, m. None if there is none.
+    depth : float
+        Its depth, m; nan: not known.
+    since : Passing or None
+        The one that it was followed from, without its own. None: not known.
+    axes : ndarray, shape (3, 3), or None
+        Axes of the DLO at the first center. None: not known.
+    """
+
+    shape: Shape
+    place: Floats
+    second: float | None = None
+    depth: float = float('nan')
+    since: Passing | None = None
+    axes: Floats | None = None
+
+    @property
+    def gripper(self) -> tuple[Floats, Floats]:
+        """The gripper's rotation (3, 3) and its position (3,) from the first center."""
+        return self.shape.gripper.rotation, self.place
+
+    @property
+    def known(self) -> tuple[Floats, Floats] | None:
+        """Axes and position (3,), m, of the shape at the first center; None: not known."""
+        return None if self.axes is None else (self.axes, self.shape.gripper.position - self.place)
+
+    def after(self, before: Passing) -> Passing:
+        """Return the same, followed from another one."""
+        since = Passing(before.shape, before.place, before.second, before.depth)
+        return Passing(self.shape, self.place, self.second, self.depth, since, self.axes)
+
+    def trend(self, depth: float) -> tuple[Shape, float] | None:
+        """Return the Shape before on the same mesh, and how many such steps it is to `depth` (m).
+
+        None if it is not known, or not a few steps on.
+        """
+        if self.since is None or self.since.shape.s is not self.shape.s:
+            return None
+        ahead = steps_ahead(self.depth - self.since.depth, depth - self.depth)
+        return (self.since.shape, ahead) if ahead else None
+
+
+def steps_ahead(last: float, step: float) -> float:
+    """Return how many times the last step (m) a step is; 0 if it is not a few times as long."""
+    ahead = step / last if last else 0.0
+    return ahead if 0.0 < ahead <= _AHEAD else 0.0
+
+
+class Condition(Protocol):
+    """What the shapes at each depth have to satisfy."""
+
+    def axis(self, shape: Shape) -> Floats:
+        """Return the axis (3,) of the roll that the condition leaves free."""
+
+    def at(self, before: Passing, depth: float, roll: float, final: bool) -> Passing | None:
+        """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None."""
+
+    def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
+        """Return where the curve of this depth crosses the grid."""
+
+
+class Rolls(Protocol):
+    """How the gripper rolls from one depth to another."""
+
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
+        """Return the roll (rad) from `depth` to `target`, m."""
+
+
+class Step(NamedTuple):
+    """How far a Passing could be followed.
+
+    Attributes
+    ----------
+    passing : Passing or None
+        The Passing at the depth that was wanted. If None, it was not reached.
+    depth : float
+        Depth that was reached, m.
+    leap : float
+        How far the gripper would have to leap there, m; 0: no shape was found beyond it.
+    at_once : bool
+        Whether it was reached in a single step, in which the gripper does not leap.
+    """
+
+    passing: Passing | None
+    depth: float
+    leap: float
+    at_once: bool = False
+
+
+def step_to(condition: Condition, passing: Passing, depth: float, goal: float,
+           route: Rolls | None = None) -> Step:
+    """Continue a Passing from one depth to another, in steps that do not leap."""
+    length = passing.shape.s[-1]
+    step = longest = LONGEST_STEP * length
+    begun = depth
+    while True:
+        target = depth + min(max(goal - depth, -step), step)
+        roll = 0.0 if route is None else route.roll(condition, passing, depth, target)
+        for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once, is rolled later
+            candidate = condition.at(passing, target, share * roll, target == goal)
+            too_far = 0.0 if candidate is None else excess(
+                passing.gripper, candidate.gripper, (target - depth) / length, length)
+            if candidate is not None and not too_far:
+                break
+        if candidate is not None and not too_far:
+            at_once = depth == begun
+            passing, depth = candidate, target
+            if depth == goal:
+                return Step(passing, depth, 0.0, at_once)
+            step = min(2 * step, longest)
+            continue
+        if step <= _SHORTEST_STEP * length or target == depth:
+            return Step(None, depth, too_far)
+        step /= 2
+
+
+def refusal_for_step(simulator: DirectSimulator, builder: PlanBuilder, before: Passing | None,
+                     passing: Passing) -> Infeasible | None:
+    """Return Infeasible if gripper or DLO have to leap to the next waypoint, or None."""
+    length = passing.shape.s[-1]
+    too_far = 0.0 if before is None else excess(before.gripper, passing.gripper,
+                                                builder.step / length, length)
+    if too_far:
+        return builder.refusal('continuity', too_far, 'the gripper would have to turn or move too '
+                               'far since the waypoint before; closer waypoints may help')
+    return refusal_for_leap(simulator, builder, passing.shape)
+
+
+def as_replayed(simulator: DirectSimulator, condition: Condition, last: Shape | None,
+                passing: Passing, depth: float) -> Passing:
+    """Return a Passing as a motion from the waypoint before finds it, on the mesh of that motion.
+
+    Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps than
+    the gripper, some backwards. On another mesh the DLO would miss by as much as the accuracy.
+    """
+    if simulator.mesh_after(last) is passing.shape.mesh:
+        return passing
+    replayed = simulator.track([passing.shape.gripper], initial=last)[0]
+    if not replayed.converged or replayed.jumped:
+        return passing
+    corrected = condition.at(passing._replace(shape=replayed), depth, 0.0, True)
+    return passing if corrected is None else corrected
+
+
+_AT_ONCE = 32  # that are found in one call
+_LATER = 8     # depths until that is tried again, where one was in doubt
+
+
+class Ahead:
+    """What `Aligned.onward` finds at one depth after another.
+
+    Parameters
+    ----------
+    aligned : Aligned
+    depths : ndarray, shape (n,)
+        All depths in order, m.
+    """
+
+    def __init__(self, aligned: Aligned, depths: Floats) -> None:
+        self._aligned, self._depths = aligned, depths
+        self._ready: list[Passing] = []  # the next ones, the last first
+        self._doubtful = 0  # where more are looked for
+
+    def passing(self, before: Passing, index: int) -> Passing | None:
+        """Return the Passing at the depth of an index; None: it has to be looked for by itself."""
+        if not self._ready and index >= self._doubtful:
+            ahead = self._depths[index:index + _AT_ONCE]
+            self._ready = self._aligned.onward(before, ahead)[::-1]
+            self._doubtful = index + max(len(self._ready), _LATER)
+        return self._ready.pop() if self._ready else None
+
+
+_MESHES = 6        # that an accuracy may take
+_ALIGNED = 1e-8    # rad: of what another solver finds
+_AROUND = 0.25     # of the length: how far before a guess a place is sought
+
+
+class Aligned:
+    """The shapes whose tangent, at each depth, is along a normal.
+
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    normal : ndarray, shape (3,)
+        Unit vector.
+    method : str
+        'coupled' or 'nested', for waypoints; the quick one makes all steps between.
+    """
+
+    def __init__(self, simulator: DirectSimulator, normal: Floats, method: str = 'coupled') -> None:
+        self.simulator, self.normal, self._nested = simulator, np.array(normal), method == 'nested'
+
+    def axis(self, shape: Shape) -> Floats:
+        """Return the axis (3,) of the free roll: the mean of the gripper's and the normal."""
+        return free_axis(np.array(shape.gripper.rotation), self.normal)
+
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing at `depth`; see `Condition`."""
+        reference, trend = before.shape.gripper.rotation, before.trend(depth)
+        if roll:
+            trend = None
+            reference = turned_by(roll * self.axis(before.shape)) @ reference
+        passing = self.from_guess(before.shape, depth, reference, final, trend)
+        return passing and passing.after(before)
+
+    def from_guess(self, guess: Shape, depth: float, reference: Floats, final: bool = True,
+                   trend: tuple[Shape, float] | None = None) -> Passing | None:
+        """Return the Passing near a Shape, not turned about the free axis since `reference`."""
+        s = self.simulator.rod.length - depth
+        if final and self._nested:
+            shape = nested_alignment(self.simulator, guess, s, self.normal, reference)
+            across = np.linalg.norm(np.cross(shape.at(s).direction, self.normal))
+            aligned = across < _ALIGNED and shape.at(s).direction @ self.normal > 0
+            if not (shape.converged and aligned):
+                return None
+            axes, place = shape.frame_at(s)
+            return Passing(shape, shape.gripper.position - place, depth=depth, axes=axes)
+        found = aligned_shape(self.simulator, guess, s, self.normal, reference, trend)
+        return found and Passing(found.shape, -found.place, depth=depth, axes=found.axes)
+
+    def onward(self, before: Passing, depths: Floats) -> list[Passing]:
+        """Return the Passings at the first of some depths, without roll, that leave no doubt.
+
+        As `at` finds them, in less time. There may be none: where the gripper or the DLO might
+        leap, where the DLO is hardly stable, and where another mesh is needed.
+
+        Shapes: depths (k,).
+        """
+        mesh, shape = before.shape.state.mesh, before.shape
+        if self._nested or mesh is None:
+            return []
+        far = np.flatnonzero(~(abs(np.diff(depths, prepend=before.depth))
+                               <= LONGEST_STEP * self.simulator.rod.length))
+        depths = depths[:far[0]] if far.size else depths
+        length = mesh.s[-1]
+        steps = np.diff(depths, prepend=before.depth)
+        most, least = without_doubt(steps / length, length)
+        if not (len(depths) and shape.stability > least):
+            return []
+        s = length - depths
+        found = follow(
+            mesh, shape, _along(self.normal, shape.gripper.rotation), np.stack([s, s], axis=1),
+            self.normal, trend=before.trend(depths[0]),
+            further=[steps_ahead(last, step) for last, step in pairwise(steps.tolist())],
+            origin=before.place, most=most, least=least)
+        if self.simulator.accuracy is not None:
+            found = list(takewhile(lambda one: self.simulator.discretization(
+                one.shape.gripper, one.shape) is mesh, found))
+        passings: list[Passing] = []
+        for depth, one in zip(depths.tolist(), found, strict=False):
+            before = Passing(one.shape, -one.place, depth=depth, axes=one.axes).after(before)
+            passings.append(before)
+        return passings
+
+    def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
+        """Return where the shapes at `depth` cross the grid of HangingShapes."""
+        s = self.simulator.rod.length - depth
+        return crossings(shapes, shapes.at(s)[1], self.normal, s)
+
+
+class TwoPoints:
+    """The shapes that pass both centers, at each depth in the first: x(s2) - x(s1) = P2 - P1.
+
+    Parameters
+    ----------
+    simulator : DirectSimulator
+    chord : ndarray, shape (3,)
+        From the first center to the second, m.
+    """
+
+    def __init__(self, simulator: DirectSimulator, chord: Floats) -> None:
+        self.simulator, self.chord = simulator, np.array(chord, dtype=float)
+        freeze(self.chord)
+        self._apart = float(np.linalg.norm(chord))
+
+    def axis(self, shape: Shape) -> Floats:
+        """Return the axis (3,) of the free roll: the mean of the gripper's and the way."""
+        return free_axis(np.array(shape.gripper.rotation), self.chord / self._apart)
+
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing at `depth`; see `Condition`."""
+        del final
+        s1 = self.simulator.rod.length - depth
+        found = self._solved(before.shape, POSITION, s1, s1, roll,
+                             None if roll else before.trend(depth))
+        return None if found is None else Passing(
+            found.shape, -found.place, float(min(found.where[1], self.simulator.rod.length)),
+            depth=depth, axes=found.axes).after(before)
+
+    def from_end(self, guess: Shape, depth: float) -> tuple[Passing, float] | None:
+        """Return the Passing whose free end is at the second center, and its depth, m, or None."""
+        length = self.simulator.rod.length
+        found = self._solved(guess, THROUGH, max(length - depth - _AROUND * length, 0.0), length,
+                             at=length - depth)
+        if found is None or not found.where[0] > 0:
+            return None
+        s1 = float(found.where[0])
+        return Passing(found.shape, -found.place, length, depth=length - s1,
+                       axes=found.axes), length - s1
+
+    def _solved(self, shape: Shape, first: int, s1: float, s2: float, roll: float = 0.0,
+                trend: tuple[Shape, float] | None = None,
+                at: float | None = None) -> Found | None:
+        """Return the shape that has both goals, the `first` at about `at` (m; None: s1), or None.
+
+        The second one is of the other kind. None as well where the DLO would fall on its way there.
+        """
+        before, length = shape, self.simulator.rod.length
+        rotation = np.array(shape.gripper.rotation)
+        axis = self.axis(shape)
+        mesh = shape.state.mesh
+        assert mesh is not None  # only a shape that was loaded has none
+        _, place = shape.frame_at(s1 if at is None else at)
+        for _ in range(_MESHES):
+            kinds = np.array([first, THROUGH if first == POSITION else POSITION, ROLL])
+            goals = GoalTable(kinds, np.zeros(3), np.array([np.zeros(3), self.chord, axis]),
+                              np.array([np.eye(3), np.eye(3), turned_by(roll * axis) @ rotation]),
+                              np.array([1 / length, 1 / length, 1.0]))
+            found = follow(mesh, shape, goals, np.array([[s1, s2, 0.0]]), axis, trend=trend,
+                           origin=before.gripper.position - place)
+            if not found or found[0].where.max() > length * (1 + 1e-12):
+                return None
+            shape = found[0].shape
+            if not shape.converged or fell(before, shape):
+                return None
+            better = self.simulator.discretization(shape.gripper, shape)
+            if better is mesh:
+                break
+            mesh, rotation, roll, trend = better, np.array(shape.gripper.rotation), 0.0, None
+        return found[0]
+
+    def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
+        """Return where the shapes at `depth` cross the grid of HangingShapes."""
+        s1 = self.simulator.rod.length - depth
+        begin, _ = shapes.at(s1)
+        away = np.linalg.norm(shapes.positions - begin[:, None], axis=2)
+        away[:, shapes.s <= s1] = 0.0
+        s2 = _first_above(shapes.s, away, self._apart)
+        return self._between(shapes, s1, s2)
+
+    def last_crossings(self, shapes: HangingShapes) -> tuple[Crossings, Floats]:
+        """Return where the shapes whose free end is at the second center cross the grid.
+
+        And the depth (m,) of each in the first.
+        """
+        away = np.linalg.norm(shapes.positions - shapes.positions[:, -1:], axis=2)
+        s1 = shapes.s[-1] - _first_above(shapes.s[-1] - shapes.s[::-1], away[:, ::-1], self._apart)
+        crossed = self._between(shapes, s1, np.full(len(away), shapes.s[-1]))
+        a, b = crossed.pairs.T
+        return crossed, shapes.s[-1] - ((1 - crossed.shares) * s1[a] + crossed.shares * s1[b])
+
+    def least_miss(self, shapes: HangingShapes) -> float:
+        """Return the least distance (m) of a stable shape's free end from the second center.
+
+        The shape passes the first center somewhere; its turn about the vertical is free.
+        """
+        stable = shapes.stability > 0
+        chords = shapes.positions[stable, -1:] - shapes.positions[stable]
+        height = chords @ shapes.up
+        aside = np.sqrt(np.maximum((chords**2).sum(axis=2) - height**2, 0.0))
+        up = float(self.chord @ shapes.up)
+        off = np.hypot(aside - np.sqrt(max(self._apart**2 - up**2, 0.0)), height - up)
+        return float(off.min(initial=self._apart))
+
+    def _between(self, shapes: HangingShapes, s1: float | Floats, s2: Floats) -> Crossings:
+        missing = ~np.isfinite(s1 + s2)
+        s1, s2 = (np.where(missing, shapes.s[-1], s) for s in (s1, s2))
+        chords = shapes.at(s2)[0] - shapes.at(s1)[0]
+        chords[missing] = np.nan
+        return crossings(shapes, chords, self.chord, s1)
+
+
+def _first_above(s: Floats, away: Floats, apart: float) -> Floats:
+    """Return (n,) where rows of `away` (n, N + 1), given at `s`, first exceed `apart`; else nan."""
+    k = np.argmax(away >= apart, axis=1)
+    rows = np.arange(len(away))
+    low, high = away[rows, k - 1], away[rows, k]
+    crossed = (k > 0) & (high >= apart)
+    share = (apart - low) / np.where(high > low, high - low, 1.0)
+    return np.where(crossed, s[k - 1] + share * (s[k] - s[k - 1]), np.nan)
+
+
+def _along(normal: Floats, reference: Floats) -> GoalTable:
+    """Return the goals of a tangent, without a roll since `reference`; arc lengths to be filled."""
+    reference = np.array(reference, order='C')
+    return GoalTable(np.array([DIRECTION, ROLL]), np.zeros(2),
+                     np.array([normal, free_axis(reference, normal)]),
+                     np.array([reference, reference]), np.ones(2))
+
+
+def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Floats,
+                  reference: Floats, trend: tuple[Shape, float] | None = None) -> Found | None:
+    """Return the shape whose tangent at `s` (m) is `normal`, or None; as `Aligned.from_guess`."""
+    mesh, shape = guess.state.mesh, guess
+    assert mesh is not None  # a guess is made on one
+    for _ in range(_MESHES):
+        found = aligned_on(mesh, shape, s, normal, reference, trend)
+        if found is None or simulator.accuracy is None:  # its mesh is the same everywhere
+            return found
+        better = simulator.discretization(found.shape.gripper, found.shape)
+        if better is mesh:
+            break
+        mesh, shape, trend = better, found.shape, None
+    return found
+
+
+def aligned_on(mesh: Discretization, guess: Shape, s: float, normal: Floats, reference: Floats,
+               trend: tuple[Shape, float] | None = None) -> Found | None:
+    """Return what `aligned_shape` returns, on a Discretization."""
+    normal = np.array(normal)
+    found = follow(mesh, guess, _along(normal, reference), np.array([[s, s]]), normal, trend=trend)
+    return found[0] if found else None

@@ -1,0 +1,437 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The hanging shape from its free end: one integration, no iteration over the whole rod.
+
+Force and moment are zero at the free end. If the end's direction is given, every element follows
+from the one before (an initial value problem). This is the exact solution for a DLO whose free end
+alone is prescribed, as where a threading begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.spatial import ConvexHull
+
+from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.direct.statics import shape_of
+from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.energy.potential import configuration_at, evaluate
+from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
+from dlo_planner.geometry.so3 import (
+    applied,
+    cross,
+    matrix,
+    plus,
+    put_matrix,
+    rotation_and_chord,
+    slope,
+    times_transposed,
+    transposed_applied,
+    vector,
+)
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.convergence import Minimum
+from dlo_planner.minimize.hessian import assemble, factorize, new_hessian
+from dlo_planner.minimize.lanczos import lowest_mode
+from dlo_planner.model.arrays import Bools, Floats, Ints
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose, angle_between, turned_by
+from dlo_planner.model.rod import Rod
+
+_ROUNDS = 30
+
+
+def hanging(system: Problem, end: Floats) -> tuple[Configuration, Floats]:
+    """Return the Configuration and the gripper's rotation (3, 3) that `integrate_from_tip` finds.
+
+    Shapes: end (3, 3).
+    """
+    strains, base = integrate_from_tip(system, end)
+    return configuration_at(system._replace(base=base), strains), base
+
+
+@kernel
+def integrate_from_tip(system: Problem, end: Floats) -> tuple[Floats, Floats]:
+    """Return strains (N, 3) and gripper rotation (3, 3) in equilibrium, from the end's rotation.
+
+    Args:
+        system: its `base` is not used
+        end: (3, 3) rotation of the free end
+    """
+    n = system.lengths.size
+    lengths, natural, stiffness = system.lengths, system.natural, system.stiffness
+    pull = system.effects.load.pull
+    strains = np.empty((n, 3))
+    frame, force, moment = matrix(end), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    u = np.empty(3)
+    for e in range(n - 1, -1, -1):
+        h = lengths[e]
+        force = plus(force, vector(pull[e + 1]))
+        for i in range(3):
+            if e == n - 1:
+                u[i] = natural[e, i]
+            elif e < n - 2:
+                u[i] = 2 * strains[e + 1, i] - strains[e + 2, i]
+        # in the frame of the element's far end
+        far_force = transposed_applied(frame, force)
+        far_moment = transposed_applied(frame, moment)
+        for _ in range(_ROUNDS):
+            turn, _ = rotation_and_chord(h * u[0], h * u[1], h * u[2], h)
+            bend = slope(h * u[0], h * u[1], h * u[2], h, applied(turn, far_force),
+                         applied(turn, far_moment))
+            change = 0.0
+            for i in range(3):
+                wanted = natural[e, i] - bend[i] / stiffness[e, i]
+                change = max(change, abs(wanted - u[i]))
+                u[i] = wanted
+            if change * h < 1e-15:
+                break
+        strains[e] = u
+        turn, chord = rotation_and_chord(h * u[0], h * u[1], h * u[2], h)
+        frame = times_transposed(frame, turn)
+        moment = plus(moment, cross(applied(frame, chord), force))
+    rotation = np.empty((3, 3))
+    put_matrix(frame, rotation)
+    return strains, rotation
+
+
+_POINTS = 2500
+_PARALLEL = 1e-9  # relative: loads along one axis
+_LEVEL = 1e-3     # a horizontal part below this leaves the heading free, and
+_HEADINGS = 12    # so many are looked at
+_ORTHONORMAL_ROUNDS = 10      # Newton steps: enough for frames 2.5 rad apart
+_ROTATION = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class HangingShapes:
+    """The equilibria of a DLO whose loads are all along one axis, on a grid of n points.
+
+    Attributes
+    ----------
+    up : ndarray, shape (3,)
+        Unit vector along the loads, either way.
+    s : ndarray, shape (N + 1,)
+        Arc lengths of the nodes, m.
+    frames : ndarray, shape (n, N + 1, 3, 3)
+        Frames of the nodes.
+    positions : ndarray, shape (n, N + 1, 3)
+        Positions of the nodes, m from the gripper.
+    stability : ndarray, shape (n,)
+        Smallest eigenvalue of the Hessian, as `Shape.stability`; -1 if negative.
+    edges : ndarray, shape (m, 2)
+        Indices of neighbors on the sphere.
+    """
+
+    up: Floats
+    s: Floats
+    frames: Floats
+    positions: Floats
+    stability: Floats
+    edges: Ints
+
+    def at(self, s: float | Floats) -> tuple[Floats, Floats]:
+        """Return positions (n, 3) and tangents (n, 3) at the arc length `s`, m, one or (n,)."""
+        k = np.clip(np.searchsorted(self.s, s, side='right') - 1, 0, self.s.size - 2)
+        share = np.reshape((s - self.s[k]) / (self.s[k + 1] - self.s[k]), (-1, 1))
+        rows = np.arange(len(self.frames))
+        low, high = self.positions[rows, k], self.positions[rows, k + 1]
+        first, last = self.frames[rows, k, :, 0], self.frames[rows, k + 1, :, 0]
+        tangent = (1 - share) * first + share * last
+        return ((1 - share) * low + share * high,
+                tangent / np.linalg.norm(tangent, axis=1)[:, None])
+
+
+def hanging_shapes(surroundings: Surroundings, s: Floats) -> HangingShapes | None:
+    """Return the HangingShapes of a DLO; None if its loads are not along one axis, or are zero.
+
+    Shapes: s (N + 1,).
+    """
+    mesh = Discretization(surroundings, s, 'local', 0)
+    load = mesh.static.pull
+    size = np.linalg.norm(load, axis=1)
+    strongest = load[np.argmax(size)]
+    if not size.max() > 0:
+        return None
+    up = strongest / np.linalg.norm(strongest)
+    if np.linalg.norm(np.cross(load, up), axis=1).max() > _PARALLEL * size.max():
+        return None
+    directions, edges = _sphere(_POINTS)
+    frames, positions, stability = _hang(mesh.static, _ends(directions, up))
+    return HangingShapes(up, s, frames, positions, stability, edges)
+
+
+@lru_cache(maxsize=2)
+def _sphere(n: int) -> tuple[Floats, Ints]:
+    """Return n points (n, 3) spread evenly over the unit sphere, and their neighbors (m, 2)."""
+    k = np.arange(n) + 0.5
+    z, turn = 1 - 2 * k / n, np.pi * (1 + np.sqrt(5)) * k  # a Fibonacci lattice
+    points = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn),
+                              z])
+    hull: Ints = ConvexHull(points).simplices
+    edges = np.vstack([hull[:, [0, 1]], hull[:, [1, 2]], hull[:, [2, 0]]])
+    return points, np.unique(np.sort(edges, axis=1), axis=0)
+
+
+def _ends(directions: Floats, up: Floats) -> Floats:
+    """Return (n, 3, 3) frames in which the world's `up` has these components (n, 3)."""
+    across = np.cross(np.eye(3)[np.argmin(np.abs(directions), axis=1)], directions)
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    local = np.stack([across, np.cross(directions, across), directions], axis=1)  # rows
+    frames: Floats = _upright(up) @ local
+    return frames
+
+
+def _upright(up: Floats) -> Floats:
+    """Return a rotation (3, 3) whose last column is `up`."""
+    side = np.cross(np.eye(3)[np.argmin(np.abs(up))], up)
+    side /= np.linalg.norm(side)
+    return np.column_stack([side, np.cross(up, side), up])
+
+
+@kernel
+def _hang(system: Problem, ends: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return frames (n, N + 1, 3, 3), positions (n, N + 1, 3) and stability (n,)."""
+    n, nodes = ends.shape[0], system.lengths.size + 1
+    frames, positions = np.empty((n, nodes, 3, 3)), np.empty((n, nodes, 3))
+    stability = np.empty(n)
+    state = new_configuration(system)
+    hessian = new_hessian(system)
+    for k in range(n):
+        strains, base = integrate_from_tip(system, ends[k])
+        here = with_gripper(system, base, system.origin)
+        state.q[:] = (strains - system.natural) / system.scale
+        evaluate(here, state)
+        assemble(here, state, hessian)
+        frames[k] = state.rotations
+        positions[k] = state.positions
+        if factorize(here, hessian, 0.0) > 0:
+            stability[k] = -1.0
+        else:
+            stability[k], _ = lowest_mode(here, hessian, 0.0, 1e-2)
+    return frames, positions, stability
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Where a curve on the sphere crosses its grid: m shapes that do a task, about.
+
+    Attributes
+    ----------
+    grippers : ndarray, shape (m, 3, 3)
+        Rotations of the gripper.
+    ends : ndarray, shape (m, 3, 3)
+        Rotations of the free end.
+    places : ndarray, shape (m, 3)
+        The gripper's origin from the point that is at the goal, m.
+    stability : ndarray, shape (m,)
+    pairs : ndarray, shape (m, 2)
+        Indices of the two grid points.
+    shares : ndarray, shape (m,)
+        Shares of the way between them.
+    """
+
+    grippers: Floats
+    ends: Floats
+    places: Floats
+    stability: Floats
+    pairs: Ints
+    shares: Floats
+
+    def __len__(self) -> int:
+        return len(self.grippers)
+
+    def chosen(self, which: Bools | Ints | list[int]) -> Crossings:
+        """Return the same crossings, `which` of them (a mask or indices)."""
+        return Crossings(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+
+def crossings(shapes: HangingShapes, vectors: Floats, goal: Floats, s: float | Floats) -> Crossings:
+    """Return the stable Crossings of the curve where vectors (n, 3), turned upright, are `goal`.
+
+    Shapes: goal (3,).
+    """
+    up = shapes.up
+    misfit = vectors @ up - goal @ up
+    a, b = shapes.edges.T
+    with np.errstate(invalid='ignore'):
+        crossed = ((misfit[a] <= 0) != (misfit[b] <= 0)) & np.isfinite(misfit[a] + misfit[b])
+    crossed &= (shapes.stability[a] > 0) & (shapes.stability[b] > 0)
+    a, b = a[crossed], b[crossed]
+    share = misfit[a] / (misfit[a] - misfit[b])
+    # a curve may be too small for the grid: about a vertical goal it is
+    near = _touching(shapes, misfit, float(np.linalg.norm(goal)))
+    a, b, share = np.append(a, near), np.append(b, near), np.append(share, np.zeros(near.size))
+    places = -shapes.at(s)[0]
+    turns = [_headings(vectors[k], goal, up) for k in (a, b)]
+    which = np.repeat(np.arange(a.size), len(turns[0]) // max(a.size, 1)) if a.size else a
+    a, b, share = a[which], b[which], share[which]
+    blend = share[:, None, None]
+
+    def both(frames: Floats) -> Floats:
+        mixed = (1 - blend) * (turns[0] @ frames[a]) + blend * (turns[1] @ frames[b])
+        return _orthonormal(mixed)
+
+    place = ((1 - share)[:, None] * np.einsum('kij,kj->ki', turns[0], places[a])
+             + share[:, None] * np.einsum('kij,kj->ki', turns[1], places[b]))
+    result = Crossings(both(shapes.frames[:, 0]), both(shapes.frames[:, -1]), place,
+                       (1 - share) * shapes.stability[a] + share * shapes.stability[b],
+                       np.column_stack([a, b]), share)
+    return result.chosen(_are_rotations(result.grippers) & _are_rotations(result.ends))
+
+
+def _touching(shapes: HangingShapes, misfit: Floats, scale: float) -> Ints:
+    """Return the stable points of the grid where |misfit| is least among neighbors, and small."""
+    size = np.where(np.isfinite(misfit), np.abs(misfit), np.inf)
+    least = size < 2 * scale / np.sqrt(size.size)
+    a, b = shapes.edges.T
+    np.logical_and.at(least, a, size[a] <= size[b])
+    np.logical_and.at(least, b, size[b] <= size[a])
+    return np.flatnonzero(least & (shapes.stability > 0))
+
+
+def _headings(vectors: Floats, goal: Floats, up: Floats) -> Floats:
+    """Return (m, 3, 3) turns about `up` that bring vectors (m, 3) to `goal`.
+
+    Where the goal is vertical every heading does: then each vector has _HEADINGS turns, in a row.
+    """
+    upright = _upright(up)
+    x, y, _ = (vectors @ upright).T
+    gx, gy, gz = goal @ upright
+    if np.hypot(gx, gy) > _LEVEL * np.linalg.norm(goal):
+        angles = np.arctan2(gy, gx) - np.arctan2(y, x)
+    else:
+        angles = np.tile(2 * np.pi / _HEADINGS * np.arange(_HEADINGS), len(vectors))
+    cosine, sine = np.cos(angles), np.sin(angles)
+    turns = np.zeros((angles.size, 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = cosine
+    turns[:, 1, 0], turns[:, 0, 1], turns[:, 2, 2] = sine, -sine, 1.0
+    return upright @ turns @ upright.T
+
+
+def _orthonormal(frames: Floats) -> Floats:
+    """Return the rotations (m, 3, 3) nearest to mixed ones, by Newton's method."""
+    for _ in range(_ORTHONORMAL_ROUNDS):
+        frames = frames @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(frames, 1, 2) @ frames)
+    return frames
+
+
+def _are_rotations(frames: Floats) -> Bools:
+    """Return (m,) which are: two opposite frames have no mean."""
+    off = np.abs(np.swapaxes(frames, 1, 2) @ frames - np.eye(3))
+    good: Bools = off.max(axis=(1, 2), initial=0.0) < _ROTATION
+    return good
+
+
+_ALIKE = 1e-9  # part of the stiffness, rad along the length: what makes no difference
+_ROLLS = 24  # of the free end, tried
+_OPPOSITE = 1e-9  # 1 + cosine of two unit vectors
+
+
+class Candidate(NamedTuple):
+    """A shape with which a threading can begin.
+
+    Attributes
+    ----------
+    shape : Shape
+        Shape near the first one.
+    reference : ndarray, shape (3, 3)
+        Rotation of the gripper since which it must not roll.
+    depth : float
+        Depth of the shape, m.
+    """
+
+    shape: Shape
+    reference: Floats
+    depth: float
+
+
+def start_candidates(simulator: DirectSimulator, cutout: CutOut,
+                     start: Pose | None) -> Iterator[Candidate]:
+    """Yield the Candidates for a threading: their free ends point along the normal, at depth 0.
+
+    The free end's roll about the normal is a choice. With the first candidate the gripper is not
+    rolled: seen along its own axis it stands as `start` does (or upright, without one). A curved
+    DLO may have several such rolls; the one that turns the gripper least comes first. The others
+    follow in steps, unless the DLO is round and straight, so that all rolls are alike.
+    """
+    upright = Pose.looking_along((0.0, 0.0, 0.0), cutout.normal).rotation
+    preferred = upright
+    if start is not None:
+        preferred = least_turn(start.direction, cutout.normal) @ start.rotation
+    discretization = simulator.discretization(Pose.from_rotation((0, 0, 0), upright), None)
+    system = discretization.system(upright)
+
+    def end_rolled(angle: float) -> tuple[Floats, Floats, Floats]:
+        """Return strains, gripper rotation, and the reference of its roll."""
+        strains, base = integrate_from_tip(system, turned_by(angle * cutout.normal) @ preferred)
+        return strains, base, least_turn(preferred[:, 0], base[:, 0]) @ preferred
+
+    def roll(angle: float) -> float:
+        _, base, reference = end_rolled(angle)
+        across = reference.T @ base[:, 1]
+        return float(np.arctan2(across[2], across[1]))
+
+    def turn_against_start(angle: float) -> float:
+        return angle_between(end_rolled(angle)[1], preferred)
+
+    if is_axisymmetric(simulator.rod):
+        # rolled about itself, the DLO carries the gripper along
+        strains, base, reference = end_rolled(-roll(0.0))
+        yield Candidate(_shape_at(discretization, strains, base), reference, 0.0)
+        return
+    angles = np.linspace(-np.pi, np.pi, _ROLLS + 1)
+    rolls = [roll(angle) for angle in angles]
+    roots = [brentq(roll, angles[k], angles[k + 1], xtol=1e-12) for k in range(_ROLLS)
+             if rolls[k] * rolls[k + 1] <= 0 and abs(rolls[k] - rolls[k + 1]) < np.pi]
+    for root in sorted(roots, key=turn_against_start):
+        strains, base, reference = end_rolled(root)
+        yield Candidate(_shape_at(discretization, strains, base), reference, 0.0)
+    for angle in sorted(angles[:-1:2], key=turn_against_start):
+        strains, base, _ = end_rolled(angle)
+        yield Candidate(_shape_at(discretization, strains, base), base, 0.0)
+
+
+def with_free_end(simulator: DirectSimulator, end: Floats) -> Shape:
+    """Return the Shape (a guess) whose free end has the frame `end` (3, 3)."""
+    discretization = simulator.discretization(Pose.from_rotation((0, 0, 0), end), None)
+    strains, base = integrate_from_tip(discretization.system(end), np.array(end, order='C'))
+    return _shape_at(discretization, strains, base)
+
+
+def is_axisymmetric(rod: Rod) -> bool:
+    """Whether a Rod is straight and equally stiff all around: its roll makes no difference."""
+    s = np.linspace(0, rod.length, 65)
+    natural, (_, one, other) = rod.mean_natural_strains(s), rod.mean_stiffnesses(s).T
+    return (bool((abs(one - other) <= _ALIKE * one).all())
+            and np.abs(natural).max() * rod.length <= _ALIKE)
+
+
+def least_turn(one: Floats, other: Floats) -> Floats:
+    """Return the rotation (3, 3) about the axis across both that takes unit vector one to other."""
+    (a, b, c), (d, e, f) = one.tolist(), other.tolist()
+    x, y, z, cosine = b * f - c * e, c * d - a * f, a * e - b * d, a * d + b * e + c * f
+    if 1.0 + cosine < _OPPOSITE:  # any perpendicular axis
+        across = np.cross(one, np.eye(3)[np.argmin(np.abs(one))])
+        return turned_by(across / np.linalg.norm(across) * np.pi)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn: Floats = np.eye(3) + cross + cross @ cross / (1.0 + cosine)  # Rodrigues
+    return turn
+
+
+def _shape_at(discretization: Discretization, strains: Floats, base: Floats) -> Shape:
+    """Return a Shape with these strains, whether in equilibrium or not (a guess)."""
+    gripper = Pose.from_rotation((0.0, 0.0, 0.0), base)
+    system = discretization.system(base)
+    state = configuration_at(system, strains)
+    shape: Shape = shape_of(discretization, gripper,
+                            Minimum(state, np.inf, -np.inf, 0, 0, system))
+    return shape

@@ -1,0 +1,168 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Searches use a quick simulator, whatever the accuracy of the plan.
+
+A refusal then costs the same at any accuracy; only the plan itself has the accuracy of its
+simulator.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.inverse.continuation import Condition, Passing
+from dlo_planner.inverse.equilibria import Crossings
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.continuity import largest_turn
+
+_ROUGH = 2e-3       # of the length: accuracy of a search
+_CHEAP = 130        # nodes: a simulator with more, or with an accuracy, is too slow for a search
+_ELEMENTS = 32      # of a shape on the grid
+_GETS_THERE = 0.05  # of a unit vector: the same shape, as far as the grid can tell
+_ANY = Pose.looking_along((0, 0, 0), (1, 0, 0))
+
+
+def quick_simulator(simulator: DirectSimulator) -> DirectSimulator:
+    """Return a DirectSimulator of the same DLO that is quick, for searches; itself if it is."""
+    around = simulator.surroundings
+    quick = simulator.mesh.s.size <= _CHEAP if simulator.accuracy is None else (
+        simulator.accuracy >= 0.5 * _ROUGH * around.rod.length)
+    if quick:
+        return simulator
+    return DirectSimulator(around.rod, accuracy=_ROUGH * around.rod.length, gravity=around.gravity,
+                           load=around.load, point_loads=around.point_loads)
+
+
+def grid_nodes(simulator: DirectSimulator) -> Floats:
+    """Return nodes (N + 1,) for the grid's shapes, about _ELEMENTS elements."""
+    s = simulator.discretization(_ANY, None).s
+    some: Floats = s[np.unique(np.linspace(0, s.size - 1, min(s.size, _ELEMENTS + 1)).astype(int))]
+    return some
+
+
+def gets_there(simulator: DirectSimulator, gripper: Pose, end: Floats,
+               initial: Shape | None = None) -> bool:
+    """Whether the DLO itself takes the shape whose free end has the frame `end` (3, 3)."""
+    shape = (simulator.solve(gripper) if initial is None
+             else simulator.track([gripper], initial=initial)[0])
+    return bool(shape.converged and np.abs(shape.frames[-1] - end).max() < _GETS_THERE)
+
+
+def thinned(depths: Floats, most: int) -> Floats:
+    """Return depths (n,), or `most` of them if there are more, spread evenly."""
+    if len(depths) <= most:
+        return depths
+    some: Floats = depths[np.unique(np.linspace(0, len(depths) - 1, most).astype(int))]
+    return some
+
+
+_FARTHEST_TURN, _FARTHEST_SHIFT = 0.6, 0.3  # rad, of the length: what the grid cannot tell
+_WEAK, _DEAR = 0.05, 0.1  # stability below which a shape costs more, and how much
+_AHEAD = 0.05             # of the length: how far a route is looked along to smooth its rolls
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A route through K curves.
+
+    Attributes
+    ----------
+    depths : ndarray, shape (K,)
+        Depths in m, ascending or descending.
+    grippers : ndarray, shape (K, 3, 3)
+        Approximate rotations of the gripper.
+    end : ndarray, shape (3, 3)
+        Approximate rotation of the free end at the beginning.
+    length : float
+        Length of the DLO, m.
+    complete : bool
+        Whether it goes through all curves that were given.
+    ahead : float
+        Part of the length over which rolls are smoothed; 0: every roll is followed as it is.
+    """
+
+    depths: Floats
+    grippers: Floats
+    end: Floats
+    length: float
+    complete: bool
+    ahead: float = _AHEAD
+
+    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
+        """Return the roll (rad) to make between two depths, m.
+
+        It leads towards the route a little ahead, so that the grid's roughness averages out.
+        """
+        shape, ahead = passing.shape, self.ahead * self.length
+        goal = self._gripper(target + (ahead if target >= depth else -ahead))
+        away = Rotation.from_matrix(goal @ shape.gripper.rotation.T).as_rotvec()
+        step = abs(target - depth)
+        part = 1.0 if ahead + step == 0 else min(1.0, 2 * step / (ahead + step))
+        most = 0.5 * largest_turn(step / self.length)
+        return float(np.clip(part * (away @ condition.axis(shape)), -most, most))
+
+    def _gripper(self, depth: float) -> Floats:
+        if len(self.depths) == 1:
+            only: Floats = self.grippers[0]
+            return only
+        order = slice(None, None, 1 if self.depths[0] <= self.depths[-1] else -1)
+        depths, turns = self.depths[order], Rotation.from_matrix(self.grippers[order])
+        between: Floats = Slerp(depths, turns)(np.clip(depth, depths[0], depths[-1])).as_matrix()
+        return between
+
+
+def find_route(layers: Sequence[Crossings], depths: Floats, first: Floats,
+               length: float) -> Route | None:
+    """Return the Route of least motion of the gripper, as deep as possible; None if none begins.
+
+    Shapes: first (m,).
+    """
+    costs, origins = sweep(layers, first, length)
+    if not np.isfinite(first).any():
+        return None
+    picks = picked(origins, int(np.argmin(costs[-1])))
+    grippers = np.array([layer.grippers[k] for layer, k in zip(layers, picks, strict=False)])
+    return Route(np.asarray(depths[:len(picks)]), grippers, layers[0].ends[picks[0]], length,
+                 len(picks) == len(layers))
+
+
+def sweep(layers: Sequence[Crossings], first: Floats,
+          length: float) -> tuple[list[Floats], list[Ints]]:
+    """Return costs [(m,)] of the best routes to each crossing, and their origins [(m,)].
+
+    The lists end with the last curve that can be reached: dynamic programming (Bellman 1957).
+    """
+    costs, origins = [first], []
+    for one, other in zip(layers, layers[1:], strict=False):
+        total = costs[-1][:, None] + motion(one, other, length) + _weakness(other)
+        if not len(other) or not np.isfinite(total).any():
+            break
+        origins.append(np.argmin(total, axis=0))
+        costs.append(total.min(axis=0))
+    return costs, origins
+
+
+def picked(origins: list[Ints], last: int) -> list[int]:
+    """Return the indices, one per curve, of the best route that ends at crossing `last`."""
+    picks = [last]
+    for origin in reversed(origins):
+        picks.append(int(origin[picks[-1]]))
+    return picks[::-1]
+
+
+def motion(one: Crossings, other: Crossings, length: float) -> Floats:
+    """Return the cost (m1, m2) of going from each crossing to each other one."""
+    trace = one.grippers.reshape(len(one), 9) @ other.grippers.reshape(len(other), 9).T
+    turn = np.arccos(np.clip(0.5 * (trace - 1), -1, 1))
+    shift = np.linalg.norm(one.places[:, None] - other.places, axis=2) / length
+    far = (turn > _FARTHEST_TURN) | (shift > _FARTHEST_SHIFT)
+    return np.where(far, np.inf, turn**2 + shift**2)
+
+
+def _weakness(crossings: Crossings) -> Floats:
+    return _DEAR * np.clip(1 - crossings.stability / _WEAK, 0, 1) ** 2

@@ -1,3 +1,0 @@
-# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
-# SPDX-License-Identifier: Apache-2.0
-"""How the gripper poses of a task are found."""

@@ -1,0 +1,471 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Checks between the waypoints of a plan, on the path that the gripper really takes.
+
+The gripper is checked everywhere on the path (`Workspace.first_beyond`). The DLO is known at the
+waypoints; in between, its distance from them is bounded. Where the bound is not sufficient, the DLO
+is simulated in the middle, and so on.
+
+The bound. A plan draws the DLO along itself and sideways, so shapes are compared as curves, each
+prolonged straight by as much as its ends have moved: delta is the distance of a point of one
+shape from the other curve, however far it went along. If the DLO went evenly from one curve to the
+other, no point of it would be farther than delta / 2 from the nearer of both. It does not go quite
+evenly: the gripper leaves the straight line by h^2/8 times the path's second derivative, which is
+bounded, and a point that turns about the gripper by an angle goes along an arc of a height of
+lever angle^2/8. The lever is the point's distance from the gripper or, if that is larger, its
+motion per angle between both shapes: a DLO that is softer than stiff answers a turn by more. Then
+the point turns by its motion over its distance, which may be more than the gripper turns, and that
+angle counts. A distance from obstacles changes no more than the place does, so if it exceeds
+delta / 2 and both bulges at each point of both shapes, nothing is touched between. It is assumed,
+not proved, that the DLO responds alike between both ends: a jump is noticed where the DLO is
+simulated, and `plan.continuity` checks the straight motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.energy.gap import node_gap, node_range, stretch, taper
+from dlo_planner.energy.scene import NODE_FACE, Scene, build_scene
+from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.obstacles import Obstacle, Sheet
+from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.rod import Surface
+from dlo_planner.plan.clearance import clearance, hole_clearances, scene_about
+from dlo_planner.plan.path import GripperPath, Leg
+
+if TYPE_CHECKING:
+    from dlo_planner.plan.checks import PlanRequirements
+
+
+SheetSide: TypeAlias = tuple[Sheet, Floats]      # and the normal (3,) from before it to behind it
+Violation: TypeAlias = tuple[str, float, str]    # constraint, by how much, in words
+
+_HALVINGS = 7   # of the way between two waypoints
+_CLOSER = 4     # looks for where the DLO is deepest in something
+_TINY = 1e-12   # of the length: a node in the gripper
+_LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is no continuation
+
+
+@dataclass(frozen=True, eq=False)
+class Broken:
+    """A violation before a waypoint: index of the waypoint, constraint, amount, in words."""
+
+    waypoint: int
+    constraint: str
+    amount: float
+    why: str
+
+
+def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
+                      demands: PlanRequirements,
+                      known: Sequence[float | None] | None = None) -> Broken | None:
+    """Return the first violation between the waypoints of a plan, or None."""
+    outside = None
+    if demands.workspace is not None:
+        beyond = demands.workspace.first_beyond(path)
+        if beyond is not None:
+            outside = Broken(*beyond, 'on the way there the gripper comes '
+                             f'{beyond[2]:.3g} m beyond {beyond[1]}')
+    if demands.simulator is None or not (sheets or demands.obstacles) or any(
+            shape.s[-1] != demands.simulator.rod.length for shape in shapes):
+        return outside
+    return _Sweep(path, sheets, demands).broken(shapes, known, outside) or outside
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A Shape at a parameter of the path, and how much room it has.
+
+    Attributes
+    ----------
+    u : float
+        Parameter.
+    shape : Shape
+    arms : ndarray, shape (N + 1, 3)
+        Vectors in m from the gripper to the nodes.
+    levers : ndarray, shape (N + 1,)
+        Lengths of the arms, m.
+    rooms : ndarray, shape (N,)
+        Lower bounds of the room of each element, m.
+    least : float
+        Least room of all in m, exact.
+    """
+
+    u: float
+    shape: Shape
+    arms: Floats
+    levers: Floats
+    rooms: Floats
+    least: float
+
+
+class _Sweep:
+    """Checks a path, leg by leg, between the waypoints."""
+
+    def __init__(self, path: GripperPath, sheets: Sequence[SheetSide],
+                 demands: PlanRequirements) -> None:
+        self._path, self._sheets, self._demands = path, sheets, demands
+        around = [sheet for sheet, _ in sheets]
+        self._others = [obstacle for obstacle in demands.obstacles
+                        if not any(obstacle is sheet for sheet in around)]
+        self._bodies = [*around, *self._others]
+        self._scene = build_scene(self._bodies, demands.surface, sharp=True)
+
+    def broken(self, shapes: Sequence[Shape], known: Sequence[float | None] | None,
+               outside: Broken | None) -> Broken | None:
+        """Return the first Broken before n Shapes, earlier than `outside`."""
+        known = [None] * len(shapes) if known is None else known
+        for leg in self._path.legs:
+            if leg.still:
+                continue
+            before, pieces = None, leg.pieces()
+            for a, b, bends in zip(*pieces, leg.bounds(*pieces)[:, :, 1], strict=True):
+                goal = self._path.goal(b)
+                if outside is not None and goal > outside.waypoint:
+                    return None
+                self._demands.progress.check()
+                if before is None:
+                    start = np.searchsorted(self._path.times, a, side='right') - 1
+                    before = self._look(a, shapes[start], known[start])
+                after = self._look(b, shapes[goal], known[goal])
+                what = self._between(leg, before, after, bends, _HALVINGS)
+                if what is not None:
+                    return Broken(goal, *what)
+                before = after
+        return None
+
+    def _look(self, u: float, shape: Shape, known: float | None = None) -> _Look:
+        rooms = [hole_clearances(*sheet, self._demands.surface, shape).min()
+                 for sheet in self._sheets] if known is None else [known]
+        if self._others:
+            rooms.append(clearance(self._others, self._demands.surface, shape))
+        least = float(min(rooms))
+        arms = shape.positions - shape.gripper.position
+        scene, surface = self._scene, self._demands.surface
+        if surface.rod is not None:  # on each mesh another one
+            scene = build_scene(self._bodies, surface, shape.s, sharp=True)
+        return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)), element_rooms(
+            scene, *shape.for_kernels, least), least)
+
+    def _between(self, leg: Leg, one: _Look, other: _Look, bends: Floats,
+                 halvings: int) -> Violation | None:
+        """Return constraint, amount and words of a violation between two Looks, or None.
+
+        Shapes: bends (2,).
+        """
+        short, far = _short(one, other, bends)
+        if short <= 0:
+            return None
+        if not halvings:
+            if far:
+                return 'continuity', far, (f'on the way there the DLO goes {far:.3g} m to where '
+                                           'the gripper does not bring it')
+            return 'clearance', short, (f'on the way there {short:.3g} m are missing to show that '
+                                        'the DLO touches nothing; closer waypoints may help')
+        middle, jumped = self._middle(leg, one, other)
+        if middle is None:
+            return jumped
+        if middle.least < 0:
+            deepest = self._deepest(leg, one, middle, other)
+            return 'clearance', deepest, (f'on the way there the DLO is {deepest:.3g} m in the '
+                                          'sheet or an obstacle')
+        return (self._between(leg, one, middle, bends, halvings - 1)
+                or self._between(leg, middle, other, bends, halvings - 1))
+
+    def _middle(self, leg: Leg, one: _Look, other: _Look) -> tuple[_Look | None, Violation | None]:
+        """Return the Look half way between two and None, or None and the violation by a jump."""
+        assert self._demands.simulator is not None  # else nothing is checked between waypoints
+        u = 0.5 * (one.u + other.u)
+        (position,), (rotation,) = leg.poses(np.array([u]))
+        shape = self._demands.simulator.track([Pose.from_rotation(position, rotation)],
+                                              initial=one.shape)[0]
+        if shape.converged and not shape.jumped:
+            return self._look(u, shape), None
+        away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))
+        return None, ('continuity', away, 'on the way there the DLO falls into another shape: its '
+                      f'free end comes {away:.3g} m away')
+
+    def _deepest(self, leg: Leg, before: _Look, deep: _Look, after: _Look) -> float:
+        """Return how deep (m) the DLO is in something near a Look where it is, at the worst."""
+        for _ in range(_CLOSER):
+            looks = [look for look in (before, self._middle(leg, before, deep)[0], deep,
+                                       self._middle(leg, deep, after)[0], after)
+                     if look is not None]
+            k = min(range(1, len(looks) - 1), key=lambda k: looks[k].least)
+            before, deep, after = looks[k - 1:k + 2]
+        return -deep.least
+
+
+def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
+    """Return by how much (m) room is missing to prove that nothing is touched between two Looks.
+
+    Also how far (m) the DLO moves, if that is more than a turn of the gripper can cause, or 0.
+    """
+    shift, bend = 0.125 * (other.u - one.u) ** 2 * bends
+    turn = angle_between(one.shape.gripper.rotation, other.shape.gripper.rotation)
+    length = one.shape.s[-1]
+    motion = np.zeros(1)  # seen from the gripper
+    if len(one.arms) == len(other.arms):
+        motion = np.sqrt(((other.arms - one.arms) ** 2).sum(axis=1))
+    moved = float(motion.max())
+    lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
+    short = -np.inf
+    for this, that in ((one, other), (other, one)):
+        angles = np.maximum(turn, motion / np.maximum(this.levers, _TINY * length))
+        away = (0.5 * curve_distances(this.shape, that.shape) + shift
+                + np.maximum(this.levers, lever) * bend + this.levers * angles**2 / 8)
+        short = max(short, float((np.maximum(away[1:], away[:-1]) - this.rooms).max()))
+    return short, moved if moved > _LEAP * length * turn else 0.0
+
+
+def curve_distances(this: Shape, that: Shape) -> Floats:
+    """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
+    ends = this.positions[[0, -1]] - that.positions[[0, -1]]
+    reach = float(np.sqrt((ends**2).sum(axis=1).max()))
+    result: Floats = _distances(np.array(this.s), this.for_kernels[3], np.array(that.s),
+                                *that.for_kernels[1:], reach)
+    return result
+
+
+@kernel
+def element_rooms(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
+                  positions: Floats, least: float) -> Floats:
+    """Return (N,) a lower bound in m of the room of each element, none below the `least` of all."""
+    x, slope, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    rooms = np.full(lengths.size, np.inf)
+    for o in range(scene.kind.size):
+        if scene.feature[o] == NODE_FACE:
+            continue
+        last = 0.0
+        begin, end = node_range(scene, o, lengths.size)
+        for k in range(begin, end + 1):
+            gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
+            if k > begin:
+                e = k - 1
+                reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
+                rooms[e] = min(rooms[e], 0.5 * (gap + last - reach))
+            last = gap
+    return np.maximum(rooms, least)  # type: ignore[no-any-return]
+
+
+@kernel
+def _distances(at: Floats, points: Floats, s: Floats, strains: Floats, rotations: Floats,
+               positions: Floats, reach: float) -> Floats:
+    """Return distances (n,) in m, none too small, of points from a DLO prolonged by `reach`.
+
+    The nearest place is sought on the chords of the elements whose arc length is within twice
+    `reach` of the point's own, the distance is from the arc there.
+
+    Args:
+        at: (n,) arc lengths of the points, m; points: (n, 3) m
+        s: (N + 1,) of the DLO's nodes, m; reach: m
+    """
+    n = s.size - 1
+    lengths = np.diff(s)
+    out = np.empty(points.shape[0])
+    frame, x = np.empty((3, 3)), np.empty(3)
+    first = 0
+    for k in range(points.shape[0]):
+        while first < n - 1 and s[first + 1] < at[k] - 2.0 * reach:
+            first += 1
+        nearest, element, share = np.inf, first, 0.0
+        for e in range(first, n):
+            if s[e] > at[k] + 2.0 * reach and e > first:
+                break
+            along = square = size = 0.0
+            for i in range(3):
+                way = positions[e + 1, i] - positions[e, i]
+                away = points[k, i] - positions[e, i]
+                along += way * away
+                square += away * away
+                size += way * way
+            part = min(max(along / size, 0.0), 1.0)
+            square += part * (part * size - 2.0 * along)
+            if square < nearest:
+                nearest, element, share = square, e, part
+        point_inside(lengths, strains, rotations, positions, element, share, frame, x)
+        square = 0.0
+        for i in range(3):
+            square += (points[k, i] - x[i]) ** 2
+        for end, sign in ((0, -1.0), (n, 1.0)):
+            square = min(square, _from_ray(points[k], positions[end], rotations[end], sign, reach))
+        out[k] = np.sqrt(square)
+    return out
+
+
+@kernel
+def _from_ray(point: Floats, end: Floats, rotation: Floats, sign: float, reach: float) -> float:
+    """Return the squared distance of a point from where an end is prolonged to by `reach`."""
+    along = away = 0.0
+    for i in range(3):
+        along += sign * rotation[i, 0] * (point[i] - end[i])
+    along = min(max(along, 0.0), reach)
+    for i in range(3):
+        away += (point[i] - end[i] - sign * along * rotation[i, 0]) ** 2
+    return away
+
+
+_INTERVAL_HALVINGS = 10   # of an interval between two instants
+_SURE = 2.0     # times what the error of a cubic seems to be
+
+
+class Nearness:
+    """The distance of a DLO's surface from bodies.
+
+    Parameters
+    ----------
+    sheets : iterable of SheetSide
+        (Sheet, normal (3,)) around cut-outs.
+    obstacles : iterable of obstacle
+    surface : Surface
+        Surface of the DLO.
+    check : callable, optional
+        Called between the steps of a long computation; it may raise.
+    """
+
+    def __init__(self, sheets: Iterable[SheetSide], obstacles: Iterable[Obstacle],
+                 surface: Surface, check: Callable[[], None] = lambda: None) -> None:
+        self._sheets, self._surface, self._check = tuple(sheets), surface, check
+        around = [sheet for sheet, _ in self._sheets]
+        self._others = [one for one in obstacles if not any(one is sheet for sheet in around)]
+        self._bodies = [*around, *self._others]
+        self._scenes: dict[bytes, tuple[Scene, list[Scene]]] = {}  # of all, and about each sheet
+
+    def __bool__(self) -> bool:
+        return bool(self._bodies)
+
+    def exact(self, shape: Shape) -> float:
+        """Return the smallest distance of a Shape in m, negative inside; inf without a body."""
+        self._check()
+        rooms = [float(hole_clearances(*sheet, self._surface, shape, scene).min())
+                 for sheet, scene in zip(self._sheets, self._known(shape)[1], strict=True)]
+        if self._others:
+            rooms.append(clearance(self._others, self._surface, shape))
+        return min(rooms, default=np.inf)
+
+    def rooms(self, shape: Shape, least: float = -np.inf) -> Floats:
+        """Return (N,) a lower bound in m of the distance of each element, none below `least`."""
+        result: Floats = element_rooms(self._known(shape)[0], *shape.for_kernels, least)
+        return result
+
+    def _known(self, shape: Shape) -> tuple[Scene, list[Scene]]:
+        """Return the Scene of all bodies, and those about each sheet; made once for all shapes."""
+        key = shape.s.tobytes() if self._surface.rod is not None else b''
+        if key not in self._scenes:
+            self._scenes[key] = (
+                build_scene(self._bodies, self._surface, shape.s, sharp=True),
+                [scene_about(sheet, self._surface, shape.s) for sheet, _ in self._sheets])
+        return self._scenes[key]
+
+    def least(self, shapes: Sequence[Shape]) -> float:
+        """Return the smallest distance of all Shapes in m; nan without a body or a shape."""
+        if not (self and len(shapes)):
+            return np.nan
+        bounds = np.array([self.rooms(shape).min() for shape in shapes])
+        best = np.inf
+        for k in np.argsort(bounds):
+            if bounds[k] >= best:
+                break
+            best = min(best, self.exact(shapes[k]))
+        return best
+
+    def least_between(self, shapes: Sequence[Shape], velocities: Floats, dt: float) -> float:
+        """Return a lower bound of the distance at and between the instants of a motion, m.
+
+        It is the smallest distance at all shapes that are looked at where they are shown to be
+        clear of the bodies in between; else it is not above 0, or at most what was found between.
+
+        Shapes: velocities (n, N + 1, 3).
+        """
+        best = self.least(shapes)
+        if not self or len(shapes) < 2 or best <= 0:
+            return best
+        cubics = _Cubics(shapes, velocities, dt)
+        bounds = np.array([self.rooms(shape) for shape in shapes])
+        ways = cubics.ways
+        short = np.maximum(ways[:, 1:], ways[:, :-1]) - np.minimum(bounds[1:], bounds[:-1])
+        known: dict[int, float] = {}
+        for k in map(int, np.flatnonzero(short.max(axis=1) > 0)):
+            for at in (k, k + 1):
+                if at not in known:
+                    known[at] = self.exact(shapes[at])
+            ends = ((0.0, shapes[k], known[k]), (1.0, shapes[k + 1], known[k + 1]))
+            best = min(best, self._inside(cubics, k, *ends, _INTERVAL_HALVINGS))
+            if best <= 0:
+                break
+        return best
+
+    def _inside(self, cubics: _Cubics, k: int, one: _InstantLook, other: _InstantLook,
+                halvings: int) -> float:
+        """Return a lower bound of the distance between two looks in the interval k, inf if clear.
+
+        That is: not above 0, or the distances that were found between.
+        """
+        bulges = cubics.bulges(k, other[0] - one[0])
+        short = -np.inf
+        for (_, this, least), (_, that, _) in ((one, other), (other, one)):
+            away = 0.5 * curve_distances(this, that) + bulges
+            short = max(short, float((np.maximum(away[1:], away[:-1])
+                                      - self.rooms(this, least)).max()))
+        if short < 0:
+            return np.inf
+        if not halvings:
+            return -short
+        share = 0.5 * (one[0] + other[0])
+        shape = cubics.shape(k, share)
+        middle = share, shape, self.exact(shape)
+        if middle[2] <= 0:
+            return middle[2]
+        return min(middle[2], self._inside(cubics, k, one, middle, halvings - 1),
+                   self._inside(cubics, k, middle, other, halvings - 1))
+
+
+_InstantLook = tuple[float, Shape, float]  # part of an interval, Shape there, its distance in m
+
+
+class _Cubics:
+    """The cubic polynomials of time along which the nodes of n Shapes go, every `dt` seconds one.
+
+    `ways` (n - 1, N + 1): how far a node may be from where it is at the nearer instant, m.
+    """
+
+    def __init__(self, shapes: Sequence[Shape], velocities: Floats, dt: float) -> None:
+        self._shapes, self._velocities, self._dt = shapes, np.asarray(velocities), dt
+        x, v = np.array([shape.positions for shape in shapes]), self._velocities
+        moved = np.diff(x, axis=0)
+        ends = np.stack([6 * moved / dt - 4 * v[:-1] - 2 * v[1:],
+                         -6 * moved / dt + 2 * v[:-1] + 4 * v[1:]]) / dt
+        self._accelerations = np.linalg.norm(ends, axis=3).max(axis=0)
+        errors = np.zeros(len(x))
+        if len(x) > 2:
+            off = 0.5 * (x[2:] + x[:-2]) + 0.25 * dt * (v[:-2] - v[2:]) - x[1:-1]
+            errors[1:-1] = _SURE / 16 * np.linalg.norm(off, axis=2).max(axis=1)
+            errors[0], errors[-1] = errors[1], errors[-2]
+        self._errors = np.maximum(errors[1:], errors[:-1])
+        self.ways: Floats = (0.5 * np.linalg.norm(moved, axis=2)
+                             + dt * dt / 8 * self._accelerations + self._errors[:, None])
+
+    def bulges(self, k: int, part: float) -> Floats:
+        """Return (N + 1,) by how much nodes leave an even way in a part of the interval k, m."""
+        result: Floats = (part * self._dt) ** 2 / 8 * self._accelerations[k] + self._errors[k]
+        return result
+
+    def shape(self, k: int, t: float) -> Shape:
+        """Return the Shape at a part t of the interval k."""
+        one, other, h = self._shapes[k], self._shapes[k + 1], self._dt
+        positions = ((1 + 2 * t) * (1 - t) ** 2 * one.positions + t * t * (3 - 2 * t)
+                     * other.positions + h * t * (1 - t) * (
+                         (1 - t) * self._velocities[k] - t * self._velocities[k + 1]))
+        turns = Rotation.from_matrix(other.frames @ np.swapaxes(one.frames, 1, 2)).as_rotvec()
+        frames = Rotation.from_rotvec(t * turns).as_matrix() @ one.frames
+        strains = (1 - t) * one.element_strains + t * other.element_strains
+        return replace(one, positions=positions, frames=frames, element_strains=strains)

@@ -1,0 +1,345 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the values of parameters describe, and what a fit or an estimate changes in them."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import fields
+from math import isnan
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.grasp import GraspedInside
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import InvalidTask
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.fitting import Fit
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import choice, vector
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod, Surface, with_plug
+from dlo_planner.model.supports import PointLoad
+from dlo_planner.model.varying import Expanded
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.plan.workspace import Workspace
+from dlo_planner.settings.parameters import ENTRIES, unknown_parameter
+from dlo_planner.verify.uncertainty import Uncertainty
+
+# What describes a DLO of each section; none of it has a default that could be meant.
+_SOLID = ('density', 'youngs_modulus', 'poisson_ratio')
+NEEDED = {
+    'round': ('length', 'diameter', *_SOLID),
+    'tube': ('length', 'diameter', 'inner_diameter', *_SOLID),
+    'rectangular': ('length', 'width', 'thickness', *_SOLID),
+    'stiffness': ('length', 'diameter', 'mass_per_length', 'bending_stiffness',
+                  'torsional_stiffness')}
+SECTIONS = tuple(NEEDED)
+_BY_SECTION = {'yield_stress': ('round', 'tube', 'rectangular'),
+               'yield_curvature': ('stiffness',), 'yield_torsion': ('stiffness',)}
+_THICK = 0.1           # of the length: the model leaves out shear
+_LIMP = 1e6            # w L^3 / EI: of what bends so easily
+_LIGHT = 10.0          # kg/m^3
+_FINEST = 1e-6         # accuracy, of the length: a shape takes less than a second
+_MOST_TOLERANCE = 1.0  # m
+_MOST_GRAVITY = 1e4    # m/s^2
+
+Values = Mapping[str, Any]  # of all names in ENTRIES
+
+
+def check_described(given: Iterable[str], section: str) -> None:
+    """Refuse a DLO that is described in part: no other DLO's numbers stand in for its own."""
+    given = set(given)
+    for name in sorted(given):
+        if name.startswith('rod.') and name not in ENTRIES:
+            raise InvalidTask(unknown_parameter(name, ENTRIES))
+    absent = [f'rod.{name}' for name in NEEDED[choice('parameter rod.section', section, SECTIONS)]
+              if f'rod.{name}' not in given]
+    if absent:
+        raise InvalidTask(f'parameter {", ".join(absent)}: expected, a DLO of rod.section '
+                          f'{section!r} is not described without (config/ has files of some)')
+
+
+def without_effect(section: str) -> set[str]:
+    """Return the names of the parameters that say nothing of a DLO of this section."""
+    others = {name for names in NEEDED.values() for name in names} - set(NEEDED[section])
+    others |= {name for name, sections in _BY_SECTION.items() if section not in sections}
+    return {f'rod.{name}' for name in others}
+
+
+def idle_warnings(given: Iterable[str], section: str) -> list[str]:
+    """Return a warning of each parameter that was given and has no effect on this section."""
+    return [f'parameter {name} has no effect where rod.section is {section}'
+            for name in sorted(without_effect(section) & set(given))]
+
+
+def doubts(rod: Rod, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> list[str]:
+    """Return what of a Rod is probably not meant, or beyond the model, as warnings."""
+    middle = [0.5 * rod.length]
+    thickness = 2 * Surface.of(rod).radius
+    weight = float(rod.masses_per_length(middle)[0] * np.linalg.norm(gravity))
+    limpness = weight * rod.length**3 / rod.stiffnesses(middle)[0, 1:].min()
+    density = 0.0 if rod.section is None else rod.masses_per_length(middle)[0] / rod.section.area
+    found = []
+    if thickness > _THICK * rod.length:
+        found.append(f'{thickness:g} m thick, {rod.length:g} m long: the model, which leaves out '
+                     'shear, is for what is ten times as long as thick')
+    if limpness > _LIMP:
+        found.append(f'w L^3 / EI = {limpness:.3g}: it hangs like a chain; is its stiffness in Pa '
+                     'or N m^2?')
+    if 0 < density < _LIGHT:
+        found.append(f'density {density:.3g} kg/m^3: lighter than any solid; is it in kg/m^3?')
+    return [f'rod: {one}' for one in found]
+
+
+def direct_of(values: Values, obstacles: Iterable[Any] = ()) -> DirectSimulator:
+    """Return the DirectSimulator that parameter values describe."""
+    if values['rod.grasped_at']:
+        raise InvalidTask(f'parameter rod.grasped_at = {values["rod.grasped_at"]:g}: expected 0 '
+                          'here: only the node predicts shapes of a DLO that is grasped inside')
+    rod, options = _described(values)
+    return DirectSimulator(rod, obstacles=obstacles, **options)
+
+
+def grasped_of(values: Values, obstacles: Iterable[Any] = ()) -> GraspedInside:
+    """Return the GraspedInside of values with rod.grasped_at, as `direct_of` does without."""
+    rod, options = _described(values)
+    return GraspedInside(rod, values['rod.grasped_at'], obstacles=obstacles, **options)
+
+
+def _described(values: Values) -> tuple[Rod, dict[str, Any]]:
+    """Return the Rod, and the options of its simulator but the obstacles."""
+    rod = rod_of(values)
+    _judge(values)
+    options: dict[str, Any] = {'accuracy': values['simulator.accuracy']}
+    if not options['accuracy']:
+        options = {'n_elements': values['simulator.n_elements']}
+        if values['simulator.basis'] != 'local':
+            options['n_terms'] = values['simulator.n_terms']
+    loads = [PointLoad(force, s=s) for s, *force in _rows(values, 'rod.point_loads', 4)]
+    return rod, {'basis': values['simulator.basis'], 'gravity': values['gravity'],
+                 'point_loads': loads, **options}
+
+
+def inverse_of(values: Values, direct: DirectSimulator,
+               keep_out: Iterable[Any] = ()) -> InverseSimulator:
+    """Return the InverseSimulator of a DirectSimulator, with the workspace of the values.
+
+    The gripper keeps out of its obstacles, and of those of `keep_out`.
+    """
+    workspace = Workspace(values['workspace.lower'], values['workspace.upper'],
+                          (*direct.obstacles, *keep_out), values['workspace.gripper_radius'])
+    return InverseSimulator(direct, workspace=workspace,
+                            allow_plastic=values['threading.may_yield'])
+
+
+def limits_of(values: Values) -> Limits:
+    """Return the Limits of the gripper's motion."""
+    return Limits(**{item.name: values[f'threading.{item.name}'] for item in fields(Limits)})
+
+
+def spread_of(values: Values) -> Uncertainty:
+    """Return the Uncertainty of what is uncertain."""
+    return Uncertainty(**{item.name: values[f'spread.{item.name}'] for item in fields(Uncertainty)})
+
+
+def tolerance_of(values: Values) -> float | None:
+    """Return the tolerance in motion, m; None, which means the default, for 0 and nan."""
+    value = values['threading.tolerance']
+    if isnan(value) or value == 0:
+        return None
+    if not 0 < value <= _MOST_TOLERANCE:
+        raise InvalidTask(f'parameter threading.tolerance = {value!r}: expected more than 0 and at '
+                          f'most {_MOST_TOLERANCE:g} m; 0 or nan for the default')
+    result: float | None = value
+    return result
+
+
+def _judge(values: Values) -> None:
+    """Refuse sizes that no DLO in a cell has; what else makes no sense the library refuses."""
+    accuracy, finest = values['simulator.accuracy'], _FINEST * values['rod.length']
+    if 0 < accuracy < finest:
+        raise InvalidTask(f'parameter simulator.accuracy = {accuracy:g}: expected at least '
+                          f'{finest:g} m, 1e-6 of the length; 0 for n_elements and n_terms')
+    bounded('gravity', values['gravity'], _MOST_GRAVITY, 'm/s^2')
+
+
+def bounded(name: str, value: Sequence[float], most: float, unit: str) -> None:
+    """Raise InvalidTask if a vector is longer than `most`."""
+    if not np.linalg.norm(np.nan_to_num(value, nan=0.0)) <= most:
+        raise InvalidTask(f'parameter {name} = {list(value)}: expected a length of at most '
+                          f'{most:g} {unit}')
+
+
+def rod_of(values: Values) -> Rod:
+    """Return the Rod, with its plug."""
+    rod, plug = _bare_rod(values), {name: values[f'rod.plug.{name}'] for name in (
+        'length', 'mass', 'radius')}
+    if plug['length']:
+        return with_plug(rod, plug['length'], plug['mass'], radius=plug['radius'] or None)
+    if any(plug.values()):
+        raise InvalidTask(f'parameter rod.plug.length = 0: expected more, of a plug with mass = '
+                          f'{plug["mass"]:g} kg and radius = {plug["radius"]:g} m')
+    return rod
+
+
+def _bare_rod(values: Values) -> Rod:
+    section = values['rod.section']
+    if len(values['rod.damping']) != 2:
+        raise InvalidTask(f'parameter rod.damping = {values["rod.damping"]}: expected two numbers, '
+                          '1/s times mass and s times stiffness')
+    more: dict[str, Any] = {name: values[f'rod.{name}'] for name in (
+        'natural_twist', 'tip_mass', 'damping', 'hardening')}
+    more['natural_curvature'] = _natural_curvature(values)
+    more['point_masses'] = tuple(map(tuple, _rows(values, 'rod.point_masses', 2)))
+    more['section_model'] = values['rod.section_model'] or None
+    more['max_bend_curvature'] = values['rod.max_bend_curvature'] or None
+    material = {name: values[f'rod.{name}'] for name in (
+        'density', 'youngs_modulus', 'poisson_ratio')}
+    material['yield_stress'] = values['rod.yield_stress'] or None
+    length, diameter = values['rod.length'], values['rod.diameter']
+    if section == 'round':
+        return Rod.circular(length, diameter, **material, **more)
+    if section == 'tube':
+        return Rod.tube(length, diameter, values['rod.inner_diameter'], **material, **more)
+    if section == 'rectangular':
+        return Rod.rectangular(length, values['rod.width'], values['rod.thickness'], **material,
+                               **more)
+    if section == 'stiffness':
+        return Rod(length, values['rod.mass_per_length'], tuple(values['rod.bending_stiffness']),
+                   values['rod.torsional_stiffness'], radius=diameter / 2,
+                   yield_curvature=_limits(values['rod.yield_curvature']),
+                   yield_torsion=values['rod.yield_torsion'] or None, **more)
+    raise InvalidTask(f'parameter rod.section = {section!r}: expected one of '
+                      f'{", ".join(SECTIONS)}')
+
+
+def _rows(values: Values, name: str, width: int) -> list[list[float]]:
+    """Return the rows that a parameter lists one after the other.
+
+    Each begins with a place; a row with nothing but 0 behind it says nothing, and is left out.
+    """
+    listed = values[name]
+    if len(listed) % width or not np.isfinite(listed).all():
+        raise InvalidTask(f'parameter {name} = {listed!r}: expected finite numbers, {width} by '
+                          f'{width}')
+    return [row for row in np.reshape(listed, (-1, width)).tolist() if any(row[1:])]
+
+
+def _natural_curvature(values: Values) -> Expanded | list[float]:
+    """Return the pair, or the function of s where it varies."""
+    even, terms = values['rod.natural_curvature'], values['rod.natural_curvature_terms']
+    if len(terms) % 2 or not np.isfinite(terms).all():
+        raise InvalidTask(f'parameter rod.natural_curvature_terms = {terms!r}: expected pairs of '
+                          'finite numbers')
+    if not any(terms):
+        result: Expanded | list[float] = even
+        return result
+    rows = np.vstack([np.zeros(2), np.reshape(terms, (-1, 2))])
+    return Expanded(tuple(vector('rod.natural_curvature', even, 2)), rows, values['rod.length'])
+
+
+def _limits(curvatures: Sequence[float]) -> tuple[float, float] | None:
+    """Return the pair for `Rod.yield_curvature`; None if both are 0, which means never."""
+    about_n, about_b = vector('parameter rod.yield_curvature', curvatures, 2).tolist()
+    return (about_n or 1e12, about_b or 1e12) if any(curvatures) else None
+
+
+_ALIKE = ('natural_curvature', 'natural_twist', 'tip_mass', 'damping')  # parameters as they are
+_POISSON = (-0.99, 0.5)
+NAMES = ('bending_stiffness', 'torsional_stiffness', 'mass_per_length', *_ALIKE)
+
+
+def parameters_of_fit(fit: Fit, values: Mapping[str, Any]) -> dict[str, object]:
+    """Return the parameters (name -> value) that change by a Fit.
+
+    Stiffness and mass of a DLO with a section become its Young's modulus, Poisson's ratio and
+    density; where no Poisson's ratio gives that torsion, the section becomes 'stiffness'.
+    """
+    for name, value in fit.values.items():
+        if name not in NAMES or np.ndim(value) > 1:
+            raise InvalidTask(f'fit.values[{name!r}]: expected one of {", ".join(NAMES)}, constant '
+                              'along the DLO')
+    out = {f'rod.{name}': _plain(fit.values[name]) for name in _ALIKE if name in fit.values}
+    changed = {'bending_stiffness', 'torsional_stiffness', 'mass_per_length'} & fit.values.keys()
+    if not changed:
+        return out
+    if values['rod.section'] == 'stiffness':
+        return out | _by_stiffness(fit.rod, changed)
+    bend, twist, mass = _ratios(fit, values)
+    poisson = (1 + values['rod.poisson_ratio']) * bend / twist - 1
+    if not _POISSON[0] <= poisson <= _POISSON[1]:
+        every = {'bending_stiffness', 'torsional_stiffness', 'mass_per_length'}
+        return {'rod.section': 'stiffness'} | _by_stiffness(fit.rod, every) | out
+    return out | {'rod.youngs_modulus': values['rod.youngs_modulus'] * bend,
+                  'rod.poisson_ratio': float(poisson),
+                  'rod.density': values['rod.density'] * mass}
+
+
+def _ratios(fit: Fit, values: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return by which bending stiffness, torsional stiffness and mass have grown."""
+    before, after, middle = rod_of(values), fit.rod, [0.5 * values['rod.length']]
+    (twist, bend, _), = after.stiffnesses(middle) / before.stiffnesses(middle)
+    mass, = after.masses_per_length(middle) / before.masses_per_length(middle)
+    return float(bend), float(twist), float(mass)
+
+
+def _by_stiffness(rod: Rod, names: Collection[str]) -> dict[str, object]:
+    (twist, *bend), = rod.stiffnesses([0.5 * rod.length])
+    mass, = rod.masses_per_length([0.5 * rod.length])
+    known = {'bending_stiffness': [float(one) for one in bend], 'torsional_stiffness': float(twist),
+             'mass_per_length': float(mass)}
+    return {f'rod.{name}': known[name] for name in known if name in names}
+
+
+def _plain(value: ArrayLike) -> object:
+    return np.asarray(value, dtype=float).tolist()
+
+
+_SECTIONS = 'youngs_modulus', 'density'
+_STIFFNESSES = 'bending_stiffness', 'mass_per_length'
+
+
+def parameters_of_estimate(estimate: Estimate, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters (name -> value) that change by an Estimate.
+
+    Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
+    """
+    uncertain, z = estimate.uncertain, estimate.mean
+    (twist, bend, _), mass = uncertain.factors(z)
+    terms = uncertain.terms(z)
+    sized = values['rod.section'] != 'stiffness'
+    stiffness, weight = (f'rod.{name}' for name in (_SECTIONS if sized else _STIFFNESSES))
+    out = {stiffness: _times(values[stiffness], bend), weight: _times(values[weight], mass),
+           'rod.tip_mass': values['rod.tip_mass'] * mass,
+           'rod.plug.mass': values['rod.plug.mass'] * mass,
+           'rod.point_masses': [value * (mass if k % 2 else 1.0)
+                                for k, value in enumerate(values['rod.point_masses'])],
+           'rod.length': float(values['rod.length'] + uncertain.part(z, 'length', 1)[0]),
+           'rod.natural_curvature': (np.array(values['rod.natural_curvature'])
+                                     + terms[0]).tolist(),
+           'rod.natural_curvature_terms': _sum(values['rod.natural_curvature_terms'], terms[1:])}
+    if sized:
+        ratio = (1 + values['rod.poisson_ratio']) * bend / twist - 1
+        out['rod.poisson_ratio'] = float(min(ratio, _POISSON[1]))
+    else:
+        out['rod.torsional_stiffness'] = float(values['rod.torsional_stiffness'] * twist)
+    tool = Pose(values['tool.position'], values['tool.orientation']).compose(
+        estimate.gripper_offset)
+    return out | {'tool.position': tool.position.tolist(),
+                  'tool.orientation': tool.quaternion.tolist()}
+
+
+def _times(value: Any, factor: float) -> Any:
+    return [float(factor * part) for part in value] if isinstance(value, list) else float(
+        factor * value)
+
+
+def _sum(known: Sequence[float], terms: Floats) -> list[float]:
+    """Return the sum of pairs that follow each other and of rows (n, 2), as pairs in a row."""
+    pairs = np.asarray(known, dtype=float).reshape(-1, 2)
+    out = np.zeros((max(len(pairs), len(terms)), 2))
+    out[:len(pairs)] += pairs
+    out[:len(terms)] += terms
+    return out.ravel().tolist()

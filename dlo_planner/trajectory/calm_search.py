@@ -1,0 +1,401 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The search for a motion in which a plan's DLO stays calm: laws from its modes, then simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dlo_planner.blas import one_thread
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.rod import Surface
+from dlo_planner.model.varying import scaled
+from dlo_planner.plan.path import GripperPath, Leg, held_after
+from dlo_planner.plan.plan import Plan, arc_length_at, means_to_touch
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.progress import Progress
+from dlo_planner.trajectory.dynamic_check import (
+    InMotion,
+    in_motion,
+    least_clearance,
+    step_error,
+    unplanned,
+)
+from dlo_planner.trajectory.modal_response import Response
+from dlo_planner.trajectory.shaping import LegTask, calm_law, margin, predicted
+from dlo_planner.trajectory.time_law import TimeLaw
+from dlo_planner.trajectory.timed_path import TimedPath
+
+_ELEMENTS = 32   # of the DLO whose modes are looked at
+_WRONG = (0.9, 1.1)  # factors of the stiffness with which a DLO is calm, too
+
+
+def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits: Limits,
+              first: Shape, check: Callable[[], None]) -> list[LegTask | None]:
+    """Return a LegTask for each leg of a path; None for a dwell, or where modes are not known."""
+    quick, bore = _quick(simulator), held_after(plan)
+    wrong = [_Wrong(quick, factor) for factor in _WRONG]
+    shape: Shape | None = None
+    tasks: list[LegTask | None] = []
+    for leg in path.legs:
+        check()
+        # what a bore holds vibrates quickly outside, and little
+        if leg.still or bore is not None and leg.knots[-1] > plan.times[bore]:
+            tasks.append(None)
+            continue
+        try:
+            shape = shape or quick.solve(first.gripper, first)
+            response = Response.of(quick, leg, shape, check=check)
+        except InvalidTask:  # a shape without modes: neutral, or in contact with friction
+            return [None] * len(path.legs)
+        shape = response.shapes[-1]
+        tasks.append(LegTask(leg, response, limits, holes_passed(plan, response.parameters),
+                             leg is path.legs[-1],
+                             tuple(one.on(response, leg, check) for one in wrong)))
+    return tasks
+
+
+@dataclass
+class _Wrong:
+    """A DLO whose stiffness is wrong, leg by leg.
+
+    Parameters
+    ----------
+    quick : DirectSimulator
+        DirectSimulator of the DLO as it is given.
+    factor : float
+        Factor of its stiffness.
+    """
+
+    quick: DirectSimulator
+    factor: float
+
+    def __post_init__(self) -> None:
+        rod = self.quick.rod
+        self._simulator = self.quick.with_rod(replace(
+            rod, bending_stiffness=scaled(rod.bending_stiffness, self.factor),
+            torsional_stiffness=scaled(rod.torsional_stiffness, self.factor)))
+        self._shape: Shape | None = None
+
+    def on(self, response: Response, leg: Leg, check: Callable[[], None]) -> Response:
+        """Return the Response on a leg, where that of the DLO as it is given is `response`.
+
+        Where such a DLO falls or has no modes, the same with other frequencies.
+        """
+        begin = response.shapes[0]
+        try:
+            if self._shape is None:
+                self._shape = self._simulator.solve(begin.gripper, begin)
+            wrong = Response.of(self._simulator, leg, self._shape, response.parameters,
+                                check)
+            if all(shape.converged and not shape.jumped for shape in wrong.shapes):
+                self._shape = wrong.shapes[-1]
+                return wrong
+        except InvalidTask:
+            pass
+        self._shape = None
+        return response.faster(np.sqrt(self.factor))
+
+
+def _quick(simulator: DirectSimulator) -> DirectSimulator:
+    """Return a DirectSimulator of the same DLO on a fixed, coarse mesh, for its modes."""
+    around = simulator.surroundings
+    return DirectSimulator(around.rod, n_elements=_ELEMENTS, basis='local', gravity=around.gravity,
+                           load=around.load, point_loads=around.point_loads,
+                           obstacles=around.obstacles)
+
+
+ROOM = 0.25         # part of the room in a hole that the default tolerance is
+_SLOWEST = 16.0     # times as long as the limits ask for: slower is no motion any more
+_ROUNDS = 7         # of aiming lower
+_SPARE = 0.9        # part of the tolerance that is aimed at again
+_TOUCHED = 2.0      # times the tolerance: what a touch that is not planned counts as
+# statuses of a Trajectory
+COMPLETE = 'complete'
+DEADLINE = 'calm, but not all is known of it: the deadline came first'
+
+
+@dataclass(eq=False)
+class CalmSearch:
+    """Looks for the fastest laws with which a plan's DLO stays calm, round by round.
+
+    Attributes
+    ----------
+    plan : Plan
+    fastest : TimedPath
+        TimedPath within limits alone.
+    tolerance : float
+        Tolerance in m.
+    simulator : DirectSimulator
+        DirectSimulator that verifies.
+    begin : Shape
+        Shape at the beginning.
+    obstacles : tuple of obstacle
+        Obstacles from which the DLO has to stay away.
+    progress : Progress
+    rounds : int or None
+        How many laws are simulated at most. If None, _ROUNDS.
+    """
+
+    plan: Plan
+    fastest: TimedPath
+    tolerance: float
+    simulator: DirectSimulator
+    begin: Shape
+    obstacles: tuple[Obstacle, ...]
+    progress: Progress
+    rounds: int | None = None
+
+    def __post_init__(self) -> None:
+        self._rounds, self._aim, self._slower = 0, self.tolerance, 1.0
+        self._missed_by = _Missed()
+
+    @cached_property
+    def _simulators(self) -> list[DirectSimulator]:
+        """With the rod's damping, and without any."""
+        rod = self.simulator.rod
+        if not np.any(rod.damping):
+            return [self.simulator]
+        return [self.simulator, self.simulator.with_rod(replace(rod, damping=0.0))]
+
+    @cached_property
+    def _free(self) -> DirectSimulator:
+        """The simulator, without the obstacles that the DLO is not meant to touch."""
+        if unplanned(self.simulator, self.plan):
+            return self.simulator.without_obstacles()
+        return self.simulator
+
+    @cached_property
+    def _first(self) -> Shape:
+        """The Shape at the beginning, in equilibrium."""
+        begin = self.begin
+        if begin.far_end is not None:
+            return begin
+        return self._free.solve(begin.gripper, begin)
+
+    @cached_property
+    def _tasks(self) -> Sequence[LegTask | None]:
+        """A LegTask for each leg, None for a dwell."""
+        return leg_tasks(self._free, self.plan, self.fastest.path, self.fastest.limits,
+                         self._first, self.progress.check)
+
+    @cached_property
+    def _room(self) -> float:
+        """Clearance as planned, m; nan if there is nothing to be near to."""
+        return least_clearance(self.plan, self.obstacles, Surface.of(self.simulator.rod),
+                               self.plan.shapes)
+
+    @property
+    def over(self) -> bool:
+        """Whether no other law is left to be tried."""
+        return self._rounds >= (self.rounds or _ROUNDS) or self._missed_by.slowest > (
+            _SLOWEST * self.fastest.duration)
+
+    def go_on(self, below: float = np.inf) -> Calm | None:
+        """Return what the next laws come to if the DLO stays calm; None if not.
+
+        Laws that take `below` s or longer are not simulated.
+        """
+        timed, known = self._timed(self._aim, self._slower)
+        if timed.duration >= below:
+            return None
+        motions = self._moved(timed)
+        motion = _worst(motions)
+        name, used = self._used(motion)
+        if used <= 1:
+            return Calm(self, timed, motions, _worst([
+                replace(one, error_estimate=np.inf) for one in motions]))
+        missed = self._missed_by
+        if not missed.what or used < missed.least:
+            missed = _Missed(name, used, timed.duration, missed.slowest)
+        # lower than what this way seemed to keep: else the same one would be found again
+        kept = max((one for one in known if one <= self._aim), default=self._aim)
+        self._missed_by = replace(missed, slowest=max(missed.slowest, timed.duration))
+        self._aim = kept * max(min(_SPARE / used, _SPARE), 0.25)
+        self._slower *= np.sqrt(2) if used < 4 else 2.0
+        self._rounds += 1
+        return None
+
+    def refusal(self) -> Infeasible:
+        """Return Infeasible: no law that was tried is calm."""
+        what, least = self._missed_by.what, self._missed_by.least
+        touch = ('loses a contact that the plan keeps' if means_to_touch(self.plan) else
+                 'touches what the plan does not')
+        said = (f'limits: in motion the DLO {touch}' if what == 'contact' else
+                f'limits: the DLO is not calm: {self.reached}: expected at most '
+                f'{self.tolerance:.3g} m')
+        return Infeasible(said, len(self.plan) - 1, what, float((least - 1) * self.tolerance),
+                          self.plan)
+
+    @property
+    def reached(self) -> str:
+        """What the best laws so far come to, in words; empty before there are any."""
+        missed = self._missed_by
+        return missed.what and (f'{missed.what} in motion, {missed.least * self.tolerance:.3g} m '
+                                f'at best, in {missed.duration:.3g} s')
+
+    def _timed(self, aim: float, slower: float) -> tuple[TimedPath, list[float]]:
+        """Return a TimedPath, and the largest deviations of its legs as far as modes tell, m."""
+        laws: list[TimeLaw | None] = []
+        known: list[float] = []
+        before: LegTask | None = None
+        states: list[Floats] = []
+        for leg, task, law in zip(self.fastest.path.legs, self._tasks, self.fastest.laws,
+                                  strict=True):
+            self.progress.check()
+            if task is not None:
+                begins = task.rest if before is None else task.taken_over(before, states)
+                calm = calm_law(task, aim, begins, self.progress.check)
+                laws.append(calm)
+                known.append(predicted(task, calm, begins))
+                before, states = task, task.after(calm, begins)
+            else:
+                laws.append(law if law is None else law.slower(slower))
+                if before is not None:  # a dwell
+                    states = before.waited(states, np.ptp(leg.knots))
+        return TimedPath(self.fastest.path, tuple(laws), self.fastest.limits), known
+
+    def _moved(self, timed: TimedPath) -> list[InMotion]:
+        return [in_motion(simulator, self.plan, timed, self._first, self.obstacles,
+                          self.progress, touched=False) for simulator in self._simulators]
+
+    @one_thread()
+    def assessed(self, calm: Calm) -> Calm:
+        """Return Calm with its error estimate and mode margin, or those that time was left for."""
+        timed, motions = calm.timed, calm.motions
+        try:
+            motion = self._with_error(timed, motions)
+            calm = replace(calm, motion=motion)
+            return replace(calm, mode_margin=self._margin(timed, motion), status=COMPLETE)
+        except DeadlineExceeded:
+            return calm
+
+    def _with_error(self, timed: TimedPath, motions: Sequence[InMotion]) -> InMotion:
+        """Return the worst of motions by each simulator, the errors of their steps in it."""
+        return _worst([replace(motion, error_estimate=motion.error_estimate + step_error(
+            simulator, self.plan, timed, self._first, motion, self.progress))
+            for simulator, motion in zip(self._simulators, motions, strict=True)])
+
+    def _used(self, motion: InMotion) -> tuple[str, float]:
+        """Return the name of the figure that uses most of the tolerance, and the part it uses."""
+        if not motion.converged:
+            return 'motion', np.inf
+        used = {'miss': self._missed(motion) / self.tolerance,
+                'departure': motion.departure / self.tolerance}
+        if not np.isnan(motion.clearance):
+            # far from everything more may be lost than where it is narrow; between two waypoints
+            # the plan may come nearer than at both
+            room = min(self._room, motion.calm_clearance)
+            used['clearance'] = (room - motion.clearance) / max(self.tolerance, ROOM * room)
+            if motion.clearance <= 0:
+                used['clearance'] = np.fmax(used['clearance'],
+                                            1 - motion.clearance / self.tolerance)
+        if (motion.contact_force > 0 and not means_to_touch(self.plan)
+                or motion.contact_lost > 0):
+            used['contact'] = _TOUCHED
+        return max(((name, part) for name, part in used.items() if not np.isnan(part)),
+                   key=lambda one: one[1])
+
+    def _missed(self, motion: InMotion) -> float:
+        """Return by how much a motion misses more than the plan, m; nan without a center."""
+        return float(motion.position_error - self.plan.position_error.max())
+
+    def _margin(self, timed: TimedPath, motion: InMotion) -> float:
+        """Return by which part frequencies may be off until the miss is twice the tolerance."""
+        known = [(task, law) for task, law in zip(self._tasks, timed.laws, strict=True)
+                 if task is not None and law is not None]
+        if not known:
+            return np.nan
+        worst = max(motion.departure, np.nan_to_num(self._missed(motion)))
+        return min(margin(task, law, 2 * self.tolerance * max(
+            1.0, predicted(task, law) / worst), self.progress.check) for task, law in known)
+
+
+@dataclass(frozen=True)
+class _Missed:
+    """What a search came to: the figure that fails least, its part of the tolerance, s, s."""
+
+    what: str = ''
+    least: float = np.inf
+    duration: float = np.inf
+    slowest: float = 0.0
+
+
+@dataclass(frozen=True)
+class Calm:
+    """A motion that is calm.
+
+    Attributes
+    ----------
+    search : CalmSearch
+        CalmSearch that found it.
+    timed : TimedPath
+    motions : list of InMotion
+        InMotion of each simulator.
+    motion : InMotion
+        The worse of them.
+    mode_margin : float
+        Part by which frequencies may be off, nan: not known.
+    status : str
+        COMPLETE, or what is not known of it.
+    """
+
+    search: CalmSearch
+    timed: TimedPath
+    motions: list[InMotion]
+    motion: InMotion
+    mode_margin: float = np.nan
+    status: str = DEADLINE
+
+
+@one_thread()
+def quickest(searches: Sequence[CalmSearch]) -> Calm:
+    """Return the quickest calm motion that one of several searches finds, for plans of one task.
+
+    Where the deadline comes first, the quickest one until then.
+    """
+    best: Calm | None = None
+    try:
+        while best is None:
+            left = [search for search in searches if not search.over]
+            if not left:
+                raise searches[0].refusal()
+            for search in left:
+                best = search.go_on(np.inf if best is None else best.timed.duration) or best
+    except DeadlineExceeded as error:
+        if best is None:
+            reached = next((one.reached for one in searches if one.reached), 'no motion yet')
+            raise DeadlineExceeded(f'{error}: {reached}', error.seconds, error.elapsed) from error
+        return best
+    return best
+
+
+def _worst(motions: Sequence[InMotion]) -> InMotion:
+    return motions[0] if len(motions) == 1 else motions[0].worse(motions[1])
+
+
+def holes_passed(plan: Plan, u: Floats) -> Floats:
+    """Return (k, n) arc lengths (m) that pass the k centers of a Plan at parameters u (n,).
+
+    nan before the first waypoint that passes a center, and after the last one.
+    """
+    centers: list[Floats] = []
+    for passes in plan.via_points:
+        centers += [center for center, _, _ in passes
+                    if not any(np.array_equal(center, one) for one in centers)]
+    out = np.full((len(centers), len(u)), np.nan)
+    for row, center in zip(out, centers, strict=True):
+        s = [arc_length_at(center, passes) for passes in plan.via_points]
+        known = np.array([k for k, one in enumerate(s) if one is not None])
+        times = plan.times[known]
+        inside = (u >= times[0]) & (u <= times[-1])
+        row[inside] = np.interp(u[inside], times, [s[k] for k in known])
+    return out

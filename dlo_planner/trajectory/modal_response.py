@@ -1,0 +1,456 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The slowest period of a DLO, roughly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from dlo_planner.direct.mode_tracking import modes_along
+from dlo_planner.direct.modes import Modes
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.energy.loads import node_masses
+from dlo_planner.kernels import kernel
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.plan.path import Leg
+from dlo_planner.trajectory.time_law import TimeLaw
+from dlo_planner.trajectory.topp import Bearing
+
+_GAUSS = np.polynomial.legendre.leggauss(16)
+_LIGHTEST = 1e-12  # kg: a DLO without mass has some period, too
+
+
+def slowest_period(rod: Rod) -> float:
+    """Return the period (s) of the slowest vibration of a Rod clamped at one end, roughly.
+
+    As if it were straight and weightless (`Shape.modes` knows shape and weight). By Dunkerley's
+    formula, which for an even stiffness is never below the period of such a rod: a mass at s counts
+    as (s / L)^3 of it at the tip, and so the mass of a uniform rod counts a quarter.
+    """
+    x, weights = 0.5 * (_GAUSS[0] + 1), 0.5 * _GAUSS[1]
+    mass = rod.length * float(weights @ (rod.masses_per_length(rod.length * x) * x**3))
+    mass += rod.tip_mass + sum(kg * (s / rod.length) ** 3 for s, kg in rod.point_masses)
+    return float(2 * np.pi * np.sqrt(max(mass, _LIGHTEST) * rod.length**3
+                                     / (3 * min(rod.stiffness[1:]))))
+
+
+class Oscillators(NamedTuple):
+    """The m modes of a DLO at t + 1 instants of a time law; the last three are for `vibrated`.
+
+    Attributes
+    ----------
+    times : ndarray, shape (t + 1,)
+        Times in s.
+    parameters : ndarray, shape (t + 1,)
+        Parameters of the leg.
+    rates : ndarray, shape (t, m)
+        Angular frequencies between the instants, 1/s.
+    damping : ndarray, shape (t, m)
+        Damping ratios.
+    turns : ndarray, shape (t, m, m)
+        How the modes turn into one another.
+    """
+
+    times: Floats
+    parameters: Floats
+    rates: Floats
+    damping: Floats
+    turns: Floats
+
+
+@kernel
+def turned(turning: np.ndarray, place: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Return (t, m, m) the rotations (1 + A)^-1 (1 - A) of skew matrices A = half turning[place].
+
+    Gauss elimination without pivots, which never vanish: the symmetric part of 1 + A is 1.
+
+    Args:
+        turning: (n, m, m) skew; place: (t,) indices into it; half: (t,)
+    """
+    modes = turning.shape[1]
+    out = np.empty((half.size, modes, modes))
+    left = np.empty((modes, modes))
+    for t in range(half.size):
+        for i in range(modes):
+            for j in range(modes):
+                one = 1.0 if i == j else 0.0
+                left[i, j] = one + half[t] * turning[place[t], i, j]
+                out[t, i, j] = 2.0 * one - left[i, j]
+        for k in range(modes):
+            for i in range(modes):
+                if i == k:
+                    continue
+                factor = left[i, k] / left[k, k]
+                for j in range(k, modes):
+                    left[i, j] -= factor * left[k, j]
+                for j in range(modes):
+                    out[t, i, j] -= factor * out[t, k, j]
+        for i in range(modes):
+            for j in range(modes):
+                out[t, i, j] /= left[i, i]
+    return out
+
+
+@kernel
+def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: np.ndarray,
+             force: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """Return y and y'/w (2, c, t + 1, m) of m oscillators under c sets of forces.
+
+    y'' + 2 zeta w y' + w^2 y = force. Exact for a force that is steady in each step. Damping ratios
+    above 0.99 count as 0.99.
+
+    Args:
+        step: of time, s
+        rates: (t, m) angular frequencies w in each step, 1/s; damping: (t, m) ratios zeta
+        turns: (t, m, m) rotations of the coordinates from the axes of a step to those of the next
+        force: (c, t, m) per mass
+        begin: (2, c, m) y and y'/w before the first step
+    """
+    count, modes = rates.shape
+    cases = force.shape[0]
+    out = np.zeros((2, cases, count + 1, modes))
+    out[:, :, 0] = begin
+    place, speed = begin[0].copy(), begin[1] * rates[0]
+    there, fast = np.empty(modes), np.empty(modes)
+    for k in range(count):
+        for m in range(modes):
+            w = rates[k, m]
+            zeta = min(damping[k, m], 0.99)
+            free = np.sqrt(1.0 - zeta * zeta)
+            decay = np.exp(-zeta * w * step)
+            cosine, sine = decay * np.cos(free * w * step), decay * np.sin(free * w * step) / free
+            for c in range(cases):
+                still = force[c, k, m] / (w * w)
+                away, rate = place[c, m] - still, speed[c, m] / w
+                place[c, m] = still + away * cosine + (rate + zeta * away) * sine
+                speed[c, m] = w * (rate * cosine - (away + zeta * rate) * sine)
+        for c in range(cases):
+            for i in range(modes):
+                there[i] = fast[i] = 0.0
+                for j in range(modes):
+                    there[i] += turns[k, i, j] * place[c, j]
+                    fast[i] += turns[k, i, j] * speed[c, j]
+            for i in range(modes):
+                place[c, i] = there[i]
+                speed[c, i] = fast[i]
+                out[0, c, k + 1, i] = there[i]
+                out[1, c, k + 1, i] = fast[i] / rates[k, i]
+    return out
+
+
+_PLACES = 17      # on a leg, at least, where modes are known
+_MODES = 5
+_SLOWEST, _CHANGE, _HALVINGS = 2, 0.06, 5  # modes; part by which they change between places
+_PER_PERIOD = 60  # instants in the slowest period: steps are exact, faster modes follow slowly
+_FEWEST, _MOST = 200, 20_000  # instants
+
+
+@dataclass(frozen=True)
+class Response:
+    """Modes of a DLO at n parameters of a leg; m modes, N + 1 nodes.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (n,)
+    shapes : tuple of Shape
+        The n shapes.
+    rates : ndarray, shape (n, m)
+        Angular frequencies, 1/s.
+    damping : ndarray, shape (n, m)
+        Damping ratios.
+    displacements : ndarray, shape (n, m, N + 1, 3)
+        Displacements in m at a generalized mass of 1 kg.
+    slopes : ndarray, shape (n, m)
+        See above.
+    bends : ndarray, shape (n, m)
+        See above.
+    pulls : ndarray, shape (n, m, 3)
+        The same products with a shift of the gripper, of the DLO as it is.
+    masses : ndarray, shape (N + 1,)
+        Masses of the nodes, kg.
+    turning : ndarray, shape (n - 1, m, m)
+        Skew matrices: rates at which the modes turn into one another between parameters.
+    """
+
+    parameters: Floats
+    shapes: tuple[Shape, ...]
+    rates: Floats
+    damping: Floats
+    displacements: Floats
+    slopes: Floats
+    bends: Floats
+    pulls: Floats
+    masses: Floats
+    turning: Floats
+
+    @classmethod
+    def of(cls, simulator: DirectSimulator, leg: Leg, first: Shape,
+           parameters: Floats | None = None,
+           check: Callable[[], None] = lambda: None) -> Response:
+        """Return the Response on a Leg that begins in the Shape `first`.
+
+        Shapes: parameters (n,).
+        """
+        u, shapes, modes = (_places(simulator, leg, first, check) if parameters is None else
+                            (parameters, *_known(simulator, leg, first, parameters, check)))
+        s = shapes[0].s
+        positions = CubicSpline(u, np.array([_on(shape, s) for shape in shapes]))
+        masses = node_masses(simulator.rod, s)
+        displacements = np.array([_spread(one, s) for one in modes])
+        slopes, bends = (np.einsum('k,umki,uki->um', masses, displacements, positions(u, order))
+                         for order in (1, 2))
+        return cls(u, tuple(shapes), 2 * np.pi * np.array([one.frequencies for one in modes]),
+                   np.array([one.damping_ratios for one in modes]), displacements, slopes, bends,
+                   np.einsum('k,umki->umi', masses, displacements), masses,
+                   _turning(masses, displacements) / np.diff(u)[:, None, None])
+
+    @property
+    def sizes(self) -> Floats:
+        """(n, m) largest displacement of a node by a mode, m."""
+        result: Floats = np.linalg.norm(self.displacements, axis=3).max(axis=2)
+        return result
+
+    def bearing(self, deviation: float, sizes: Floats) -> Bearing:
+        """Return the Bearing that keeps the slowly built-up deviation of each mode below, m.
+
+        Shapes: sizes (n, m).
+        """
+        stiff = sizes / self.rates**2
+        return Bearing(self.parameters, self.slopes * stiff, self.bends * stiff,
+                       np.full(self.slopes.shape, deviation))
+
+    def faster(self, factor: float) -> Response:
+        """Return the Response with all frequencies times a factor."""
+        return replace(self, rates=factor * self.rates)
+
+    def oscillators(self, law: TimeLaw) -> Oscillators:
+        """Return the Oscillators that a time law excites."""
+        periods = law.duration * self.rates.min() / (2 * np.pi)
+        count = int(np.clip(periods * _PER_PERIOD, _FEWEST, _MOST))
+        times = np.linspace(0, law.duration, count + 1)
+        u, middle = (law.reached(at) for at in (times, 0.5 * (times[1:] + times[:-1])))
+        place = np.clip(np.searchsorted(self.parameters, middle) - 1, 0, len(self.turning) - 1)
+        return Oscillators(times, u, self.between(self.rates, middle),
+                           self.between(self.damping, middle),
+                           turned(self.turning, place, 0.5 * np.diff(u)))
+
+    def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
+
+        Shapes: begin (2, m).
+        """
+        times, u, rates, damping, turns = self.oscillators(law)
+        middle = 0.5 * (times[1:] + times[:-1])
+        places, rate, change, _ = law.at(middle)
+        force = -(self.between(self.slopes, places) * change[:, None]
+                  + self.between(self.bends, places) * (rate**2)[:, None])
+        if law.shift is not None:
+            force -= np.einsum('tmi,ti->tm', self.between(self.pulls, places),
+                               law.shift.at(middle, 2))
+        return times, u, vibrated(times[1], rates, damping, turns, force[None],
+                                  begin[:, None])[:, 0]
+
+    @property
+    def rest(self) -> Floats:
+        """(2, m) y and y'/w of a DLO that does not vibrate."""
+        return np.zeros((2, self.rates.shape[1]))
+
+    def taken_over(self, before: Response, end: Floats) -> Floats:
+        """Return (2, m) y and y'/w at the beginning of a DLO that moves as at the end of a leg.
+
+        Shapes: end (2, k).
+        """
+        moved = end * np.stack([np.ones(len(before.rates[-1])), before.rates[-1]])
+        transferred = moved @ np.einsum('k,ski,mki->sm', self.masses, before.displacements[-1],
+                                        self.displacements[0])
+        result: Floats = transferred / np.stack([np.ones(len(self.rates[0])), self.rates[0]])
+        return result
+
+    def waited(self, end: Floats, seconds: float) -> Floats:
+        """Return (2, m) y and y'/w, `end` at the end of the leg, of a DLO after some seconds."""
+        one = np.eye(end.shape[1])[None]
+        result: Floats = vibrated(seconds, self.rates[-1:], self.damping[-1:], one,
+                                  np.zeros((1, 1, end.shape[1])), end[:, None])[:, 0, 1]
+        return result
+
+    def between(self, known: Floats, u: Floats) -> Floats:
+        """Return what is `known` (n, ...) at the parameters, at others u (t,)."""
+        n = self.parameters
+        after = np.clip(np.searchsorted(n, u), 1, n.size - 1)
+        share = np.clip((u - n[after - 1]) / (n[after] - n[after - 1]), 0, 1)
+        share = share.reshape(-1, *np.ones(known.ndim - 1, dtype=int))
+        return (1 - share) * known[after - 1] + share * known[after]
+
+    def sideways(self, s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the displacements at arc lengths s (n,), m: (n, m, 3) across the DLO there.
+
+        And the tangents there (n, 3), and the displacements along them (n, m).
+        """
+        across, ahead = np.empty((*self.slopes.shape, 3)), np.empty(self.slopes.shape)
+        tangents = np.array([shape.frame_at(float(one))[0][:, 0]
+                             for shape, one in zip(self.shapes, s, strict=True)])
+        nodes = self.shapes[0].s
+        for k, along in enumerate(tangents):
+            moved = np.array([[np.interp(s[k], nodes, column) for column in one.T]
+                              for one in self.displacements[k]])
+            ahead[k] = moved @ along
+            across[k] = moved - ahead[k][:, None] * along
+        return across, tangents, ahead
+
+
+def _places(simulator: DirectSimulator, leg: Leg, first: Shape,
+            check: Callable[[], None]) -> tuple[Floats, list[Shape], list[Modes]]:
+    """Return parameters (n,), n Shapes and n Modes on a leg, denser where frequencies change fast.
+
+    There, as near the loss of stability, all else changes fast, too.
+    """
+    parts = max(1, -(-(_PLACES - 1) // (leg.knots.size - 1)))
+    u = np.append(leg.pieces(parts)[0], leg.knots[-1])
+    left = _HALVINGS
+    while True:
+        shapes, modes = _known(simulator, leg, first, u, check)
+        rates = np.array([one.frequencies[:_SLOWEST] for one in modes])
+        change = np.abs(np.diff(rates, axis=0))
+        far = (change > _CHANGE * np.maximum(rates[1:], rates[:-1])).any(axis=1)
+        left -= 1
+        if not (left and far.any()):
+            return u, shapes, modes
+        u = np.sort(np.append(u, 0.5 * (u[:-1] + u[1:])[far]))
+
+
+def _known(simulator: DirectSimulator, leg: Leg, first: Shape, u: Floats,
+           check: Callable[[], None]) -> tuple[list[Shape], list[Modes]]:
+    """Return n Shapes and n Modes on a leg at the parameters u (n,)."""
+    poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
+    shapes = simulator.track(poses, lambda *_: check(), first)
+    return shapes, list(modes_along(shapes, _MODES))
+
+
+def _on(shape: Shape, s: Floats) -> Floats:
+    """Return (N + 1, 3) the positions of a Shape at arc lengths s (N + 1,)."""
+    if np.array_equal(shape.s, s):
+        return shape.positions
+    return np.array([shape.at(float(one)).position for one in s])
+
+
+def _spread(modes: Modes, s: Floats) -> Floats:
+    """Return the displacements of Modes at arc lengths s."""
+    if np.array_equal(modes.s, s):
+        return modes.displacements
+    flat = np.moveaxis(modes.displacements, 2, 1).reshape(-1, modes.s.size)
+    at = np.array([np.interp(s, modes.s, one) for one in flat])
+    return np.moveaxis(at.reshape(len(modes), 3, s.size), 1, 2)
+
+
+def _turning(masses: Floats, displacements: Floats) -> Floats:
+    """Return (n - 1, m, m) skew matrices: by how much modes turn from one place to the next.
+
+    They follow from the products, weighted by mass, of the modes at both places.
+    """
+    products = np.einsum('k,umki,uvki->umv', masses, displacements[:-1], displacements[1:])
+    left, _, right = np.linalg.svd(products)
+    turn = left @ right  # the rotation nearest to it; (1 + A/2)^-1 (1 - A/2) of the skew A wanted
+    one = np.eye(turn.shape[1])
+    skew = 2 * np.linalg.solve(one + np.swapaxes(turn, 1, 2), one - np.swapaxes(turn, 1, 2))
+    return 0.5 * (skew - np.swapaxes(skew, 1, 2))
+
+
+_ARRIVING = 0.5  # part of the tolerance that may be left of a vibration where a leg ends
+
+
+@dataclass(frozen=True)
+class Passage:
+    """How a DLO passes a center; n parameters and m modes as of its Response.
+
+    Attributes
+    ----------
+    before : ndarray, shape (n,)
+        Distance in m of the free end from the center before it is passed; 0 from then on.
+    across : ndarray, shape (n, m, 3)
+        Displacements in m by the modes of what passes; before that, of the free end.
+    tangents : ndarray, shape (n, 3)
+        Tangents there.
+    ahead : ndarray, shape (n, m)
+        Displacements in m along the tangents.
+    """
+
+    before: Floats
+    across: Floats
+    tangents: Floats
+    ahead: Floats
+
+    @classmethod
+    def of(cls, response: Response, s: Floats) -> Passage:
+        """Return the Passage at arc lengths s (n,), nan where the center is not passed."""
+        first = np.argmax(np.isfinite(s))
+        end = response.shapes[0].s[-1]
+        across, tangents, ahead = response.sideways(np.where(np.isnan(s), end, s))
+        ends = np.array([shape.positions_at([end])[0] for shape in response.shapes])
+        before = np.einsum('ni,ni->n', tangents, ends[first] - ends)
+        before[first:] = 0.0
+        return cls(before, across, tangents, ahead)
+
+    def deviation(self, response: Response, u: Floats, place: Floats, shift: Floats) -> Floats:
+        """Return (k, 3) m: where the moving DLO passes, at those instants at which it does.
+
+        Shapes: u (t,), place (t, m), shift (t, 3).
+        """
+        ahead = (np.einsum('tm,tm->t', response.between(self.ahead, u), place)
+                 + np.einsum('ti,ti->t', response.between(self.tangents, u), shift))
+        # a DLO that swings ahead comes to the center earlier than one that hangs
+        passes = response.between(self.before, u) <= np.maximum(ahead, 0.0)
+        across = response.between(self.across, u[passes])
+        result: Floats = shift[passes] + np.einsum('tmi,tm->ti', across, place[passes])
+        return result
+
+
+@dataclass(frozen=True)
+class Case:
+    """One of the DLOs with which a law is judged.
+
+    Attributes
+    ----------
+    response : Response
+    holes : ndarray
+        As of its LegTask.
+    last : bool
+        Whether the plan ends with its leg.
+    allowed : float
+        Allowed deviation, as a multiple of the tolerance.
+    """
+
+    response: Response
+    holes: Floats
+    last: bool
+    allowed: float
+
+    @cached_property
+    def passed(self) -> list[Passage]:
+        """The Passage through each center that is passed."""
+        return [Passage.of(self.response, s) for s in self.holes if np.isfinite(s).any()]
+
+    def deviation(self, law: TimeLaw, begin: Floats) -> tuple[float, Floats]:
+        """Return the largest deviation that counts, in m, and the state at the end of a TimeLaw.
+
+        As long as a center is passed: that of what passes it, across the DLO. At the end of a leg:
+        what is left of the vibration; of a leg that others follow only a part, _ARRIVING, is
+        allowed. States are y and y'/w (2, m) of the modes; `begin` is that at the beginning.
+        """
+        response = self.response
+        times, u, (place, speed) = response.excited(law, begin)
+        left = float((response.sizes[-1] * np.hypot(place[-1], speed[-1])).sum())
+        worst = left if self.last else left / _ARRIVING
+        shift = np.zeros((len(times), 3)) if law.shift is None else law.shift.at(times)
+        for passage in self.passed:
+            away = passage.deviation(response, u, place, shift)
+            worst = max(worst, float(np.linalg.norm(away, axis=1).max(initial=0.0)))
+        return worst, np.stack([place[-1], speed[-1]])

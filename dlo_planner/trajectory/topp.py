@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The fastest motion through a leg within limits, by time-optimal path parametrization.
+
+toppra (Pham and Pham, IEEE Transactions on Robotics 34, 2018) finds the largest rate at each place.
+Its constraints here are limits of the lengths of vectors, not of single coordinates, and bounds of
+the DLO's quasi-static deviation (`Bearing`).
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.arrays import Floats
+from dlo_planner.plan.path import Leg
+from dlo_planner.plan.requirements import Limits
+
+_CORNERS = 16     # of the polygon that stands for a disc
+_PLACES = 120     # of the grid of rates, at least
+_PER_PIECE = 3    # of them between two knots, at least
+_FASTEST = 1e3    # du/dt, where no limit bounds it: 1000 times the plan's pace
+_ENDLESS = 1e9    # in place of an infinite limit, which toppra does not take
+_STILL = 1e-12    # length of a derivative below which its direction has no meaning
+
+
+@dataclass(frozen=True)
+class Bearing:
+    """The bounds |slopes u'' + bends u'^2| <= most at each of n parameters, for m quantities.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (n,)
+    slopes : ndarray, shape (n, m)
+    bends : ndarray, shape (n, m)
+    most : ndarray, shape (n, m)
+    """
+
+    parameters: Floats
+    slopes: Floats
+    bends: Floats
+    most: Floats
+
+
+class _Parameters(NamedTuple):
+    """A constraint of toppra at n parameters: F (a u'' + b u'^2 + c) <= g, with bounds of both.
+
+    Attributes
+    ----------
+    a, b, c : ndarray, shape (n, k)
+    sides : ndarray, shape (n, m, k)
+        The matrices F.
+    most : ndarray, shape (n, m)
+        The right-hand sides g.
+    accelerations : ndarray, shape (n, 2) or None
+        Least and largest u''.
+    squares : ndarray, shape (n, 2) or None
+        Least and largest u'^2.
+    """
+
+    a: Floats
+    b: Floats
+    c: Floats
+    sides: Floats
+    most: Floats
+    accelerations: Floats | None = None
+    squares: Floats | None = None
+
+
+def fastest_rates(leg: Leg, limits: Limits,
+                  bearing: Bearing | None = None) -> tuple[Floats, Floats]:
+    """Return parameters (m,) and the largest rates du/dt (m,) there, from rest to rest."""
+    import toppra  # noqa: PLC0415  (it imports matplotlib: only where it is used)
+    from toppra.algorithm import TOPPRA  # noqa: PLC0415
+
+    logging.getLogger('toppra').setLevel(logging.ERROR)
+    kept, path = _constraints(toppra, limits, bearing), _path(toppra, leg)
+    pieces = max(_PER_PIECE, -(-_PLACES // (leg.knots.size - 1)))
+    places = np.append(leg.pieces(pieces)[0], leg.knots[-1])
+    _, rates, _ = TOPPRA(kept, path, gridpoints=places).compute_parameterization(0, 0)
+    if rates is None or not np.isfinite(rates).all() or not (rates[1:-1] > 0).all():
+        raise InvalidTask('limits: no motion along the path was found that keeps them')
+    rates[[0, -1]] = 0.0
+    return places, rates
+
+
+def _path(toppra: Any, leg: Leg) -> Any:
+    """Return a Leg as a path of toppra."""
+
+    class Path(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc]
+        """Derivatives by the parameter: linear and angular, world axes."""
+
+        dof, waypoints = 6, None
+        path_interval = leg.knots[[0, -1]]
+
+        def __call__(self, u: ArrayLike, order: int = 0) -> Floats:
+            positions, _, first, second = leg.at(np.atleast_1d(u))
+            return (np.hstack([positions, positions]), first, second)[order]
+
+    return Path()
+
+
+def _constraints(toppra: ModuleType, limits: Limits, bearing: Bearing | None) -> list[Any]:
+    """Return toppra's constraints for the Limits and, if there is one, for a Bearing."""
+
+    class Size(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
+        """Bounds of speed and acceleration of some coordinates, as the lengths of vectors."""
+
+        def __init__(self, part: slice, speed: float, acceleration: float) -> None:
+            super().__init__()
+            self.part, self.speed, self.acceleration = part, speed, acceleration
+
+        def get_dof(self) -> int:
+            return 6
+
+        def compute_constraint_params(self, path: Any, u: Floats, *_: Any,
+                                      **__: Any) -> _Parameters:
+            first, second = path(u, 1)[:, self.part], path(u, 2)[:, self.part]
+            speed = np.linalg.norm(first, axis=1)
+            along = (first * second).sum(axis=1) / np.maximum(speed, _STILL)
+            across = np.sqrt(np.maximum((second**2).sum(axis=1) - along**2, 0))
+            angles = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
+            sides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            most = np.full((u.size, _CORNERS), self.acceleration * np.cos(np.pi / _CORNERS))
+            fastest = np.minimum(self.speed / np.maximum(speed, _STILL), _FASTEST) ** 2
+            return _Parameters(
+                np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1),
+                np.zeros((u.size, 2)), np.repeat(sides[None], u.size, axis=0), most, None,
+                np.stack([0 * fastest, fastest], axis=1))
+
+    class Bounded(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
+        """The bounds of a Bearing."""
+
+        def __init__(self, bearing: Bearing) -> None:
+            super().__init__()
+            self.bearing = bearing
+
+        def get_dof(self) -> int:
+            return 6
+
+        def compute_constraint_params(self, _: Any, u: Floats, *__: Any,
+                                      **___: Any) -> _Parameters:
+            slopes, bends, most = (
+                np.stack([np.interp(u, self.bearing.parameters, column) for column in what.T],
+                         axis=1)
+                for what in (self.bearing.slopes, self.bearing.bends, self.bearing.most))
+            m = slopes.shape[1]
+            sides = np.repeat(np.vstack([np.eye(m), -np.eye(m)])[None], u.size, axis=0)
+            return _Parameters(slopes, bends, 0 * slopes, sides, np.hstack([most, most]))
+
+    finite = np.minimum(limits.sizes, _ENDLESS)
+    kept = [Size(slice(0, 3), *finite[:2, 0]), Size(slice(3, 6), *finite[:2, 1])]
+    return kept if bearing is None else [*kept, Bounded(bearing)]

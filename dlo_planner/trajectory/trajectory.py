@@ -1,0 +1,252 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A plan as the motion that is executed: timed so that the DLO arrives calm, and verified."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.simulator import DirectSimulator, clamping
+from dlo_planner.direct.storage import load, save
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance, items, number
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle
+from dlo_planner.model.value import brief, put
+from dlo_planner.pictured import Reported
+from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.plan import Plan, means_to_touch
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.trajectory.calm_search import ROOM, CalmSearch, quickest
+from dlo_planner.trajectory.dynamic_check import InMotion, watched
+from dlo_planner.trajectory.time_law import Shift, TimeLaw
+from dlo_planner.trajectory.timed_path import TimedPath, fastest_law
+
+_TOLERANCE = 1e-3   # m, where no hole has a size
+_SAME = 1e-9        # of the length
+_TRIED = 2          # laws of a plan, of several that are compared
+_LEG, _LAW = ('knots', 'positions', 'rotations'), ('parameters', 'rates', 'windows')
+_SHIFT = ('knots', 'coefficients')
+NOT_SIMULATED = 'not simulated'  # status where the tolerance is infinite
+
+
+class Trajectory(TimedPath, Reported):
+    """A Plan as the gripper's motion in time, which is validated, published and executed.
+
+    The path runs through the plan's poses (`plan.path`), with stops at its corners and dwells.
+    On each leg between stops it is the fastest motion found that keeps the limits and leaves the
+    DLO calm: the rates are shaped by the DLO's natural periods (`trajectory.shaping`), and all
+    of it is run through `DirectSimulator.simulate`, with the damping that the rod has and with
+    none. If the DLO then misses by more than the tolerance, the laws are made calmer.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan with two poses at least.
+    limits : Limits, optional
+        Limits. If None, the default ones.
+    tolerance : float, optional
+        Tolerance in m, by which the DLO in motion may miss the centers of its cut-outs more than
+        the plan does, come nearer to a rim or an obstacle than the plan says (or by a quarter of
+        that room, if it is more), or still vibrate when the gripper has stopped; what is outside of
+        a bore may deviate by as much from its shape at rest. If None, a quarter of the least room
+        at the rims, 1 mm where no cut-out has a size. Infinite: the fastest motion within limits,
+        nothing is simulated.
+    simulator : DirectSimulator, optional
+        DirectSimulator that verifies. If None, one of the plan's shapes' DLO, with its load, and
+        with its obstacles if the plan touches them.
+    initial : Shape, optional
+        Shape at the first pose, at rest. If None, the plan's first.
+    obstacles : iterable of obstacle, optional
+        Obstacles from which the DLO has to stay away in motion, besides the sheets of the plan.
+    progress : callable, optional
+        Called as progress(done, total) after each step.
+    deadline : float, optional
+        Seconds of computing after which the search ends. If None, there is no limit.
+
+    Attributes
+    ----------
+    tolerance : float
+        Tolerance in m.
+    motion : InMotion or None
+        InMotion, the worse of both runs; None with an infinite tolerance.
+    mode_margin : float
+        Part by which all natural frequencies may be off, up or down, until the miss is twice the
+        tolerance, as far as the modes tell; nan where that is not known.
+    status : str
+        'complete', 'not simulated' with an infinite tolerance, or, of a motion that is calm, that
+        the deadline came before its error estimate (infinite then) and mode margin were known.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
+    Infeasible
+        The DLO cannot be made calm within 16 times the fastest duration; the constraint is 'miss',
+        'clearance', 'contact' (a touch that is not planned, or a planned one that is lost),
+        'departure' or 'motion', the amount is in m.
+    DeadlineExceeded
+        The deadline is over before a calm motion was found; the message says what was reached.
+    """
+
+    PARTS: tuple[str, ...] = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin',
+                              'status')
+
+    tolerance: float
+    motion: InMotion | None
+    mode_margin: float
+    status: str
+
+    def __init__(self, plan: Plan, limits: Limits | None = None, *, tolerance: float | None = None,
+                 simulator: DirectSimulator | None = None, initial: Shape | None = None,
+                 obstacles: Iterable[Obstacle] = (), progress: OnProgress = None,
+                 deadline: float | None = None) -> None:
+        instance('plan', plan, Plan)
+        limits = Limits() if limits is None else instance('limits', limits, Limits)
+        instance('initial', initial, Shape, optional=True)
+        tolerance, still_to_go = _tolerance(tolerance, plan), Progress(progress, deadline)
+        obstacles = items('obstacles', obstacles, OBSTACLES)
+        if tolerance < np.inf:
+            simulator = _simulator(simulator, plan)
+            obstacles = watched(simulator, plan, obstacles)
+        timed = _within_limits(plan, limits, still_to_go)
+        super().__init__(timed.path, timed.laws, limits)
+        put(self, tolerance=tolerance, motion=None, mode_margin=np.nan, status=NOT_SIMULATED)
+        if simulator is None or tolerance == np.inf:
+            return
+        search = CalmSearch(plan, timed, tolerance, simulator, initial or plan.shapes[0],
+                            obstacles, still_to_go)
+        calm = search.assessed(quickest([search]))
+        put(self, motion=calm.motion, mode_margin=calm.mode_margin, status=calm.status,
+            **{name: getattr(calm.timed, name) for name in ('laws', 'starts', 'duration')})
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the trajectory, as npz or JSON (see `Plan.save`)."""
+        save(path, trajectory_arrays(self), 'Trajectory')
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> Trajectory:
+        """Return the Trajectory saved at `path`; raise InvalidTask if there is none."""
+        return load(path, trajectory_of, 'Trajectory')
+
+    def __repr__(self) -> str:
+        miss = '' if self.motion is None else f'miss {self.motion.position_error:.2g} m'
+        return brief(self, f'{self.duration:.4g} s', f'{len(self.path.legs)} legs', miss)
+
+
+def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits,
+             tolerance: float, motion: InMotion | None, mode_margin: float,
+             status: str) -> Trajectory:
+    """Return a saved Trajectory from its attributes, without a search."""
+    trajectory = Trajectory.__new__(Trajectory)
+    TimedPath.__init__(trajectory, path, laws, limits)
+    put(trajectory, tolerance=tolerance, motion=motion, mode_margin=mode_margin, status=status)
+    return trajectory
+
+
+def quickest_plan(plans: Sequence[Plan], limits: Limits, tolerance: float | None,
+                  simulator: DirectSimulator, progress: Progress) -> int:
+    """Return the index of the Plan, of several for one task, whose calm motion is the quickest.
+
+    The deadline of `progress` ends the search: the best until then counts.
+    """
+    searches = [CalmSearch(plan, _within_limits(plan, limits, progress),
+                           _tolerance(tolerance, plan), _simulator(simulator, plan),
+                           plan.shapes[0], (), progress, _TRIED) for plan in plans]
+    found = quickest(searches).search
+    return next(k for k, search in enumerate(searches) if search is found)
+
+
+def _within_limits(plan: Plan, limits: Limits, progress: Progress) -> TimedPath:
+    """Return the fastest TimedPath of a Plan within limits, whatever the DLO does."""
+    path, laws = GripperPath.of(plan), []
+    for leg in path.legs:
+        progress.check()
+        laws.append(fastest_law(leg, limits))
+    return TimedPath(path, tuple(laws), limits)
+
+
+def _simulator(simulator: DirectSimulator | None, plan: Plan) -> DirectSimulator:
+    """Return the DirectSimulator that verifies a Plan; raise InvalidTask if there is none."""
+    first = plan.shapes[0]
+    length = float(first.s[-1]) + (0.0 if first.far_end is None else float(plan.depths[0]))
+    if any(shape.parts is not None for shape in plan.shapes) or any(
+            shape.far_end is None and abs(shape.s[-1] - length) > _SAME * length
+            for shape in plan.shapes):
+        raise InvalidTask('plan: expected shapes of one DLO that the gripper holds at its '
+                          'beginning, as in `simulate`; with an infinite tolerance nothing is '
+                          'simulated')
+    if simulator is None and first.far_end is not None:
+        raise InvalidTask('simulator = None: expected the DirectSimulator of the whole DLO for an '
+                          f'insertion that begins {plan.depths[0]:g} m deep')
+    if simulator is None:
+        return simulator_of(first, means_to_touch(plan))
+    if abs(clamping('simulator', simulator).rod.length - length) > _SAME * length:
+        raise InvalidTask(f'simulator: expected one of the plan\'s DLO, {length:g} m long, its rod '
+                          f'has {simulator.rod.length:g} m')
+    return simulator
+
+
+def simulator_of(shape: Shape, touching: bool) -> DirectSimulator:
+    """Return a DirectSimulator of the DLO that a Shape is of, with its load."""
+    if shape.state.mesh is None:
+        raise InvalidTask('simulator = None: expected a DirectSimulator, the shapes of this plan '
+                          'have none')
+    around = shape.state.mesh.surroundings
+    return DirectSimulator(around.rod, gravity=around.gravity, load=around.load,
+                           point_loads=around.point_loads,
+                           obstacles=around.obstacles if touching else ())
+
+
+def _tolerance(tolerance: float | None, plan: Plan) -> float:
+    if tolerance is not None:
+        endless = isinstance(tolerance, float) and tolerance == np.inf
+        return tolerance if endless else number('tolerance', tolerance, above=0)
+    rooms = plan.clearances[:, :, 0]
+    rooms = rooms[np.isfinite(rooms) & (rooms > 0)]
+    return float(ROOM * rooms.min()) if rooms.size else _TOLERANCE
+
+
+def trajectory_arrays(trajectory: Trajectory) -> dict[str, Any]:
+    """Return a dict of arrays that hold all of a Trajectory."""
+    arrays = {'times': trajectory.path.times, 'limits': trajectory.limits.sizes,
+              'tolerance': trajectory.tolerance, 'mode_margin': trajectory.mode_margin,
+              'status': trajectory.status, 'legs': len(trajectory.laws)}
+    if trajectory.motion is not None:
+        arrays |= {f'motion/{item.name}': getattr(trajectory.motion, item.name)
+                   for item in fields(InMotion)}
+    for k, (leg, law) in enumerate(zip(trajectory.path.legs, trajectory.laws, strict=True)):
+        arrays |= {f'{k}/leg/{name}': getattr(leg, name) for name in _LEG}
+        if law is not None:
+            arrays |= {f'{k}/law/{name}': getattr(law, name) for name in _LAW}
+            if law.shift is not None:
+                arrays |= {f'{k}/shift/{name}': getattr(law.shift, name) for name in _SHIFT}
+    return arrays
+
+
+def trajectory_of(arrays: Mapping[str, Any]) -> Trajectory:
+    """Return the Trajectory of the arrays of `trajectory_arrays`."""
+    legs, laws = [], []
+    for k in range(int(arrays['legs'])):
+        law, shift = under(f'{k}/law', arrays), under(f'{k}/shift', arrays)
+        legs.append(Leg(**under(f'{k}/leg', arrays)))
+        laws.append(TimeLaw(**law, shift=Shift(**shift) if shift else None) if law else None)
+    motion = {name: array.item() for name, array in under('motion', arrays).items()}
+    limits = dict(zip([item.name for item in fields(Limits)], arrays['limits'].ravel().tolist(),
+                      strict=True))
+    return restored(
+        GripperPath(arrays['times'], tuple(legs)), tuple(laws), Limits(**limits),
+        float(arrays['tolerance']), InMotion(**motion) if motion else None,
+        float(arrays['mode_margin']), str(arrays['status']))
+
+
+def under(mark: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arrays whose names begin with `mark` and a slash, by what follows it."""
+    mark += '/'
+    return {name[len(mark):]: array for name, array in arrays.items() if name.startswith(mark)}
