@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -56,6 +56,8 @@ from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.trajectory.trajectory import Trajectory
 
 _FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
+_OF_SPARE = 0.6     # part of the room that the bound leaves, which motion may use: far below 1 mm
+                    # the search takes long and finds motions that take four times as long
 _LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _MOTION = 0.95      # of the limits
@@ -73,6 +75,7 @@ _LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing 
 _SURE = 2.0         # standard deviations by which a swing has to be told from noise
 _OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
 _CALMINGS = 6       # in one look
+_CLOSELY = 1.5      # s before the entry, in which each cloud is looked at: a slip has to be seen
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
 
 
@@ -185,6 +188,12 @@ class _Entry:
     commanded: Plan
     motion: _Motion | None
 
+    @cached_property
+    def reached(self) -> Floats:
+        """Times (n,), s, at which the motion reaches the waypoints from the entry on."""
+        assert self.motion is not None
+        return self.motion.steered.reached(self.whole.times[-len(self.commanded):])
+
 
 def way_to_standoff(task: Threading, estimate: Estimate, here: Pose) -> _Motion:
     """Return the motion from a measured pose to the standoff."""
@@ -208,7 +217,7 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
     # a calmer motion is slower, and so corrected the better
     at_most = bound_in(_steered(Trajectory(whole, task.motion_limits, tolerance=np.inf), estimate,
                                 whole.shapes[-1]))
-    tolerance = max(_LEAST_FOR_MOTION * task.room, 0.5 * (task.room - at_most))
+    tolerance = max(_LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
     trajectory = _trajectory(task, whole, tolerance)
     motion = _Motion(estimate, trajectory, whole.shapes[-1],
                      swing_of(trajectory, estimate, whole))
@@ -598,7 +607,9 @@ class ThreadingLoop:
             bound = self._corrected_bound(time, execution)
             unseen = time - max(self.observing.seen, self._loop.since or 0.0)
             late = 0.0 if self._work is None else time - (self._loop.corrected or time)
-            doubted = doubted or (max(unseen, late) > _UNSEEN and self._before_entry(execution))
+            left = self._to_entry(execution)
+            doubted = doubted or (max(unseen, late) > _UNSEEN and left > 0)
+            self.observing.closely = 0 < left < _CLOSELY
         loop = self._loop.advanced(time, bound, doubted=doubted)
         if loop.phase is Phase.RETREAT:
             self._misses = not doubted
@@ -618,8 +629,8 @@ class ThreadingLoop:
         longest = _CALM_STOP * float(way.windows[0])
         if self.phase is Phase.RETREAT and not self._loop.at_standoff:
             return longest
-        left = float(self._reached(way)[0]) - execution.done
-        return min(longest, 2 * _OF_THE_WAY * max(left, 0.0))  # it goes half as far as it would
+        # it goes half as far as it would
+        return min(longest, 2 * _OF_THE_WAY * max(self._to_entry(execution), 0.0))
 
     def _stopped(self, time: float, execution: Execution) -> None:
         """Find the way back to the standoff, or look where the gripper is; or that is the end."""
@@ -641,7 +652,7 @@ class ThreadingLoop:
 
     def _to(self, loop: ClosedLoop, time: float) -> None:
         """Take the next state of the strategy."""
-        before, self._loop = self._loop, loop
+        before, self._loop, self.observing.closely = self._loop, loop, False
         if loop.phase is Phase.LOOK and before.phase is Phase.PLAN:
             self._calmed, self._calmings = None, 0
             if loop.tries > before.tries:
@@ -672,15 +683,10 @@ class ThreadingLoop:
 
     # ---- corrections ----------------------------------------------------------------------------
 
-    def _reached(self, way: Steered) -> Floats:
-        """Return the times at which the motion reaches the waypoints from the entry on."""
+    def _to_entry(self, execution: Execution) -> float:
+        """Return the seconds of its motion until the entry, below 0 after it."""
         assert self._entry is not None
-        whole, passing = self._entry.whole, self._entry.commanded
-        return way.reached(whole.times[len(whole) - len(passing):])
-
-    def _before_entry(self, execution: Execution) -> bool:
-        assert isinstance(execution.way, Steered)
-        return bool(execution.done < self._reached(execution.way)[0])
+        return float(self._entry.reached[0]) - execution.done
 
     def _corrected_bound(self, time: float, execution: Execution) -> float | None:
         """Have the rest aimed anew if that is due; return the bound of the miss, before the entry.
@@ -691,7 +697,7 @@ class ThreadingLoop:
         assert isinstance(way, Steered) and entry is not None
         if isinstance(aimed, Aimed):
             self._done = None
-            reached = self._reached(way)
+            reached = entry.reached
             corrected, refusal = execution, aimed.doubts
             if not refusal and execution.free + way.windows.sum() > way.trajectory.duration:
                 refusal = 'it comes too late to be blended in'
@@ -700,7 +706,7 @@ class ThreadingLoop:
                     execution.free, aimed.correction, reached[aimed.correction.first:]))
                 self._correction, refusal = aimed.correction, corrected.refusal
             self.aimed, self.refusal = aimed, refusal
-            if not self._before_entry(execution):
+            if self._to_entry(execution) <= 0:
                 return None
             bound = self._left + in_motion(execution) + (
                 aimed.bound if corrected.way is not way else aimed.bound_before)
@@ -709,12 +715,12 @@ class ThreadingLoop:
         seen = self.observing.seen > (self._loop.corrected or -np.inf)
         if self._work is None and seen and self._loop.correction_due(time):
             self._loop = self._loop.with_correction(time)
-            first = int(np.searchsorted(self._reached(way), execution.free))
+            first = int(np.searchsorted(entry.reached, execution.free))
             if first < len(entry.commanded):
                 observing = self.observing
                 self._work = partial(
                     aimed_anew, self._task.inverse, observing.estimate, entry.commanded, way,
-                    execution.free, self._reached(way), self._correction,
+                    execution.free, entry.reached, self._correction,
                     observing.seeing.largest_correction, self._lag,
                     unexplained(observing, self._task.limits.linear_speed))
         return None
