@@ -27,8 +27,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from dlo_planner import DirectSimulator, Pose, Rod, parallel  # noqa: E402
 from dlo_planner.direct.simulator import Prescribed, motion_by  # noqa: E402
-from dlo_planner.parallel.speculation import AheadStepper, Rounds, Tracker  # noqa: E402
-from dlo_planner.parallel.workers import Crew  # noqa: E402
+from dlo_planner.parallel.pool import Pool  # noqa: E402
+from dlo_planner.parallel.speculation import AheadStepper, Rounds, track_ahead  # noqa: E402
 from dlo_planner.progress import Progress  # noqa: E402
 
 TASKS = (1, 2, 3, 4, 6, 8, 16, 32, 64)
@@ -75,7 +75,7 @@ def wire(**more):
 def moving(method, tasks, make):
     """Return the Rounds of benchmark C in motion: 180 degrees and back in 4 s, steps of 0.05 s."""
     way = [turned(90 * (1 - np.cos(np.pi * k / 40))) for k in range(81)]
-    rounds = Rounds(Crew(Here(), lambda: None), tasks)
+    rounds = Rounds(Pool(Here(), lambda: None), tasks)
     task = Prescribed(way, 0.05, tolerance=np.inf, integrator='paper')
     motion = motion_by(partial(make, rounds, 80), DirectSimulator(
         wire(damping=(0.5, 0.0)), method=method, **mesh_of(method)), task, Progress())
@@ -90,10 +90,10 @@ def yielding(method, tasks):
     """
     step = 10 if method == 'downhill_simplex' else 3
     way = [turned(angle) for angle in [*range(0, 181, step), *range(180 - step, -1, -step)]]
-    rounds = Rounds(Crew(Here(), lambda: None), tasks)
+    rounds = Rounds(Pool(Here(), lambda: None), tasks)
     simulator = DirectSimulator(wire(yield_stress=60e6, hardening=0.01), method=method,
                                 **mesh_of(method))
-    shapes = Tracker(simulator, rounds).track(way, None, Progress())
+    shapes = track_ahead(simulator, rounds, way, None, Progress())
     assert all(shape.converged for shape in shapes)
     return rounds.made
 

@@ -41,7 +41,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.settings.yaml_files import config_file
-from msg_helpers.paths import poses_from_path
+from msg_helpers.trajectories import poses_from_path
 
 # Benchmark C of the paper: 180 degrees in 10-degree steps and back, 36 positions after the first.
 ANGLES = [*range(0, 181, 10), *range(170, -1, -10)]

@@ -30,8 +30,8 @@ from dlo_planner.execute.execution import ACTIVE
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.managed import LATCHED
-from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_from_msg
+from msg_helpers.trajectories import poses_from_path
 
 RADIUS, DIAMETER = 8e-3, 1.5e-3  # of the hole and of the wire, m
 _WAYPOINTS = 40

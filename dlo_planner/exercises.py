@@ -25,7 +25,7 @@ from dlo_planner.model.obstacles import Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import PointLoad
-from dlo_planner.parallel.mapping import solve_many
+from dlo_planner.parallel.batch import solve_many
 from dlo_planner.plan.goals import AwayFrom, Through
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.warm_up import warm_up, warm_up_loop, warm_up_proofs

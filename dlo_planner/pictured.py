@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-BACKEND = 'dlo_planner.view.looks'
+BACKEND = 'dlo_planner.view.backend'
 STORAGE = 'dlo_planner.inverse.plain_tasks'
 
 

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How far a long computation has come, and when it has to end."""
+"""Long computations: their progress and deadlines, and a thread for what was asked last."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from threading import Condition, Thread
 from time import monotonic
 
 from dlo_planner.errors import DeadlineExceeded, InvalidTask
@@ -24,16 +25,6 @@ def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
 
     It is called between their steps, as deadlines are; an exception that it raises ends the
     computation. Other threads are not affected.
-
-    Parameters
-    ----------
-    check : callable
-        Function without arguments.
-
-    Raises
-    ------
-    InvalidTask
-        It is not a function.
     """
     if callback('check', check) is None:
         raise InvalidTask('check = None: expected a function')
@@ -45,21 +36,7 @@ def interrupted_by(check: Callable[[], object]) -> Iterator[None]:
 
 
 class Progress:
-    """Reports the steps of one computation and ends it at its deadline.
-
-    Parameters
-    ----------
-    report : callable, optional
-        Called as report(done, total) after each step, or None.
-    deadline : float, optional
-        Seconds from now, after which the next step raises DeadlineExceeded. If None, there is no
-        limit.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it.
-    """
+    """Reports the steps of one computation and ends it at its deadline."""
 
     def __init__(self, report: OnProgress = None, deadline: float | None = None):
         self._report = callback('progress', report)
@@ -104,3 +81,57 @@ class Progress:
         if elapsed > self._seconds:
             raise DeadlineExceeded(f'deadline = {self._seconds:g} s: not finished after '
                                    f'{elapsed:.3g} s', self._seconds, elapsed)
+
+
+class Overtaken(Exception):
+    """A newer job came; the present one ends."""
+
+
+class Latest:
+    """Runs jobs in one thread of its own, the newest next; those in between are dropped."""
+
+    def __init__(self, failed: Callable[[Exception], object]) -> None:
+        self._failed = failed
+        self._changed = Condition()
+        self._next: Callable[[], object] | None = None
+        self._busy, self._closed = False, False
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def submit(self, job: Callable[[], object]) -> None:
+        """Have `job` called; one that still waits is dropped, one that runs is overtaken."""
+        with self._changed:
+            self._next = job
+            self._changed.notify_all()
+
+    def check(self, *_: object) -> None:
+        """Raise Overtaken if a newer job waits; a job calls it now and then, e.g. as `progress`."""
+        if self._next is not None or self._closed:
+            raise Overtaken
+
+    def wait(self, timeout: float) -> bool:
+        """Return whether nothing is left to do within `timeout` s."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self._next is None and not self._busy, timeout)
+
+    def close(self) -> None:
+        """Take no more jobs; one that runs may end by itself."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._busy = False
+                self._changed.notify_all()
+                self._changed.wait_for(lambda: self._next is not None or self._closed)
+                if self._closed or self._next is None:
+                    return
+                job, self._next, self._busy = self._next, None, True
+            try:
+                job()
+            except Overtaken:
+                continue
+            except Exception as error:  # whatever it is, the thread has to go on
+                self._failed(error)

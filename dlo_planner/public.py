@@ -41,7 +41,7 @@ from dlo_planner.model.rod import Rod, with_plug
 from dlo_planner.model.section import Section
 from dlo_planner.model.supports import FarEnd, PointLoad
 from dlo_planner.model.varying import Piecewise
-from dlo_planner.parallel.mapping import solve_many
+from dlo_planner.parallel.batch import solve_many
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Limits

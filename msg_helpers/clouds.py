@@ -26,17 +26,6 @@ def points_from_cloud(msg: PointCloud2, name: str) -> Floats:
     """Return the points (n, 3), m, of a PointCloud2, in the order and frame of the message.
 
     A point with a coordinate that is not finite was not seen, and is left out.
-
-    Parameters
-    ----------
-    name : str
-        Name of the message, for errors.
-
-    Raises
-    ------
-    InvalidTask
-        Fields x, y, z are missing or no floats, the data are shorter than stated, or there are more
-        than 1,000,000 points, 64 fields, or 4096 bytes in a point.
     """
     instance('msg', msg, PointCloud2)
     for what, count, most in (

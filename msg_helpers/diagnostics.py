@@ -18,21 +18,7 @@ _LEVELS = (OK, WARN, ERROR, DiagnosticStatus.STALE)
 
 def status_msg(name: str, hardware_id: str, level: bytes, message: str,
                values: Mapping[str, object]) -> DiagnosticStatus:
-    """Return a DiagnosticStatus.
-
-    Parameters
-    ----------
-    name : str
-        Name of the status, 'node: topic'.
-    hardware_id : str
-        Name of what the status is about.
-    level : bytes
-        OK, WARN or ERROR of this module (bytes, as the message wants them).
-    message : str
-        One line of text.
-    values : dict
-        dict of str -> anything; numbers are written with six digits.
-    """
+    """Return a DiagnosticStatus."""
     for argument, value in (('name', name), ('hardware_id', hardware_id), ('message', message)):
         instance(argument, value, str)
     instance('level', level, bytes)
@@ -47,21 +33,7 @@ def status_msg(name: str, hardware_id: str, level: bytes, message: str,
 
 def diagnostics_msg(name: str, hardware_id: str, level: bytes, message: str,
                     values: Mapping[str, object], stamp: Time) -> DiagnosticArray:
-    """Return a DiagnosticArray with one status.
-
-    Parameters
-    ----------
-    name, hardware_id : str
-        As for `status_msg`.
-    level : bytes
-        As for `status_msg`.
-    message : str
-        As for `status_msg`.
-    values : dict
-        As for `status_msg`.
-    stamp : Time
-        builtin_interfaces/Time.
-    """
+    """Return a DiagnosticArray with one status."""
     status = status_msg(name, hardware_id, level, message, values)
     array = DiagnosticArray(status=[status])
     array.header.stamp = instance('stamp', stamp, Time)

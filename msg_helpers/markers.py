@@ -1,176 +1,91 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What RViz shows: the DLO, the gripper, cut-outs, the plan, obstacles, contacts, the estimate."""
+"""Primitives to be drawn <-> visualization_msgs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
 from builtin_interfaces.msg import Time
-from numpy.typing import ArrayLike
-from visualization_msgs.msg import MarkerArray
+from geometry_msgs.msg import Point, Quaternion, Vector3
+from geometry_msgs.msg import Pose as PoseMsg
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
 
-from dlo_planner.direct.shape import Shape
-from dlo_planner.model.checks import instance, items
-from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle
-from dlo_planner.model.pose import Pose
-from dlo_planner.plan.plan import Plan
-from dlo_planner.view.dlo_items import (
-    axes_items,
-    contact_items,
-    dlo_items,
-    estimate_items,
-    ghost_items,
-)
-from dlo_planner.view.scene_items import cutout_items, margin_items, obstacle_items, path_items
-from msg_helpers.marker_items import deleting_marker, markers_from_items
+from dlo_planner.errors import InvalidTask
+from dlo_planner.model.checks import instance, integer, items
+from dlo_planner.view.primitives import Primitive
+from msg_helpers.poses import header, pose_from_msg
 
-_MOST = 10_000  # markers
-_COMMAND = 0.1  # m, axes of the command: longer than those of the gripper
+_TYPES = {'line': Marker.LINE_STRIP, 'segments': Marker.LINE_LIST, 'arrow': Marker.ARROW,
+          'box': Marker.CUBE, 'ball': Marker.SPHERE, 'cylinder': Marker.CYLINDER,
+          'text': Marker.TEXT_VIEW_FACING, 'points': Marker.SPHERE_LIST,
+          'triangles': Marker.TRIANGLE_LIST}
+_KINDS = {type_: kind for kind, type_ in _TYPES.items()}
 
 
-def shape_markers(shape: Shape, radius: float | None, frame_id: str, stamp: Time,
-                  color: str = 'curvature') -> MarkerArray:
-    """Return MarkerArray: the DLO ('dlo'), what its colors mean ('scale'), its gripper ('gripper').
+def markers_from_primitives(drawn: Iterable[Primitive], frame_id: str, stamp: Time) -> MarkerArray:
+    """Return a MarkerArray that shows Primitives."""
+    header(frame_id, instance('stamp', stamp, Time))  # also judges them if there is no item
+    return MarkerArray(markers=[_marker(item, header(frame_id, stamp))
+                                for item in items('drawn', drawn, Primitive)])
 
-    Parameters
-    ----------
-    shape : Shape
-    radius : float or None
-        Radius of the DLO, m; None = thin line.
-    frame_id : str
-        Frame id of the world.
-    stamp : Time
-        builtin_interfaces/Time.
-    color : str, optional
-        'curvature' or 'yield', see `dlo_planner.view.colors.coloring`.
+
+def deleting_marker(group: str, index: int, frame_id: str, stamp: Time) -> Marker:
+    """Return the Marker that takes the Primitive of this name away."""
+    return Marker(header=header(frame_id, instance('stamp', stamp, Time)),
+                  ns=instance('group', group, str), action=Marker.DELETE,
+                  id=integer('index', index, minimum=-2**31, maximum=2**31 - 1))
+
+
+def primitives_after(known: dict[tuple[str, int], Primitive],
+                msg: MarkerArray) -> dict[tuple[str, int], Primitive]:
+    """Return the dict of Primitives by name after a MarkerArray, as RViz would show it.
+
+    What cannot be shown is left out: types that Primitives do not have, values that are not finite.
     """
-    drawn = dlo_items(shape, radius, color)
-    return markers_from_items([*drawn, *axes_items('gripper', shape.gripper)], frame_id, stamp)
+    instance('msg', msg, MarkerArray)
+    after = dict(instance('known', known, dict))
+    for marker in msg.markers:
+        if marker.action == Marker.DELETEALL:
+            after = {name: item for name, item in after.items()
+                     if marker.ns and name[0] != marker.ns}
+        elif marker.action == Marker.DELETE:
+            after.pop((marker.ns, marker.id), None)
+        elif marker.action == Marker.ADD and marker.type in _KINDS:
+            try:
+                after[marker.ns, marker.id] = _item(marker)
+            except InvalidTask:
+                after.pop((marker.ns, marker.id), None)
+    return after
 
 
-def contact_markers(shape: Shape, frame_id: str, stamp: Time) -> MarkerArray:
-    """Return MarkerArray: arrows of contact forces ('contact'), their sizes in N ('contact force').
-
-    Parameters
-    ----------
-    shape : Shape
-    frame_id : str
-        Frame id of the world.
-    stamp : Time
-        builtin_interfaces/Time.
-    """
-    return markers_from_items(contact_items(shape), frame_id, stamp)
-
-
-def plan_markers(cutouts: Iterable[CutOut], grippers: Iterable[Pose], frame_id: str,
-                 stamp: Time) -> MarkerArray:
-    """Return MarkerArray: rims and normals ('cutout'), the gripper's way ('trajectory').
-
-    Parameters
-    ----------
-    cutouts : iterable of CutOut
-    grippers : iterable of Pose
-        The n poses.
-    frame_id : str
-        Frame id of the world.
-    stamp : Time
-        builtin_interfaces/Time.
-    """
-    cutouts = items('cutouts', cutouts, CutOut)
-    markers = markers_from_items([*cutout_items(cutouts), *path_items(grippers)], frame_id,
-                                 stamp).markers
-    if len(cutouts) == 1:  # the plan before may have had two
-        markers += [deleting_marker('cutout', index, frame_id, stamp) for index in (2, 3)]
-    return MarkerArray(markers=markers)
+def _marker(item: Primitive, top: Header) -> Marker:
+    """Return the Marker of an Primitive, whose numbers are known to be good."""
+    r, g, b = item.color
+    (px, py, pz), (x, y, z, w) = item.pose.position.tolist(), item.pose.quaternion.tolist()
+    pose = PoseMsg(position=Point(x=px, y=py, z=pz), orientation=Quaternion(x=x, y=y, z=z, w=w))
+    marker = Marker(header=top, ns=item.group, id=item.index, action=Marker.ADD,
+                    type=_TYPES[item.kind], pose=pose, text=item.text,
+                    color=ColorRGBA(r=r, g=g, b=b, a=item.alpha))
+    x, y, z = (1.0, 1.0, 1.0) if item.kind == 'triangles' else item.size.tolist()
+    marker.scale = Vector3(x=x, y=y, z=z)
+    if item.kind == 'points':
+        marker.scale = Vector3(x=x, y=x, z=x)
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in item.points.tolist()]
+    if item.colors is not None:
+        marker.colors = [ColorRGBA(r=r, g=g, b=b, a=item.alpha)
+                         for r, g, b in item.colors.tolist()]
+    return marker
 
 
-def ghost_markers(shapes: Iterable[Shape], radius: float | None, frame_id: str, stamp: Time,
-                  number_shown: int = 6) -> MarkerArray:
-    """Return MarkerArray: some of the shapes of a plan, half transparent ('ghost').
-
-    Parameters
-    ----------
-    shapes : iterable of Shape
-        Shapes of the plan.
-    radius : float or None
-        Radius of the DLO, m; None = thin line.
-    frame_id : str
-        Frame id of the world.
-    stamp : Time
-        builtin_interfaces/Time.
-    number_shown : int, optional
-        How many of them.
-    """
-    return markers_from_items(ghost_items(shapes, radius, number_shown), frame_id, stamp)
-
-
-def margin_markers(plan: Plan, cutouts: Iterable[CutOut], radius: float | None, frame_id: str,
-                   stamp: Time) -> MarkerArray:
-    """Return MarkerArray: plates with holes ('plate'), rims colored by margin, and it in mm.
-
-    Parameters
-    ----------
-    plan : Plan
-    cutouts : iterable of CutOut
-        Its CutOuts; those without a size are left out.
-    radius : float or None
-        Radius of the DLO, m. If None, 0.
-    frame_id : str
-        Frame id of the world.
-    stamp : Time
-        builtin_interfaces/Time.
-    """
-    return markers_from_items(margin_items(plan, cutouts, radius), frame_id, stamp)
-
-
-def command_markers(pose: Pose, frame_id: str, stamp: Time) -> MarkerArray:
-    """Return MarkerArray: the axes of the pose that the gripper is told to have ('command').
-
-    Parameters
-    ----------
-    pose : Pose
-        Pose of the gripper, x axis = tangent of the DLO.
-    frame_id : str
-        Frame id of the world.
-    stamp : Time
-        builtin_interfaces/Time.
-    """
-    return markers_from_items(axes_items('command', pose, _COMMAND), frame_id, stamp)
-
-
-def estimate_markers(shape: Shape, radius: float | None, points: ArrayLike, frame_id: str,
-                     stamp: Time) -> MarkerArray:
-    """Return MarkerArray: the DLO as it is estimated ('estimate'), what was seen ('observed').
-
-    Parameters
-    ----------
-    shape : Shape
-        Shape, e.g. `Estimate.shape(gripper)`.
-    radius : float or None
-        Radius of the DLO, m; None = thin line.
-    points : array_like, shape (n, 3)
-        Points in m that were seen, world frame; may be empty.
-    frame_id : str
-        Frame id of the world.
-    stamp : Time
-        builtin_interfaces/Time.
-    """
-    return markers_from_items(estimate_items(shape, radius, points), frame_id, stamp)
-
-
-def obstacle_markers(obstacles: Iterable[Obstacle], frame_id: str, stamp: Time) -> MarkerArray:
-    """Return MarkerArray: obstacles, half transparent.
-
-    Parameters
-    ----------
-    obstacles : Iterable
-        Obstacles of `model.obstacles`.
-    frame_id : str
-        Frame id of the world.
-    stamp : Time
-        builtin_interfaces/Time.
-    """
-    drawn = obstacle_items(items('obstacles', obstacles, OBSTACLES))
-    return markers_from_items(drawn, frame_id, instance('stamp', stamp, Time))
+def _item(marker: Marker) -> Primitive:
+    colors = None
+    if marker.colors and len(marker.colors) == len(marker.points):
+        colors = [(color.r, color.g, color.b) for color in marker.colors]
+    color = marker.color
+    return Primitive(marker.ns, marker.id, _KINDS[marker.type],
+                np.clip((color.r, color.g, color.b), 0.0, 1.0), min(max(color.a, 0.0), 1.0),
+                [(p.x, p.y, p.z) for p in marker.points], colors, pose_from_msg(marker.pose),
+                (marker.scale.x, marker.scale.y, marker.scale.z), marker.text)

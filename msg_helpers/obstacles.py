@@ -36,20 +36,11 @@ _SAID = ('friction', 'role', 'ends', 'cutouts')  # what the text of a marker may
 
 
 class Body(NamedTuple):
-    """An obstacle that a marker describes.
-
-    Attributes
-    ----------
-    obstacle : Obstacle
-    friction : float or None
-        Coulomb's coefficient; None: the marker says nothing of it.
-    role : str
-        'all': for the DLO and the gripper, 'workspace only': for the gripper.
-    """
+    """An obstacle that a marker describes."""
 
     obstacle: Obstacle
-    friction: float | None = None
-    role: str = 'all'
+    friction: float | None = None  # Coulomb's coefficient; None: the marker says nothing of it
+    role: str = 'all'  # 'all': for the DLO and the gripper, 'workspace only': for the gripper
 
 
 def obstacles_after(known: Mapping[tuple[str, int], Body], msg: MarkerArray, frame_id: str,
@@ -61,21 +52,6 @@ def obstacles_after(known: Mapping[tuple[str, int], Body], msg: MarkerArray, fra
     workspace only}`, `{ends: round}` (of a cylinder: a Capsule), `{cutouts: [{y: 0, z: 0, radius:
     0.01}]}` (of a cube: a Sheet, whose thickness is along x). DELETE takes one away, DELETEALL all
     (of a namespace, if one is named). Those of role 'workspace only' come last.
-
-    Parameters
-    ----------
-    known : dict
-        dict before.
-    msg : MarkerArray
-    frame_id : str
-        The only frame that is understood.
-    name : str
-        How the sender knows the message.
-
-    Raises
-    ------
-    InvalidTask
-        Naming marker, field and value; nothing of the message counts then.
     """
     items('known', tuple(instance('known', known, dict).values()), Body)
     instance('msg', msg, MarkerArray)
@@ -105,18 +81,7 @@ def obstacles_after(known: Mapping[tuple[str, int], Body], msg: MarkerArray, fra
 
 def obstacles_msg(obstacles: Iterable[Obstacle], frame_id: str, stamp: Time | None = None,
                   friction: float | None = None) -> MarkerArray:
-    """Return the MarkerArray that `obstacles_after` reads: all before go, these come.
-
-    Parameters
-    ----------
-    obstacles : iterable of obstacle
-    frame_id : str
-        Frame id of the world.
-    stamp : Time, optional
-        builtin_interfaces/Time. If None, zero.
-    friction : float, optional
-        Of all of them. If None, each has its own.
-    """
+    """Return the MarkerArray that `obstacles_after` reads: all before go, these come."""
     markers = [Marker(header=header(frame_id, stamp), action=Marker.DELETEALL)]
     for index, one in enumerate(items('obstacles', obstacles, OBSTACLES)):
         kind, pose, size, said = _drawn(one)

@@ -1,18 +1,23 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pose <-> geometry_msgs."""
+"""Headers, stamps, poses and wrenches <-> std_msgs, geometry_msgs."""
 
 from __future__ import annotations
 
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, PoseStamped, Quaternion
+import numpy as np
+from builtin_interfaces.msg import Duration, Time
+from geometry_msgs.msg import Point, PoseStamped, Quaternion, Vector3, Wrench, WrenchStamped
 from geometry_msgs.msg import Pose as PoseMsg
 from numpy.typing import ArrayLike
 from std_msgs.msg import Header
 
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import instance, shown, vector
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import instance, number, shown, vector
 from dlo_planner.model.pose import Pose
+
+_NANOSECONDS = 10**9
+_LAST = 2**31  # s, of builtin_interfaces/Time
 
 
 def header(frame_id: str, stamp: Time | None = None) -> Header:
@@ -23,6 +28,27 @@ def header(frame_id: str, stamp: Time | None = None) -> Header:
     instance('frame_id', frame_id, str)
     instance('stamp', stamp, Time, optional=True)
     return Header(frame_id=frame_id, stamp=stamp if stamp is not None else Time())
+
+
+def seconds_of(stamp: Time | Duration) -> float:
+    """Return the seconds of a builtin_interfaces/Time or Duration."""
+    return float(stamp.sec + 1e-9 * stamp.nanosec)
+
+
+def time_msg(seconds: float, since: Time | None = None) -> Time:
+    """Return builtin_interfaces/Time of seconds on its clock, or after another one."""
+    begin = Time() if since is None else instance('since', since, Time)
+    total = (round(number('seconds', seconds) * _NANOSECONDS)
+             + begin.sec * _NANOSECONDS + begin.nanosec)
+    if not -_LAST <= total // _NANOSECONDS < _LAST:
+        raise InvalidTask(f'seconds = {seconds:g}: expected a time that fits in 32 bits of seconds')
+    return Time(sec=total // _NANOSECONDS, nanosec=total % _NANOSECONDS)
+
+
+def duration_msg(seconds: float) -> Duration:
+    """Return builtin_interfaces/Duration of seconds."""
+    total = round(float(seconds) * _NANOSECONDS)
+    return Duration(sec=total // _NANOSECONDS, nanosec=total % _NANOSECONDS)
 
 
 def point_msg(position: ArrayLike) -> Point:
@@ -49,36 +75,17 @@ def pose_stamped_msg(pose: Pose, frame_id: str, stamp: Time | None = None) -> Po
 
 
 def pose_from_msg(msg: PoseMsg) -> Pose:
-    """Return the Pose of a geometry_msgs/Pose.
-
-    Raises
-    ------
-    InvalidTask
-        A component is not finite, or the quaternion is zero.
-    """
+    """Return the Pose of a geometry_msgs/Pose."""
     instance('msg', msg, PoseMsg)
     p, q = msg.position, msg.orientation
     return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
 def pose_from_stamped(msg: PoseStamped, frame_id: str, name: str) -> Pose:
-    """Return the Pose of a geometry_msgs/PoseStamped that must be given in `frame_id`.
-
-    Parameters
-    ----------
-    msg : PoseStamped
-    frame_id : str
-        The only frame that is understood.
-    name : str
-        How the sender knows the field, for the message.
-
-    Raises
-    ------
-    InvalidTask
-        Naming the field and its value.
-    """
+    """Return the Pose of a geometry_msgs/PoseStamped that must be given in `frame_id`."""
     instance('msg', msg, PoseStamped)
-    _judge(frame_id, name)
+    instance('frame_id', frame_id, str)
+    instance('name', name, str)
     if msg.header.frame_id != frame_id:
         raise InvalidTask(f'{name}.header.frame_id = {shown(msg.header.frame_id)}: '
                           f'expected {frame_id!r}')
@@ -88,6 +95,19 @@ def pose_from_stamped(msg: PoseStamped, frame_id: str, name: str) -> Pose:
         raise InvalidTask(f'{name}: {error}') from None
 
 
-def _judge(frame_id: str, name: str) -> None:
-    instance('frame_id', frame_id, str)
-    instance('name', name, str)
+def wrench_in(frame: Pose, at: Pose, wrench: ArrayLike) -> Floats:
+    """Return a wrench (6,) by the axes of a frame, its moment about the frame's origin.
+
+    It is given as force (N) and moment (N m) by world axes, about the origin of `at`.
+    """
+    given = vector('wrench', wrench, 6)
+    arm = instance('at', at, Pose).position - instance('frame', frame, Pose).position
+    moment = given[3:] + np.cross(arm, given[:3])
+    return np.concatenate([given[:3] @ frame.rotation, moment @ frame.rotation])
+
+
+def wrench_msg(wrench: ArrayLike, frame_id: str, stamp: Time | None = None) -> WrenchStamped:
+    """Return the message of force (N) and moment (N m) (6,) by the axes of `frame_id`."""
+    a, b, c, x, y, z = vector('wrench', wrench, 6).tolist()
+    return WrenchStamped(header=header(frame_id, stamp), wrench=Wrench(
+        force=Vector3(x=a, y=b, z=c), torque=Vector3(x=x, y=y, z=z)))

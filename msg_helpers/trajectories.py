@@ -1,46 +1,104 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectories and stamped poses <-> trajectory_msgs/MultiDOFJointTrajectory."""
+"""Shapes, plans, motions and joints <-> nav_msgs/Path, trajectory_msgs, JointState."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import isfinite
 
 import numpy as np
-from builtin_interfaces.msg import Duration, Time
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Transform, Twist, Vector3
+from nav_msgs.msg import Path
 from numpy.typing import ArrayLike
+from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
-from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
+from trajectory_msgs.msg import (
+    JointTrajectoryPoint,
+    MultiDOFJointTrajectory,
+    MultiDOFJointTrajectoryPoint,
+)
 
+from dlo_planner.arm.joint_trajectory import JointTrajectory
+from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.trajectory.trajectory import Trajectory
-from msg_helpers.poses import header
+from msg_helpers.poses import (
+    duration_msg,
+    header,
+    pose_from_msg,
+    pose_stamped_msg,
+    seconds_of,
+    time_msg,
+)
 
-_NANOSECONDS = 10**9
 _MOST = 100_000  # points
-_LATEST = 2**31 - 1  # s that a stamp holds
+
+
+def shape_path(shape: Shape, frame_id: str, stamp: Time) -> Path:
+    """Return the DLO node by node as a Path; x axis of each pose = tangent, s as in `Shape.s`."""
+    path: Path = deserialize_message(shape_bytes(shape, frame_id, stamp), Path)
+    return path
+
+
+def shape_bytes(shape: Shape, frame_id: str, stamp: Time) -> bytes:
+    """Return the message of `shape_path`, serialized (CDR): forty times as quick as its fields."""
+    instance('shape', shape, Shape)
+    instance('stamp', stamp, Time)
+    name = header(frame_id, stamp).frame_id.encode() + b'\0'
+    top = np.array((stamp.sec, stamp.nanosec, len(name), name), [
+        ('sec', '<i4'), ('nanosec', '<u4'), ('length', '<u4'), ('name', f'S{len(name)}')]).tobytes()
+    top = top.ljust(12 + len(name), b'\0')
+    count = np.array(shape.s.size, '<u4').tobytes()
+    begin = top + bytes(-len(top) % 4) + count
+    begin += top + bytes(-(len(begin) + len(top)) % 8)  # a double begins at a multiple of 8
+    gap = -len(top) % 8
+    nodes = np.zeros(shape.s.size, [('pose', '<f8', 7), ('top', f'V{len(top) + gap}')])
+    nodes['pose'][:, :3] = shape.positions
+    nodes['pose'][:, 3:] = Rotation.from_matrix(np.array(shape.frames)).as_quat()
+    nodes['top'] = np.void(top + bytes(gap))  # of the next pose
+    return bytes((0, 1, 0, 0)) + begin + nodes.tobytes()[:-len(top) - gap]
+
+
+def plan_path(grippers: Iterable[Pose], times: ArrayLike, frame_id: str, stamp: Time) -> Path:
+    """Return gripper poses as a Path, each stamped with `stamp` plus its time."""
+    grippers = items('grippers', grippers, Pose)
+    times = row('times', times, least=0)
+    if len(times) != len(grippers):
+        raise InvalidTask(f'times has {len(times)} entries: expected one per gripper pose, '
+                          f'{len(grippers)}')
+    poses = [pose_stamped_msg(pose, frame_id, time_msg(time, stamp))
+             for pose, time in zip(grippers, times, strict=True)]
+    return Path(header=header(frame_id, stamp), poses=poses)
+
+
+def poses_from_path(path: Path) -> list[Pose]:
+    """Return the list of Pose in a nav_msgs/Path."""
+    instance('path', path, Path)
+    return [pose_from_msg(stamped.pose) for stamped in path.poses]
+
+
+def times_from_path(path: Path) -> Floats:
+    """Return (n,) s: the poses' stamps, counted from the first one's."""
+    instance('path', path, Path)
+    stamps = [one.header.stamp for one in path.poses]
+    return np.array([one.sec - stamps[0].sec + 1e-9 * (one.nanosec - stamps[0].nanosec)
+                     for one in stamps])
+
+
 
 
 def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: str,
                      stamp: Time) -> MultiDOFJointTrajectory:
-    """Return poses, velocities and accelerations of the tool frame at even times, world axes.
+    """Return `number` poses, velocities and accelerations of the tool frame at even times.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Trajectory of the gripper frame.
-    number : int
-        Number of points, from start to end.
-    tool : Pose
-        Pose of the gripper frame in the tool frame (constant).
-    frame_id : str
-        Frame id of the world.
-    stamp : Time
-        builtin_interfaces/Time of the start.
+    All by world axes. `trajectory` is of the gripper frame, whose Pose in the tool frame is `tool`.
     """
     instance('trajectory', trajectory, Trajectory)
     number = integer('number', number, minimum=2, maximum=_MOST)
@@ -62,7 +120,7 @@ def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: 
                               rotation=_quaternion(quaternion))],
         velocities=[Twist(linear=_vector(velocity), angular=_vector(spin))],
         accelerations=[Twist(linear=_vector(acceleration), angular=_vector(turn))],
-        time_from_start=_duration(time))
+        time_from_start=duration_msg(time))
         for time, pose, quaternion, velocity, spin, acceleration, turn in zip(
             times, poses, quaternions, velocities, spins, accelerations, turns, strict=True)]
     return MultiDOFJointTrajectory(header=top, joint_names=['gripper'],
@@ -71,54 +129,28 @@ def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: 
 
 def poses_ahead(times: ArrayLike, poses: Sequence[Pose], frame_id: str,
                 stamp: float) -> MultiDOFJointTrajectory:
-    """Return poses at times after a stamp, each by itself.
-
-    Parameters
-    ----------
-    times : array_like, shape (n,)
-        Seconds after the stamp, ascending.
-    poses : sequence of Pose
-        The n poses.
-    frame_id : str
-        Frame id of the poses.
-    stamp : float
-        Seconds on the clock of ROS.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it.
-    """
+    """Return poses at times (n,) s, ascending, after a stamp in s on the clock of ROS."""
     times = row('times', times, minimum=0)
     poses = items('poses', poses, Pose)
     if len(times) != len(poses):
         raise InvalidTask(f'poses has {len(poses)} entries: expected {len(times)}, as times')
-    nanoseconds = round(number('stamp', stamp, minimum=0, maximum=_LATEST) * _NANOSECONDS)
-    top = header(frame_id, Time(sec=nanoseconds // _NANOSECONDS,
-                                nanosec=nanoseconds % _NANOSECONDS))
+    top = header(frame_id, time_msg(number('stamp', stamp, minimum=0)))
     return MultiDOFJointTrajectory(
         header=top, joint_names=['gripper'],
         points=[MultiDOFJointTrajectoryPoint(
             transforms=[Transform(translation=_vector(pose.position),
                                   rotation=_quaternion(pose.quaternion))],
-            time_from_start=_duration(time))
+            time_from_start=duration_msg(time))
             for time, pose in zip(times, poses, strict=True)])
 
 
 def stamped_poses(msg: MultiDOFJointTrajectory) -> tuple[Floats, list[Pose]]:
-    """Return the times (n,) in s on the clock of ROS and the n Poses of `poses_ahead`.
-
-    Raises
-    ------
-    InvalidTask
-        A point has no pose, or one that is none.
-    """
+    """Return the times (n,) in s on the clock of ROS and the n Poses of `poses_ahead`."""
     instance('msg', msg, MultiDOFJointTrajectory)
     if not all(point.transforms for point in msg.points):
         raise InvalidTask('msg.points: expected a transform in each')
-    begin = msg.header.stamp.sec + 1e-9 * msg.header.stamp.nanosec
-    times = [begin + point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
-             for point in msg.points]
+    begin = seconds_of(msg.header.stamp)
+    times = [begin + seconds_of(point.time_from_start) for point in msg.points]
     ways = [point.transforms[0] for point in msg.points]
     return np.array(times), [Pose(
         [getattr(way.translation, axis) for axis in 'xyz'],
@@ -135,6 +167,31 @@ def _quaternion(values: Iterable[float]) -> Quaternion:
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def _duration(seconds: float) -> Duration:
-    total = round(float(seconds) * _NANOSECONDS)
-    return Duration(sec=total // _NANOSECONDS, nanosec=total % _NANOSECONDS)
+def joint_trajectory_msg(joint_trajectory: JointTrajectory) -> JointTrajectoryMsg:
+    """Return the message of a JointTrajectory as joint_trajectory_controller takes it.
+
+    Its stamp is zero, which means: it starts when the controller receives it.
+    """
+    instance('joint_trajectory', joint_trajectory, JointTrajectory)
+    points = [JointTrajectoryPoint(positions=positions, velocities=velocities,
+                                   accelerations=accelerations, time_from_start=duration_msg(time))
+              for time, positions, velocities, accelerations in zip(
+                  joint_trajectory.times, joint_trajectory.positions.tolist(),
+                  joint_trajectory.velocities.tolist(), joint_trajectory.accelerations.tolist(),
+                  strict=True)]
+    return JointTrajectoryMsg(joint_names=list(joint_trajectory.joint_names), points=points)
+
+
+def positions_from_joint_state(joint_state: JointState) -> dict[str, float]:
+    """Return joint positions by name, rad or m, of a sensor_msgs/JointState."""
+    instance('joint_state', joint_state, JointState)
+    names, positions = joint_state.name, joint_state.position
+    if len(positions) == 0:
+        return {}  # allowed by the message: velocities or efforts only
+    if len(names) != len(positions):
+        raise InvalidTask(f'joint_state has {len(names)} names and {len(positions)} positions: '
+                          'expected as many')
+    for name, position in zip(names, positions, strict=True):
+        if not isfinite(position):
+            raise InvalidTask(f'joint_state: {name} = {position}: expected a finite number')
+    return dict(zip(names, map(float, positions), strict=True))

@@ -20,14 +20,14 @@ def arguments():
     stamped.header.frame_id = 'world'
     stamped.pose.orientation.w = 1.0
     return {
-        'stamp': Time(), 'frame': Pose.identity(), 'wrenches.wrench_in.at': Pose.identity(),
+        'stamp': Time(), 'frame': Pose.identity(), 'poses.wrench_in.at': Pose.identity(),
         'wrench': (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 'obstacles.obstacles_msg.friction': 0.3,
         'poses.pose_from_msg.msg': stamped.pose,
-        'marker_items.items_after.msg': MarkerArray(),
+        'markers.primitives_after.msg': MarkerArray(),
         'obstacles.obstacles_after.msg': MarkerArray(),
         'clouds.points_from_cloud.msg': cloud_msg(np.ones((2, 3)), 'world'),
         'poses.pose_from_stamped.msg': stamped,
-        'paths.poses_from_path.path': Path(), 'paths.times_from_path.path': Path(),
+        'trajectories.poses_from_path.path': Path(), 'trajectories.times_from_path.path': Path(),
         'trajectories.stamped_poses.msg': MultiDOFJointTrajectory(),
         'trajectories.poses_ahead.stamp': 1.0,
         'joint_state': JointState(name=['joint'], position=[0.5])}

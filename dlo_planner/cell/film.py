@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.tasks import Task
 from dlo_planner.model.arrays import Floats
-from dlo_planner.view.films import checked_path, write_film
+from dlo_planner.view.plots import checked_path, write_film
 
 _POINTS = 81     # on the DLO
 _EVERY = 0.1     # s between two pictures

@@ -52,9 +52,8 @@ from dlo_planner.errors import DloPlannerError, NotConverged
 from dlo_planner.model.pose import Pose
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
-from msg_helpers.paths import plan_path
 from msg_helpers.poses import pose_from_stamped, pose_stamped_msg
-from msg_helpers.trajectories import stamped_poses
+from msg_helpers.trajectories import plan_path, stamped_poses
 
 UNKNOWNS = {'nothing': (NOTHING_UNKNOWN, GOOD), 'much': (UNCERTAIN, GOOD),
             'more': (VERY_UNCERTAIN, BAD)}

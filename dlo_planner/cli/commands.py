@@ -59,8 +59,7 @@ from dlo_planner.settings.yaml_files import write_values
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay as replayed
 from dlo_planner.verify.report import ValidationReport
-from dlo_planner.view.answers import fit_rows
-from dlo_planner.view.summaries import rod_line
+from dlo_planner.view.summary import rod_line, rows_of
 
 _SHAPE_ENDINGS = (*PICTURES, *VALUES, '.csv', *POSES)
 _PLAN_ENDINGS = (*_SHAPE_ENDINGS, *FILMS)
@@ -392,7 +391,7 @@ def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pos
     click.echo(fit.summary())
     for path in outputs:
         if path.suffix.lower() == '.csv':
-            write_table(path, ('quantity', 'value', 'deviation or unit'), fit_rows(fit))
+            write_table(path, ('quantity', 'value', 'deviation or unit'), rows_of(fit))
         else:
             write_values(path, values | parameters_of_fit(fit, values))
         click.echo(f'wrote {path}')

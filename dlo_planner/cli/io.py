@@ -31,7 +31,7 @@ from dlo_planner.settings.build import direct_of, doubts
 from dlo_planner.settings.yaml_files import read_values, read_yaml, yaml_of
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
-from dlo_planner.view.summaries import rod_line, rows_of
+from dlo_planner.view.summary import rod_line, rows_of
 
 _BAR_WIDTH = 30  # of a progress bar
 

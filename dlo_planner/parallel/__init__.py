@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many at once: shapes and plans by all cores of a machine, or of a cluster (extra `[cluster]`)."""
 
+from dlo_planner.parallel.batch import map, solve_many
 from dlo_planner.parallel.capability import CapabilityMap, CellGrid, capability_map
-from dlo_planner.parallel.mapping import map, solve_many
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.parallel.speculation import speculative
 

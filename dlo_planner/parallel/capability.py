@@ -4,9 +4,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+import pickle
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from enum import Enum
 from os import PathLike
 from pathlib import Path
 from time import thread_time
@@ -34,9 +38,7 @@ from dlo_planner.model.checks import (
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
-from dlo_planner.parallel.pieces import Shared
-from dlo_planner.parallel.store import Store, fingerprint, part_in, task_in
-from dlo_planner.parallel.workers import Crew, Workers, checked
+from dlo_planner.parallel.pool import CachedPayload, Pool, Workers, checked
 from dlo_planner.pictured import Answer
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
@@ -60,6 +62,7 @@ COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
     'gripper': (float, (7,)), 'seconds': (float, ())}
 _SLICES = 12      # that are drawn
 _ALIKE = 1e-6   # m: positions in one slice
+_TASK, _PART = 'task.npz', 'part-{:07d}.npz'
 QUANTITIES = {'share': 'part of directions and radii that can be threaded',
               'clearance': 'largest clearance [m]', 'stability': 'largest stability',
               'radius': 'narrowest radius that can be threaded [m]'}
@@ -262,16 +265,15 @@ class CapabilityMap(Answer):
         """
         if not os.path.isdir(instance('path', path, (str, os.PathLike))):
             return super().load(path)
-        folder = path
-        task = task_in(folder)
         try:
+            task = _read(Path(path) / _TASK)
             grid = CellGrid(task['positions'], task['directions'], task['radii'])
             chunk = int(task['chunk'])
-        except (KeyError, TypeError, ValueError) as error:
-            raise InvalidTask(f'folder = {shown(str(folder))}: expected one in which a map is '
-                              f'kept, {error}') from None
-        parts = {k: part_in(Path(folder), k) for k in range(-(-len(grid) // chunk))}
-        return _joined(grid, chunk, parts)
+        except Exception as error:  # whatever another file makes of the reader
+            raise InvalidTask(f'folder = {shown(str(path))}: expected one in which a map is kept, '
+                              f'{error}') from None
+        return _joined(grid, chunk, {k: _part_in(Path(path), k)
+                                     for k in range(-(-len(grid) // chunk))})
 
 
 def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers = None, *,
@@ -319,40 +321,32 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
         depths = depths_on(inverse.simulator.rod.length, depths_or_none('depths', depths))
     checked(executor)
     chunk = integer('chunk', chunk, minimum=1, maximum=1_000_000)
-    question = Question(inverse, grid, items('starts', starts, Pose), depths,
-                        number('patience', patience, above=0))
-    steps = Progress(progress, deadline)
-    shared = Shared(question)
-    batches = {k: Batch(shared, begin, min(begin + chunk, len(grid)))
-               for k, begin in enumerate(range(0, len(grid), chunk))}
-    store, parts = None, {}
+    query = ReachabilityQuery(inverse, grid, starts, depths,
+                              number('patience', patience, above=0))
+    steps, payload = Progress(progress, deadline), CachedPayload(query)
+    batches = [Batch(payload, begin, min(begin + chunk, len(grid)))
+               for begin in range(0, len(grid), chunk)]
+    cache, parts = None, {}
     if folder is not None:
-        store = Store(folder, fingerprint(tuple(question), chunk), {
+        cache = ResultCache(folder, fingerprint(tuple(query), chunk), {
             'positions': grid.positions, 'directions': grid.directions, 'radii': grid.radii,
             'chunk': np.asarray(chunk)})
-        parts = {k: part for k in batches if (part := store.part(k)) is not None}
-    _done(question, batches, parts, store, executor, steps)
-    return _joined(grid, chunk, parts)
-
-
-def _done(question: Question, batches: Mapping[int, Batch],
-          parts: dict[int, dict[str, NDArray[Any]]], store: Store | None, executor: Workers,
-          steps: Progress) -> None:
-    """Do the batches that are not in the dict of `parts`."""
-    total, left = len(question.grid), [k for k in batches if k not in parts]
-    done = total - sum(batches[k].end - batches[k].begin for k in left)
+        parts = {k: part for k in range(len(batches)) if (part := cache.get(k)) is not None}
+    left = [k for k in range(len(batches)) if k not in parts]
+    done = len(grid) - sum(batches[k].end - batches[k].begin for k in left)
 
     def finished(index: int, part: dict[str, NDArray[Any]]) -> None:
         nonlocal done
         k = left[index]
         parts[k] = part
-        if store is not None:
-            store.keep(k, part)
+        if cache is not None:
+            cache.put(k, part)
         done += batches[k].end - batches[k].begin
-        steps.done(done, total)
+        steps.done(done, len(grid))
 
-    with Crew(executor, steps.check) as crew:
-        crew.run(answers, (batches[k] for k in left), finished)
+    with Pool(executor, steps.check) as pool:
+        pool.run(lines_of, (batches[k] for k in left), finished)
+    return _joined(grid, chunk, parts)
 
 
 def _joined(grid: CellGrid, chunk: int,
@@ -399,49 +393,36 @@ def _plain(name: str, value: object, shape: tuple[int, ...], kind: str) -> NDArr
 # Whether one cut-out can be threaded, from where, and with what margin: what workers do.
 
 
-class Question(NamedTuple):
-    """The question about every cut-out.
-
-    Attributes
-    ----------
-    inverse : InverseSimulator
-    grid : CellGrid
-    starts : tuple of Pose
-        Poses of the gripper to begin with; none: only the threading is planned.
-    depths : ndarray, shape (n,) or None
-        Depths in m, or None.
-    patience : float
-        Seconds of computing for a plan, after which it is undecided.
-    """
+class ReachabilityQuery(NamedTuple):
+    """The question about every cut-out."""
 
     inverse: InverseSimulator
     grid: CellGrid
-    starts: tuple[Pose, ...]
-    depths: Floats | None
-    patience: float
+    starts: tuple[Pose, ...]  # none: only the threading is planned
+    depths: Floats | None     # m
+    patience: float           # s of computing for a plan, after which it is undecided
 
 
 class Batch(NamedTuple):
-    """A piece of work: the cut-outs from `begin` up to `end` of a Shared Question."""
+    """A piece of work: the cut-outs from `begin` up to `end` of a ReachabilityQuery."""
 
-    question: Shared
+    query: CachedPayload
     begin: int
     end: int
 
 
-def answers(batch: Batch) -> dict[str, NDArray[Any]]:
+def lines_of(batch: Batch) -> dict[str, NDArray[Any]]:
     """Return the columns of a Batch; this is what workers do."""
-    question = batch.question.content
-    lines = [answer(question, question.grid.cutout(index))
-             for index in range(batch.begin, batch.end)]
+    query = batch.query.content
+    lines = [_line(query, query.grid.cutout(index)) for index in range(batch.begin, batch.end)]
     return {name: np.array([line[name] for line in lines], dtype=kind)
             for name, (kind, _) in COLUMNS.items()}
 
 
-def answer(question: Question, cutout: CutOut) -> dict[str, Any]:
+def _line(query: ReachabilityQuery, cutout: CutOut) -> dict[str, Any]:
     """Return a line of the map: the best of all starts, or the refusal that came farthest."""
-    begun, starts = thread_time(), question.starts or (None,)
-    lines = [_from(question, cutout, k, start) for k, start in enumerate(starts)]
+    begun, starts = thread_time(), query.starts or (None,)
+    lines = [_from(query, cutout, k, start) for k, start in enumerate(starts)]
     best = lines[0]
     for line in lines[1:]:
         if _rank(line) > _rank(best) + _BETTER:
@@ -456,15 +437,16 @@ def _rank(line: Mapping[str, Any]) -> float:
     return 1.5 if line['outcome'] == UNDECIDED else line['fraction']
 
 
-def _from(question: Question, cutout: CutOut, index: int, start: Pose | None) -> dict[str, Any]:
+def _from(query: ReachabilityQuery, cutout: CutOut, index: int,
+          start: Pose | None) -> dict[str, Any]:
     """Return the line of one start (a Pose or None)."""
     line: dict[str, Any] = {
         'outcome': THREADED, 'amount': 0.0, 'fraction': 0.0, 'clearance': np.nan,
         'stability': np.nan, 'roll': np.nan, 'start': -1 if start is None else index,
         'gripper': np.full(7, np.nan)}
-    inverse, patience, prefix = question.inverse, question.patience, ''
+    inverse, patience, prefix = query.inverse, query.patience, ''
     try:
-        plan = inverse.thread(cutout, start=start, depths=question.depths, deadline=patience)
+        plan = inverse.thread(cutout, start=start, depths=query.depths, deadline=patience)
         line |= _margins(plan)
         if start is not None:
             prefix = 'start_phase.'
@@ -491,3 +473,101 @@ def _margins(plan: Plan) -> dict[str, Any]:
             'stability': float(plan.stability.min()),
             'roll': float(np.arctan2(axes[2, 1], axes[1, 1])),
             'gripper': np.concatenate([first.position, first.quaternion])}
+
+
+# What is done already, kept in a folder.
+
+
+class ResultCache:
+    """Keeps numbered parts of one task, each a dict of arrays, in a folder.
+
+    A file is written beside its place and then put there in one step: after a crash it is whole, or
+    not there at all. `name` identifies the task, which the arrays of `task` describe.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], name: str,
+                 task: dict[str, NDArray[Any]]) -> None:
+        self.folder = Path(instance('folder', folder, (str, os.PathLike)))
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if not (self.folder / _TASK).exists():
+                _written(self.folder / _TASK, {'name': np.asarray(name), **task})
+            known = str(_read(self.folder / _TASK)['name'])
+        except (OSError, ValueError) as error:
+            raise InvalidTask(f'folder = {shown(str(folder))}: expected one that can be written, '
+                              f'{error}') from None
+        if known != name:
+            raise InvalidTask(f'folder = {shown(str(folder))}: expected one for this task, it '
+                              'has parts of another one (its cut-outs, DLO or options differ)')
+
+    def put(self, index: int, part: dict[str, NDArray[Any]]) -> None:
+        """Write a part."""
+        _written(self.folder / _PART.format(index), part)
+
+    def get(self, index: int) -> dict[str, NDArray[Any]] | None:
+        """Return a part; None if it has not been done, or its file is damaged."""
+        return _part_in(self.folder, index)
+
+
+def _part_in(folder: Path, index: int) -> dict[str, NDArray[Any]] | None:
+    """Return the part of a folder; None if it is not there, or its file is damaged."""
+    try:
+        return _read(folder / _PART.format(index))
+    except Exception:  # whatever another file makes of the reader
+        return None
+
+
+def _read(path: Path) -> dict[str, NDArray[Any]]:
+    with np.load(path) as stored:
+        return dict(stored)
+
+
+def _written(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix='.', suffix='.npz')
+    try:
+        with os.fdopen(handle, 'wb') as file:
+            np.savez_compressed(file, **dict[str, Any](arrays))
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def fingerprint(*contents: Any) -> str:
+    """Return a name of the content of values, arrays and numbers, the same in every process."""
+    digest = hashlib.sha256()
+    for part in _parts(contents):
+        digest.update(len(part).to_bytes(8, 'little') + part)
+    return digest.hexdigest()[:32]
+
+
+def _parts(content: Any) -> Iterator[bytes]:
+    """Yield bytes that tell a content from others."""
+    yield type(content).__name__.encode()
+    if isinstance(content, np.ndarray):
+        plain = content + 0.0 if content.dtype.kind == 'f' else content  # -0.0 is 0.0
+        yield f'{content.dtype.str} {content.shape}'.encode() + plain.tobytes()
+    elif isinstance(content, tuple | list):
+        yield str(len(content)).encode()
+        for part in content:
+            yield from _parts(part)
+    elif isinstance(content, dict):
+        yield from _parts(sorted(content.items(), key=lambda item: str(item[0])))
+    elif isinstance(content, Value):
+        for name in content.compared():
+            yield from _parts(getattr(content, name))
+    elif is_dataclass(content) and not isinstance(content, type):
+        for item in fields(content):
+            yield from _parts(getattr(content, item.name))
+    elif isinstance(content, float | np.floating):
+        yield repr(float(content) + 0.0).encode()
+    elif content is None or isinstance(content, str | int | bool | np.integer | np.bool_ | Enum):
+        yield str(content).encode()
+    elif hasattr(content, '__code__'):
+        code = content.__code__
+        yield f'{content.__module__}.{content.__qualname__} {code.co_consts}'.encode()
+        yield code.co_code
+    else:
+        yield pickle.dumps(content, protocol=4)

@@ -28,14 +28,13 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.boundary_motion import poses
 from dlo_planner.direct.continuation import LONGEST_TURN, surely_follows
-from dlo_planner.direct.integrator import KinematicState, Scheme
-from dlo_planner.direct.memory import Memory
+from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, Prescribed, made_by, motion_by
 from dlo_planner.direct.statics import TOLERANCE, equilibrium
 from dlo_planner.direct.step import past_of
-from dlo_planner.direct.stepper import Limits, StepBatch, StepMemory, Stepper, TimePoint
+from dlo_planner.direct.stepper import Limits, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
@@ -44,8 +43,7 @@ from dlo_planner.minimize.newton import newton
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.parallel.pieces import Shared
-from dlo_planner.parallel.workers import Crew, Workers, checked
+from dlo_planner.parallel.pool import Pool, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _MOST_TASKS = 1024
@@ -108,10 +106,10 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
             return simulator.track(grippers, progress, at_first, deadline=deadline)
         return simulator.simulate(grippers, dt, initial, velocity=velocity, tolerance=tolerance,
                                   integrator=integrator, progress=progress, deadline=deadline)
-    with Crew(executor, steps.check) as crew:
-        rounds = Rounds(crew, tasks)
+    with Pool(executor, steps.check) as pool:
+        rounds = Rounds(pool, tasks)
         if dt is None:
-            return Tracker(simulator, rounds).track(grippers, at_first, steps)
+            return track_ahead(simulator, rounds, grippers, at_first, steps)
         make = partial(AheadStepper, rounds, len(grippers) - 1)
         return motion_by(make, simulator, Prescribed(grippers, dt, initial, None, velocity,
                                                      tolerance, integrator), steps)
@@ -131,149 +129,166 @@ def _work(shape: Shape) -> int:
 
 
 class AheadStepper(Stepper):
-    """Makes the steps of one DLO in moving grips, and computes later ones ahead.
-
-    Parameters
-    ----------
-    rounds : Rounds
-    last : int
-        Place of the last step.
-    more : object
-        As for Stepper.
-    """
+    """Makes the steps of one DLO in moving grips, up to `last`, and computes later ones ahead."""
 
     nearby = False  # guesses are not near
 
     def __init__(self, rounds: Rounds, last: int, *more: Any) -> None:
         super().__init__(*more)
-        self._rounds, self._last, self._shared = rounds, last, Shared(Stepper(*more))
+        self._rounds, self._last = rounds, last
 
     def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme,
               limits: Limits) -> StepBatch:
         """Return the StepBatch of the first step, which may begin where it was seen ahead."""
-        place, usual = float(places[0]), self.guess(now, scheme.dt)
+        place, size = float(places[0]), scheme.dt / self.dt
+        usual, budget = self.guess(now, scheme.dt), limits.budget.copy()
 
-        def ahead(most: int) -> dict[float, Task]:
-            return self._ahead(now, place, scheme, usual, most)
+        def system(place: float, scheme: Scheme) -> Problem:
+            return self.problem(now.nodes, now.bends, now.memory, place, scheme)
 
-        def begun(guess: Floats) -> tuple[StepBatch, Shape]:
-            batch = self.steps_from(now, past, places[:1], scheme, limits, guess)
-            return batch, (batch.last if batch.refused is None else batch.refused).shape
+        def ahead(k: int) -> tuple[Problem, float] | None:
+            if place + k * size > self._last:
+                return None
+            several = replace(scheme, dt=(k + 1) * scheme.dt)
+            return system(place + k * size, several), TOLERANCE + self.rounding(several)
 
-        def step(guess: Floats | None) -> Stepped:
-            vain = judging = 0
-            if guess is not None:
-                system, budget = self._system(now, place, scheme), limits.budget.copy()
-                start = _unknowns(system, usual)
-                if lower(system, _unknowns(system, guess), start):
-                    batch, shape = begun(guess)
-                    vain = _work(shape)
-                    same, judging, _ = leads_to(system, start,
-                                                _unknowns(system, shape.element_strains))
-                    if shape.converged and same:
-                        return Stepped(batch, vain, judging, 'used')
-                    limits.budget[:] = budget
-            batch, shape = begun(usual)
-            return Stepped(batch, vain + _work(shape), judging,
-                           'none' if guess is None else 'refused')
+        def step(guess: Floats | None) -> tuple[StepBatch, Shape, bool]:
+            limits.budget[:] = budget
+            batch = self.steps_from(now, past, places[:1], scheme, limits,
+                                    usual if guess is None else guess)
+            shape = (batch.last if batch.refused is None else batch.refused).shape
+            return batch, shape, shape.converged
 
-        result: StepBatch = self._rounds.make(place, ahead, step)
+        result: StepBatch = self._rounds.step(
+            [place + k * size for k in range(self._rounds.tasks)], lambda: system(place, scheme),
+            usual, ahead, step, self.method)
         return result
 
-    def _ahead(self, now: TimePoint, place: float, scheme: Scheme, usual: Floats,
-               most: int) -> dict[float, Task]:
-        """Return Moving tasks by place."""
-        size, strains = scheme.dt / self.dt, usual
-        tasks: dict[float, Task] = {}
-        for k in range(1, self._rounds.tasks):
-            later = place + k * size
-            if later > self._last:
+
+def track_ahead(simulator: DirectSimulator, rounds: Rounds, grippers: tuple[Pose, ...],
+                initial: Shape | None, steps: Progress) -> list[Shape]:
+    """Return the same as `DirectSimulator.track`, with later steps computed ahead."""
+    shapes, before = [], initial
+    plain = simulator.accuracy is None and simulator.strains == 'components'
+    for place, gripper in enumerate(grippers):
+        if before is not None and plain and made_by(simulator, before) and (
+                before.far_end is None and before.parts is None):
+            shape = _track_step(simulator, rounds, grippers, place, before, steps)
+        else:
+            shape, = simulator.track([gripper], initial=before, deadline=steps.left())
+        shapes.append(shape)
+        if shape.converged or shape.nearly:
+            before = shape
+        steps.done(len(shapes), len(grippers))
+    return shapes
+
+
+def _track_step(simulator: DirectSimulator, rounds: Rounds, grippers: tuple[Pose, ...],
+                place: int, before: Shape, steps: Progress) -> Shape:
+    mesh, gripper = simulator.mesh, grippers[place]
+    history = past_of(mesh, before, simulator.history)
+
+    def ahead(k: int) -> tuple[Problem, float] | None:
+        if place + k >= len(grippers):
+            return None
+        return mesh.system(np.array(grippers[place + k].rotation), history=history), TOLERANCE
+
+    def step(guess: Floats | None) -> tuple[Shape, Shape, bool]:
+        if guess is None:
+            shape, = simulator.track([gripper], initial=before, deadline=steps.left())
+            return shape, shape, True
+        shape, kicks = equilibrium(mesh, gripper, guess, simulator.method, history)
+        return shape, shape, surely_follows(before, shape, kicks)
+
+    turn = angle_between(before.gripper.rotation, gripper.rotation)
+    result: Shape = rounds.step(
+        range(place, place + rounds.tasks),
+        lambda: mesh.system(gripper.rotation, history=history),
+        mesh.strains_from(before.s, before.element_strains), ahead, step, simulator.method,
+        turn <= LONGEST_TURN, lean=False)
+    return result
+
+
+class Round(NamedTuple):
+    """A true step, and the looks ahead meanwhile."""
+
+    place: float
+    work: int               # in the unit of `minimize.classic.approximate`
+    judging: int            # Newton steps beside it
+    guess: str              # 'used', 'refused', or 'none'
+    ahead: tuple[int, ...]  # works of the looks ahead
+
+
+class Rounds:
+    """Steps made while later ones are computed ahead, `tasks` at once, and the guesses of these."""
+
+    def __init__(self, pool: Pool, tasks: int) -> None:
+        self._pool, self.tasks = pool, tasks
+        self._guesses: dict[float, Floats] = {}  # strains (N, 3) by place
+        self._most = _UNLIMITED   # work of a look ahead
+        self.made: list[Round] = []
+
+    def step(self, places: Any, system: Callable[[], Problem], usual: Floats,
+             ahead: Callable[[int], tuple[Problem, float] | None],
+             step: Callable[[Floats | None], tuple[Any, Shape, bool]], method: str,
+             guessed: bool = True, lean: bool = True) -> Any:
+        """Return the result of the step at places[0], while those at the others are computed ahead.
+
+        `system` is the Problem of the step, `usual` where the serial search begins, `ahead` what is
+        looked at, with its tolerance, `step` what makes the step from a guess, or from `usual`, and
+        says of which Shape and whether it may be used. Only where one may `lean` the way to it may
+        lead over an unstable shape: else the serial step is cut into smaller ones there.
+        """
+        looks, strains = {}, usual
+        for k in range(1, self.tasks):
+            if (later := ahead(k)) is None:
                 break
-            guess = self._rounds.guess(later)
-            strains = strains if guess is None else guess  # else those of the place before
-            tasks[later] = Moving(self._shared, now.nodes, now.bends, now.memory, later,
-                                  replace(scheme, dt=(k + 1) * scheme.dt), strains, most)
-        return tasks
+            strains = self._guesses.get(places[k], strains)
+            looks[places[k]] = later[0], unknowns(later[0], strains), method, later[1], self._most
+        futures = self._pool.submit(_look, looks.values())
+        try:
+            result, done = self._true_step(places[0], system, usual, step, guessed, lean)
+            found = self._pool.gathered(futures)
+        finally:
+            for future in futures:
+                future.cancel()
+        self._guesses = {place: look[0] for place, look in zip(looks, found, strict=False)
+                         if look is not None}
+        self._most = max(done.work, 1)
+        self.made.append(done._replace(ahead=tuple(0 if one is None else one[1] for one in found)))
+        return result
 
-    def _system(self, now: TimePoint, place: float, scheme: Scheme) -> Problem:
-        return self.problem(now.nodes, now.bends, now.memory, place, scheme)
+    def _true_step(self, place: float, make: Callable[[], Problem], usual: Floats,
+                   step: Callable[[Floats | None], tuple[Any, Shape, bool]], guessed: bool,
+                   lean: bool) -> tuple[Any, Round]:
+        vain = judging = 0
+        guess = self._guesses.get(place)
+        if guess is not None and guessed:
+            system = make()
+            start = unknowns(system, usual)
+            if lower(system, unknowns(system, guess), start):
+                result, shape, good = step(guess)
+                vain = shape.evaluations or shape.iterations
+                same, judging, leant = leads_to(system, start,
+                                                unknowns(system, shape.element_strains))
+                if good and same and (lean or not leant):
+                    return result, Round(place, vain, judging, 'used', ())
+        result, shape, _ = step(None)
+        return result, Round(place, vain + (shape.evaluations or shape.iterations), judging,
+                             'none' if guess is None else 'refused', ())
 
 
-def _unknowns(system: Any, strains: Floats) -> Floats:
+def _look(task: tuple[Problem, Floats, str, float, int]) -> tuple[Floats, int]:
+    """Return strains (N, 3) of a step to come, roughly, and the work that it took; for workers."""
+    system, q, method, tolerance, most = task
+    return approximate(system, q, method, tolerance, most)
+
+
+def unknowns(system: Problem, strains: Floats) -> Floats:
+    """Return the unknowns (m, 3) of strains (N, 3)."""
     q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
     unknowns_of(system, np.array(strains), q)
     return q
-
-
-class Tracker:
-    """Follows a DLO through slow steps, and computes later ones ahead.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    rounds : Rounds
-    """
-
-    def __init__(self, simulator: DirectSimulator, rounds: Rounds) -> None:
-        self._simulator, self._rounds, self._shared = simulator, rounds, Shared(simulator)
-
-    def track(self, grippers: tuple[Pose, ...], initial: Shape | None,
-              steps: Progress) -> list[Shape]:
-        """Return the same as `DirectSimulator.track`."""
-        shapes, before = [], initial
-        for place, gripper in enumerate(grippers):
-            if before is None or not self._can(before):
-                shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
-            else:
-                shape = self._step(grippers, place, before, steps)
-            shapes.append(shape)
-            if shape.converged or shape.nearly:
-                before = shape
-            steps.done(len(shapes), len(grippers))
-        return shapes
-
-    def _can(self, before: Shape) -> bool:
-        """Whether steps after the Shape `before` can be computed ahead."""
-        simulator = self._simulator
-        return (simulator.accuracy is None and simulator.strains == 'components'
-                and made_by(simulator, before) and before.far_end is None and before.parts is None)
-
-    def _step(self, grippers: tuple[Pose, ...], place: int, before: Shape,
-              steps: Progress) -> Shape:
-        mesh, gripper = self._simulator.mesh, grippers[place]
-        history = past_of(mesh, before, self._simulator.history)
-        usual = mesh.strains_from(before.s, before.element_strains)
-
-        def ahead(most: int) -> dict[float, Task]:
-            tasks: dict[float, Task] = {}
-            strains = usual
-            for later in range(place + 1, min(place + self._rounds.tasks, len(grippers))):
-                guess = self._rounds.guess(later)
-                strains = strains if guess is None else guess
-                tasks[later] = Resting(self._shared, np.array(grippers[later].rotation),
-                                       replace(history, of=None), strains, most)
-            return tasks
-
-        def step(guess: Floats | None) -> Stepped:
-            vain = judging = 0
-            turn = angle_between(before.gripper.rotation, gripper.rotation)
-            if guess is not None and turn <= LONGEST_TURN:
-                system = mesh.system(gripper.rotation, history=history)
-                start = _unknowns(system, usual)
-                if lower(system, _unknowns(system, guess), start):
-                    shape, kicks = equilibrium(mesh, gripper, guess, self._simulator.method,
-                                               history)
-                    end, vain = _unknowns(system, shape.element_strains), _work(shape)
-                    same, judging, leant = leads_to(system, start, end)
-                    # an unstable shape on the way: the serial step is cut into smaller ones
-                    if same and not leant and surely_follows(before, shape, kicks):
-                        return Stepped(shape, vain, judging, 'used')
-            shape, = self._simulator.track([gripper], initial=before, deadline=steps.left())
-            return Stepped(shape, vain + _work(shape), judging,
-                           'none' if guess is None else 'refused')
-
-        result: Shape = self._rounds.make(place, ahead, step)
-        return result
 
 
 def lower(system: Problem, one: Floats, other: Floats) -> bool:
@@ -296,175 +311,3 @@ def leads_to(system: Problem, start: Floats, end: Floats) -> tuple[bool, int, bo
     away = np.linalg.norm(minimum.state.q - end)
     arrived = minimum.residual < _TOLERANCE and away <= _CLOSE * np.linalg.norm(end)
     return bool(arrived), minimum.iterations, bool(minimum.kicks)
-
-
-# What workers do: shapes of steps to come, roughly, from a shape that is known.
-
-
-class Moving(NamedTuple):
-    """A DLO in motion, several steps in one.
-
-    Attributes
-    ----------
-    stepper : Shared
-        Shared Stepper.
-    nodes, bends : KinematicState
-        Those of now.
-    memory : StepMemory
-        What is left to the next step.
-    place : float
-        Where to look, in instants.
-    scheme : Scheme
-        Scheme of one step from now to there.
-    strains : ndarray, shape (N, 3)
-        Strains in 1/m, where the search begins.
-    most : int
-        Work, in the unit of `minimize.classic.approximate`.
-    """
-
-    stepper: Shared
-    nodes: KinematicState
-    bends: KinematicState
-    memory: StepMemory
-    place: float
-    scheme: Scheme
-    strains: Floats
-    most: int
-
-
-class Resting(NamedTuple):
-    """A DLO that is moved slowly, several steps in one.
-
-    Attributes
-    ----------
-    simulator : Shared
-        Shared DirectSimulator.
-    rotation : ndarray, shape (3, 3)
-        Rotation of the gripper there.
-    history : Memory
-        Memory of now.
-    strains : ndarray
-        As for Moving.
-    most : int
-        As for Moving.
-    """
-
-    simulator: Shared
-    rotation: Floats
-    history: Memory
-    strains: Floats
-    most: int
-
-
-class Guess(NamedTuple):
-    """What was seen: strains (N, 3) in 1/m, and the work that it took."""
-
-    strains: Floats
-    work: int
-
-
-def look(task: Moving | Resting) -> Guess:
-    """Return the Guess that a task asks for."""
-    if isinstance(task, Moving):
-        stepper = task.stepper.content
-        method = stepper.method
-        system = stepper.problem(task.nodes, task.bends, task.memory, task.place, task.scheme)
-        rounding = stepper.rounding(task.scheme)
-    else:
-        simulator = task.simulator.content
-        method, rounding = simulator.method, 0.0
-        system = simulator.mesh.system(task.rotation, history=task.history)
-    q = np.empty((system.basis.shape[1] or system.lengths.size, 3))
-    unknowns_of(system, np.array(task.strains), q)
-    return Guess(*approximate(system, q, method, TOLERANCE + rounding, task.most))
-
-
-Task = Moving | Resting  # of a look ahead
-
-
-class Round(NamedTuple):
-    """A true step, and the looks ahead meanwhile.
-
-    Attributes
-    ----------
-    place : float
-        Place of the step.
-    work : int
-        Work of it, in the unit of `minimize.classic.approximate`.
-    judging : int
-        Newton steps beside it.
-    guess : str
-        'used', 'refused', or 'none'.
-    ahead : tuple of int
-        Works of the looks ahead.
-    """
-
-    place: float
-    work: int
-    judging: int
-    guess: str
-    ahead: tuple[int, ...]
-
-
-class Stepped(NamedTuple):
-    """What a true step gave.
-
-    Attributes
-    ----------
-    result : object
-        Result of the step.
-    work, judging : int
-        As in Round.
-    guess : str
-        As in Round.
-    """
-
-    result: Any
-    work: int
-    judging: int
-    guess: str
-
-
-class Rounds:
-    """Steps made while later ones are computed ahead, and the guesses of these.
-
-    Parameters
-    ----------
-    crew : Crew
-    tasks : int
-        Steps at once, the true one among them.
-
-    Attributes
-    ----------
-    made : list of Round
-        One Round for each round.
-    """
-
-    def __init__(self, crew: Crew, tasks: int) -> None:
-        self._crew, self.tasks = crew, tasks
-        self._guesses: dict[float, Floats] = {}  # place: strains
-        self._most = _UNLIMITED   # work of a look ahead
-        self.made: list[Round] = []
-
-    def guess(self, place: float) -> Floats | None:
-        """Return the strains (N, 3) that were computed ahead for a place, or None."""
-        return self._guesses.get(place)
-
-    def make(self, place: float, ahead: Callable[[int], dict[float, Task]],
-             step: Callable[[Floats | None], Stepped]) -> Any:
-        """Return the result of a step at `place`, while later ones are computed ahead."""
-        tasks = ahead(self._most)
-        futures = self._crew.begin(look, tasks.values())
-        try:
-            stepped = step(self.guess(place))
-            guesses = self._crew.gathered(futures)
-        finally:
-            for future in futures:
-                future.cancel()
-        self._guesses = {later: guess.strains for later, guess in zip(tasks, guesses, strict=False)
-                         if guess is not None}
-        done = Round(place, stepped.work, stepped.judging, stepped.guess,
-                     tuple(0 if one is None else one.work for one in guesses))
-        self._most = max(done.work, 1)
-        self.made.append(done)
-        return stepped.result

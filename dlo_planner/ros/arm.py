@@ -22,7 +22,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.settings.parameters import ARM
 from dlo_planner.trajectory.timed_path import TimedPath
-from msg_helpers.joints import joint_trajectory_msg, positions_from_joint_state
+from msg_helpers.trajectories import joint_trajectory_msg, positions_from_joint_state
 
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -29,8 +29,8 @@ from dlo_planner.ros.managed import ALL_LATCHED, REQUEST
 from dlo_planner.ros.status import stamp_text
 from dlo_planner.settings.tasks import task_to_yaml
 from msg_helpers.obstacles import obstacles_msg
-from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_stamped_msg
+from msg_helpers.trajectories import poses_from_path
 
 _REMEMBERED = 1000  # messages of a topic
 _ACTIVE = State.PRIMARY_STATE_ACTIVE

@@ -36,11 +36,10 @@ from dlo_planner.ros.state import Looking, Made, State, Store
 from dlo_planner.ros.status import Health, Parts, stamp_text
 from dlo_planner.ros.worker import Worker, persistent
 from dlo_planner.settings.tasks import cutouts_of
+from dlo_planner.view.scene import axes_primitives
 from msg_helpers.diagnostics import OK, WARN, status_msg
-from msg_helpers.markers import command_markers
-from msg_helpers.paths import plan_path
 from msg_helpers.poses import pose_stamped_msg
-from msg_helpers.trajectories import poses_ahead
+from msg_helpers.trajectories import plan_path, poses_ahead
 
 _STANDOFF = 0.05  # of the length, where none is given, and the plan does not stop before the hole
 
@@ -211,6 +210,7 @@ class ClosedLoopDrive:
 
 _TOLD = 0.2      # s between messages on ~/execution
 _LAG = 0.1       # s by which a robot may follow late
+_COMMAND = 0.1   # m, axes of the command: longer than those of the gripper
 
 
 class Drive:
@@ -373,8 +373,8 @@ class Drive:
     def _send(self, command: Pose, frame_id: str) -> None:
         stamp, tool = self._node.get_clock().now().to_msg(), self._store.state.scene.tool
         self._command_out.publish(pose_stamped_msg(command, frame_id, stamp))
-        self._picture.show('command', lambda: (command_markers(command.compose(tool), frame_id,
-                                                               stamp),))
+        self._picture.show('command', frame_id, stamp, lambda: axes_primitives(
+            'command', command.compose(tool), _COMMAND))
 
     def _end(self, execution: Execution) -> None:
         self._finished = True
@@ -383,7 +383,7 @@ class Drive:
             assert execution.command is not None and execution.stamp is not None  # it ran
             self._ahead_out.publish(poses_ahead([0.0], [execution.command], execution.frame_id,
                                                 execution.stamp))
-        self._picture.show('command')
+        self._picture.hide('command')
         looking = self._store.state.looking
         self._loop = None
         if execution.cause == Cause.DONE:

@@ -39,9 +39,8 @@ from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import Made, State
 from dlo_planner.ros.status import Parts
 from dlo_planner.settings.build import parameters_of_estimate
-from dlo_planner.view.dlo_items import drawn_radius
+from dlo_planner.view.scene import drawn_radius, estimate_primitives
 from msg_helpers.clouds import points_from_cloud
-from msg_helpers.markers import estimate_markers
 
 _REMEMBERED = 500    # gripper poses, until a first cloud comes
 _LONGEST_AGE = 1.0  # s, after which what was seen of the DLO says nothing of it now
@@ -164,8 +163,8 @@ class Camera:
         if state.gripper is not None:
             shape, scene = estimate.shape(state.gripper), state.scene
             if shape.converged:
-                self._picture.show('estimate', lambda: (estimate_markers(
-                    shape, drawn_radius(scene.direct.rod), points, scene.frame_id, stamp),))
+                self._picture.show('estimate', scene.frame_id, stamp, lambda: estimate_primitives(
+                    shape, drawn_radius(scene.direct.rod), points))
 
     def _observing_of(self, state: State) -> Observing | None:
         """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""

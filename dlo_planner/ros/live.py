@@ -20,17 +20,16 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Heard
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import GRIPS, FarEnd
+from dlo_planner.progress import Latest
 from dlo_planner.ros.inputs import inside_of, pose_in
 from dlo_planner.ros.managed import LATCHED, LATEST, Gate
-from dlo_planner.ros.picture import markers_of_shape
 from dlo_planner.ros.plan import refuse_tolerance
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
 from dlo_planner.ros.status import Parts
-from dlo_planner.view.dlo_items import drawn_radius
-from dlo_planner.view.latest import Latest
-from msg_helpers.paths import shape_bytes, shape_path
-from msg_helpers.wrenches import wrench_in, wrench_msg
+from dlo_planner.view.scene import drawn_radius, shape_primitives
+from msg_helpers.poses import wrench_in, wrench_msg
+from msg_helpers.trajectories import shape_bytes, shape_path
 
 _STANDS = 0.05  # s without a gripper pose, after which the far end's poses give shapes
 
@@ -146,8 +145,8 @@ class LiveShapes:
             self._send_wrenches(before.scene, shape, stamp)
             self._health.shape_done(shape, monotonic() - arrived)
             radius, color = drawn_radius(before.scene.direct.rod), before.scene.color
-            self._picture.show('shape', lambda: markers_of_shape(shape, radius, frame_id, stamp,
-                                                                 color))
+            self._picture.show('shape', frame_id, stamp,
+                               lambda: shape_primitives(shape, radius, color))
 
     def _send_wrenches(self, scene: Scene, shape: Shape, stamp: Time) -> None:
         """Publish what the DLO does to the gripper and to what holds its far end."""

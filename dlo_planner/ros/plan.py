@@ -30,7 +30,6 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import interrupted_by
 from dlo_planner.ros.inputs import goals_in, judge_distance, pose_in
 from dlo_planner.ros.managed import LATCHED, REQUEST, Gate
-from dlo_planner.ros.picture import markers_of_plan
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import Made, Proof, State
 from dlo_planner.ros.status import Outcome, Parts, stamp_text
@@ -43,8 +42,8 @@ from dlo_planner.settings.tasks import (
     plan_task,
     poses_of,
 )
-from dlo_planner.view.dlo_items import drawn_radius
-from msg_helpers.paths import plan_path
+from dlo_planner.view.scene import drawn_radius, plan_primitives
+from msg_helpers.trajectories import plan_path
 
 # service -> type of the task that it plans; None: the last one, whatever it is
 _SERVICES = {'plan': None, 'plan_threading': 'Thread', 'plan_insertion': 'Insert',
@@ -231,8 +230,8 @@ class Planning:
         path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                          scene.frame_id, stamp)
         self._out.publish(path)
-        self._picture.show('plan', lambda: markers_of_plan(
-            plan, cutouts_of(task), drawn_radius(scene.direct.rod), scene.frame_id, stamp))
+        self._picture.show('plan', scene.frame_id, stamp, lambda: plan_primitives(
+            plan, cutouts_of(task), drawn_radius(scene.direct.rod)))
         self._health.plan_proved(Proof(plan))  # what was said of the plan before is over
         self._health.plan_done(plan, seconds, stamp)
         self._prove()

@@ -27,8 +27,8 @@ from dlo_planner.ros.estimate import Camera
 from dlo_planner.ros.inputs import frames_of
 from dlo_planner.ros.live import LiveShapes
 from dlo_planner.ros.managed import LATCHED, REQUEST, Gate, ManagedNode
+from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.parameters import as_declared, declare
-from dlo_planner.ros.picture import Picture
 from dlo_planner.ros.plan import Planning
 from dlo_planner.ros.proof import Verification
 from dlo_planner.ros.scene import build_scene
@@ -119,7 +119,7 @@ class PlannerNode(ManagedNode):
         store = Store(State(build_scene(values), values))
         gate, health = Gate(self), Health()
         markers = gate.create_publisher(MarkerArray, '~/markers', LATCHED)
-        picture = Picture(markers.publish)
+        picture = MarkerCache(markers.publish)
         parts = Parts(store, health, Reporter(gate, store, health), picture, frames_of(self))
         # rclpy takes a topic or timer of a group before its services, which would wait for good
         (scene, seeing, identifying, hearing, asking, resetting, planning, answering,

@@ -14,6 +14,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.execute.causes import Cause
 from dlo_planner.plan.plan import Plan
+from dlo_planner.progress import Latest
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.managed import LATCHED, Gate
 from dlo_planner.ros.scene import Scene
@@ -23,7 +24,6 @@ from dlo_planner.ros.worker import ATTEMPTS, ProcessLost, Worker, persistent
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.report import ValidationReport
-from dlo_planner.view.latest import Latest
 from msg_helpers.trajectories import timed_trajectory
 
 _MOVED = 'the motion along the plan is still being made and checked: ask again'

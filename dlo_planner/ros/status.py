@@ -23,7 +23,7 @@ from dlo_planner.identify.estimate import Estimate
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.inputs import OneFrame, brief_text, named
 from dlo_planner.ros.managed import LATCHED, Gate
-from dlo_planner.ros.picture import Picture
+from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.state import Proof, Store
 from dlo_planner.verify.report import ValidationReport
 from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
@@ -292,10 +292,10 @@ class Reporter:
 
 @dataclass(frozen=True)
 class Parts:
-    """The one Store, Health, Reporter, Picture and OneFrame of the node."""
+    """The one Store, Health, Reporter, MarkerCache and OneFrame of the node."""
 
     store: Store
     health: Health
     reporter: Reporter
-    picture: Picture
+    picture: MarkerCache
     frames: OneFrame

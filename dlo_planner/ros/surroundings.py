@@ -21,7 +21,7 @@ from dlo_planner.ros.scene import Scene, scene_of
 from dlo_planner.ros.state import State
 from dlo_planner.ros.status import Parts
 from dlo_planner.settings.parameters import ENTRIES
-from msg_helpers.markers import obstacle_markers
+from dlo_planner.view.scene import obstacle_primitives
 
 _LOOKS = 60       # poses of the gripper on the rest of its way that are looked at
 _MOST_NAMED = 5   # obstacles that are named, or looked at
@@ -105,8 +105,8 @@ class Surroundings:
         scene = scene_of(before.values, bodies)
         self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
         stamp = self._node.get_clock().now().to_msg()
-        self._picture.show('obstacles', lambda: (obstacle_markers(
-            [body.obstacle for body in bodies.values()], scene.frame_id, stamp),))
+        self._picture.show('obstacles', scene.frame_id, stamp, lambda: obstacle_primitives(
+            body.obstacle for body in bodies.values()))
         return before, {key: bodies[key] for key in changed if key in bodies}, reason
 
     def _change(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> None:

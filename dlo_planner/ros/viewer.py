@@ -27,11 +27,10 @@ from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.model.pose import Pose
-from dlo_planner.view.item import Item
-from dlo_planner.view.live_page import Actions, LivePage
-from dlo_planner.view.page import LOCAL, PORT, Page
-from dlo_planner.view.tables import margin_values
-from msg_helpers.marker_items import items_after
+from dlo_planner.view.pages import Actions, LivePage
+from dlo_planner.view.primitives import Primitive
+from dlo_planner.view.viser import LOCAL, PORT, Page, margin_values
+from msg_helpers.markers import primitives_after
 from msg_helpers.poses import pose_from_msg, pose_stamped_msg
 
 _RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -59,7 +58,7 @@ class Viewer(Node):
         self._planner, self._frame = given['planner'].rstrip('/'), given['frame_id']
         self._allow_execute = given['allow_execute']
         self._plan: Path | None = None  # the one that is shown
-        self._items: dict[tuple[str, int], Item] = {}
+        self._items: dict[tuple[str, int], Primitive] = {}
         self._changed, self._lock = False, Lock()
         self._heard = None  # geometry_msgs/Pose of the gripper, not shown yet
         self.page = LivePage(Page(f'dlo_planner: {self._planner}', given['host'], given['port']),
@@ -94,7 +93,7 @@ class Viewer(Node):
 
     def _on_markers(self, msg: MarkerArray) -> None:
         with self._lock:
-            self._items, self._changed = items_after(self._items, msg), True
+            self._items, self._changed = primitives_after(self._items, msg), True
             self._frame = next((marker.header.frame_id for marker in msg.markers
                                 if marker.header.frame_id), self._frame)
 

@@ -157,6 +157,7 @@ class CalmSearch:
 
     def __post_init__(self) -> None:
         self._rounds, self._aim, self._slower = 0, self.tolerance, 1.0
+        self._inside = 0.0  # m, of the DLO in what is in its way, however slow it is
         self._missed_by = _Missed()
 
     @cached_property
@@ -197,8 +198,8 @@ class CalmSearch:
     @property
     def over(self) -> bool:
         """Whether no other law is left to be tried."""
-        return self._rounds >= (self.rounds or _ROUNDS) or self._missed_by.slowest > (
-            _SLOWEST * self.fastest.duration)
+        return (self._inside > 0 or self._rounds >= (self.rounds or _ROUNDS)
+                or self._missed_by.slowest > _SLOWEST * self.fastest.duration)
 
     def go_on(self, below: float = np.inf) -> Calm | None:
         """Return what the next laws come to if the DLO stays calm; None if not.
@@ -214,6 +215,7 @@ class CalmSearch:
         if used <= 1:
             return Calm(self, timed, motions, _worst([
                 replace(one, error_estimate=np.inf) for one in motions]))
+        self._inside = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
         missed = self._missed_by
         if not missed.what or used < missed.least:
             missed = _Missed(name, used, timed.duration, missed.slowest)
@@ -230,9 +232,14 @@ class CalmSearch:
         what, least = self._missed_by.what, self._missed_by.least
         touch = ('loses a contact that the plan keeps' if means_to_touch(self.plan) else
                  'touches what the plan does not')
-        said = (f'limits: in motion the DLO {touch}' if what == 'contact' else
-                f'limits: the DLO is not calm: {self.reached}: expected at most '
-                f'{self.tolerance:.3g} m')
+        if self._inside > 0:
+            said = ('limits: however slow it is, the DLO touches what the plan does not, '
+                    f'{self._inside:.3g} m deep')
+        elif what == 'contact':
+            said = f'limits: in motion the DLO {touch}'
+        else:
+            said = (f'limits: the DLO is not calm: {self.reached}: expected at most '
+                    f'{self.tolerance:.3g} m')
         return Infeasible(said, len(self.plan) - 1, what, float((least - 1) * self.tolerance),
                           self.plan)
 

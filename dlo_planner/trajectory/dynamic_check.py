@@ -28,7 +28,8 @@ from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.sliding_end import Feed, Instants, pushed
 from dlo_planner.trajectory.timed_path import TimedPath
 
-_LEAST = ('clearance', 'calm_clearance', 'bend_margin')  # figures of which the least is the worst
+# figures of which the least is the worst
+_LEAST = ('clearance', 'calm_clearance', 'calm_gap', 'bend_margin')
 _PER_PERIOD = 25      # instants in a period of the DLO's slowest vibration
 _FEWEST, _MOST = 150, 20_000  # instants of a run
 _AT_ONCE = 1e-9       # of a plan's time
@@ -82,6 +83,9 @@ class InMotion(Value):
         By how much `position_error` may be wrong, m: the largest `Shape.error_estimate` of the
         plan's shapes that pass a center, for the elements, and of a `Trajectory` what halved steps
         of time change, for the steps (Richardson); nan if nothing is passed.
+    calm_gap : float
+        Distance of the DLO that follows the same path slowly from the simulator's obstacles that it
+        is not meant to touch; nan if there are none, or if it was simulated in contact.
     """
 
     converged: bool
@@ -98,6 +102,7 @@ class InMotion(Value):
     bend_margin: float = np.nan
     contact_lost: float = np.nan
     smooth_bore_force: float = np.nan
+    calm_gap: float = np.nan
 
     def __post_init__(self) -> None:
         put(self, converged=flag('InMotion.converged', self.converged),
@@ -175,7 +180,8 @@ def _figures(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Sh
         np.inf if touched else simulated.contact_force, timed.duration, times[1],
         _of_elements(plan), min(shape.bend_margin for shape in simulated.shapes),
         # the first one is given, and may not know its contacts
-        contact_lost(plan, reached[1:], simulated.shapes[1:]), simulated.smooth_bore_force)
+        contact_lost(plan, reached[1:], simulated.shapes[1:]), simulated.smooth_bore_force,
+        all_around.least(simulated.calm))
 
 
 def step_error(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,

@@ -24,7 +24,7 @@ from dlo_planner.plan.plan import Plan, means_to_touch
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.swept import Nearness, violation_between
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.progress import OnProgress, Progress
+from dlo_planner.progress import OnProgress, Progress, interrupted_by
 from dlo_planner.trajectory.dynamic_check import (
     InMotion,
     contact_lost,
@@ -199,9 +199,10 @@ class _Replay:
     def _trajectory(self, limits: Limits, first: Shape) -> tuple[Trajectory, str]:
         """Return a calm Trajectory and '', or one within limits alone and why it is not calm."""
         try:
-            return Trajectory(self.plan, limits, tolerance=self.tolerance,
-                              simulator=self.simulator, initial=first, obstacles=self.obstacles,
-                              progress=self.progress.done, deadline=self.progress.left()), ''
+            with interrupted_by(self.progress.check):
+                return Trajectory(self.plan, limits, tolerance=self.tolerance,
+                                  simulator=self.simulator, obstacles=self.obstacles,
+                                  initial=first, progress=self.progress.done), ''
         except Infeasible as error:
             return Trajectory(self.plan, limits, tolerance=np.inf), str(error)
 

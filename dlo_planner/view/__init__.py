@@ -11,9 +11,8 @@ from dlo_planner.model.checks import choice, instance
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import COLORINGS
-from dlo_planner.view.page import LOCAL, PORT, Page
-from dlo_planner.view.plan_page import PlanPage, checked
-from dlo_planner.view.replanning import Replanner
+from dlo_planner.view.pages import PlanPage, Replanner, checked
+from dlo_planner.view.viser import LOCAL, PORT, Page
 
 __all__ = ['view']
 

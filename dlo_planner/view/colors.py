@@ -29,24 +29,13 @@ _VIRIDIS = np.array([
 
 
 class Coloring(NamedTuple):
-    """Colors of a DLO's nodes.
+    """Colors of a DLO's nodes."""
 
-    Attributes
-    ----------
-    colors : ndarray, shape (N_L + 1, 3)
-        Red, green, blue, 0 to 1.
-    caption : str
-        What the colors mean, with the unit.
-    top : float
-        What the brightest color stands for, in the unit of `label`; the darkest stands for 0.
-    label : str
-        What is colored, with its unit.
-    """
-
-    colors: Floats
-    caption: str
+    colors: Floats  # (N_L + 1, 3) Red, green, blue, 0 to 1
+    caption: str  # What the colors mean, with the unit
+    # What the brightest color stands for, in the unit of `label`; the darkest stands for 0
     top: float = 1.0
-    label: str = 'part of the yield limit'
+    label: str = 'part of the yield limit'  # What is colored, with its unit
 
 
 def viridis(share: ArrayLike) -> Floats:

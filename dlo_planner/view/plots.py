@@ -1,27 +1,28 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of shapes, plans and motions by matplotlib: in space, or from the side."""
+"""Pictures and films of shapes, plans and motions."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
-from dlo_planner.errors import InvalidTask
+from dlo_planner.errors import InvalidTask, MissingExtra
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice
+from dlo_planner.model.checks import choice, instance, number, shown
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
-from dlo_planner.view.axes import Frame
-from dlo_planner.view.colors import COLORINGS, GRAY, VERMILION, coloring, viridis
-from dlo_planner.view.dlo_items import contact_items
-from dlo_planner.view.item import Item
-from dlo_planner.view.scene_items import path_items
-from dlo_planner.view.stage import Stage
+from dlo_planner.view.colors import COLORINGS, GRAY, VERMILION, Coloring, coloring, viridis
+from dlo_planner.view.mpl import Frame, Stage, draw, matplotlib
+from dlo_planner.view.primitives import Primitive
+from dlo_planner.view.scene import contact_primitives, path_primitives
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,48 +41,36 @@ def plot_shape(shape: Shape, ax: 'Axes | Frame | None' = None, color: str | None
     stage = Stage.of((shape,), obstacles)
     painted = coloring(shape, color)
     frame = Frame.of(ax, stage.points)
-    _show(frame, stage, [_line(0, shape, painted.colors), *contact_items(shape)], [shape.gripper])
+    _show(frame, stage, [_line(0, shape, painted.colors), *contact_primitives(shape)],
+          [shape.gripper])
     frame.color_bar(painted.top, painted.label)
     frame.title(_title(shape))
     return frame.figure
 
 
-def plot_plan(plan: Plan, ax: 'Axes | Frame | None' = None, color: str | None = None,
-              obstacles: Iterable[Obstacle] = ()) -> 'Figure':
-    """Return the Figure of a Plan, see `Plan.plot`."""
+def plot_over_time(value: Plan | Motion, ax: 'Axes | Frame | None' = None,
+                   color: str | None = None, obstacles: Iterable[Obstacle] = ()) -> 'Figure':
+    """Return the Figure of a Plan or a Motion, see `Plan.plot` and `Motion.plot`."""
     color = choice('color', 'time' if color is None else color, OVER_TIME)
-    if not len(plan):
-        raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
-    stage = Stage.of(plan.shapes, obstacles, plan)
+    if not len(value):
+        raise InvalidTask(f'{value!r} cannot be drawn: expected one with a shape')
+    shapes = value.shapes
+    stage = Stage.of(shapes, obstacles, value if isinstance(value, Plan) else None)
     frame = Frame.of(ax, stage.points)
-    dlo, top, label = _over_time(plan, color)
-    path = [replace(item, color=VERMILION) for item in path_items(
-        plan.grippers, _TICK * stage.length) if len(plan) > 1]
-    _show(frame, stage, dlo + path + contact_items(plan.shapes[-1]),
-          [plan.grippers[0], plan.grippers[-1]])
+    dlo, top, label = _over_time(value, color)
+    if isinstance(value, Motion):
+        tracks = {'gripper': VERMILION, 'free end': _TIP}
+        lines = [Primitive('way', k, 'line', tint, points=[shape.positions[-k] for shape in shapes])
+                 for k, tint in enumerate(tracks.values())]
+    else:
+        tracks = {'gripper': VERMILION} if len(value) > 1 else {}
+        path = path_primitives(value.grippers, _TICK * stage.length) if tracks else []
+        lines = [*(replace(one, color=VERMILION) for one in path), *contact_primitives(shapes[-1])]
+    _show(frame, stage, dlo + lines, [shapes[0].gripper, shapes[-1].gripper])
     frame.color_bar(top, label)
-    if path:
-        frame.legend({'gripper': VERMILION})
-    frame.title(_title(plan))
-    return frame.figure
-
-
-def plot_motion(motion: Motion, ax: 'Axes | Frame | None' = None, color: str | None = None,
-                obstacles: Iterable[Obstacle] = ()) -> 'Figure':
-    """Return the Figure of a Motion, see `Motion.plot`."""
-    color = choice('color', 'time' if color is None else color, OVER_TIME)
-    if not len(motion):
-        raise InvalidTask(f'motion = {motion!r}: expected a Motion with an instant')
-    stage = Stage.of(motion.shapes, obstacles)
-    frame = Frame.of(ax, stage.points)
-    dlo, top, label = _over_time(motion, color)
-    tracks = {'gripper': (VERMILION, 0), 'free end': (_TIP, -1)}
-    lines = [Item('way', k, 'line', tint, points=[shape.positions[node] for shape in motion.shapes])
-             for k, (tint, node) in enumerate(tracks.values())]
-    _show(frame, stage, dlo + lines, [motion.shapes[0].gripper, motion.shapes[-1].gripper])
-    frame.color_bar(top, label)
-    frame.legend({name: tint for name, (tint, _) in tracks.items()})
-    frame.title(_title(motion))
+    if tracks:
+        frame.legend(tracks)
+    frame.title(_title(value))
     return frame.figure
 
 
@@ -90,17 +79,14 @@ def common_top(shapes: Iterable[Shape]) -> float:
     return max(float(np.linalg.norm(shape.strains[:, 1:], axis=1).max()) for shape in shapes)
 
 
-def _over_time(value: Plan | Motion, color: str) -> tuple[list[Item], float, str]:
-    """Return the Items of some shapes of a Plan or Motion, and the top and label of their colors.
-
-    Shapes are chosen at even times, first and last among them.
-    """
+def _over_time(value: Plan | Motion, color: str) -> tuple[list[Primitive], float, str]:
+    """Return some shapes, at even times, first and last among them; top and label of the colors."""
     times = np.linspace(value.times[0], value.times[-1], _SHAPES)
     chosen = np.unique(np.abs(np.subtract.outer(value.times, times)).argmin(axis=0))
     if color == 'time':
         span = max(float(np.ptp(value.times)), 1e-12)
         tints = viridis((value.times[chosen] - value.times[0]) / span)
-        return [Item('dlo', k, 'line', tint, points=value.shapes[k].positions)
+        return [Primitive('dlo', k, 'line', tint, points=value.shapes[k].positions)
                 for k, tint in zip(chosen, tints, strict=True)], span, 'time [s]'
     shapes = [value.shapes[k] for k in chosen]
     painted = [coloring(shape, color, common_top(shapes)) for shape in shapes]
@@ -108,11 +94,11 @@ def _over_time(value: Plan | Motion, color: str) -> tuple[list[Item], float, str
         zip(shapes, painted, strict=True))], painted[0].top, painted[0].label)
 
 
-def _line(index: int, shape: Shape, colors: Floats) -> Item:
-    return Item('dlo', index, 'line', GRAY, points=shape.positions, colors=colors)
+def _line(index: int, shape: Shape, colors: Floats) -> Primitive:
+    return Primitive('dlo', index, 'line', GRAY, points=shape.positions, colors=colors)
 
 
-def _show(frame: Frame, stage: Stage, dlo: list[Item], grippers: Iterable[Pose]) -> None:
+def _show(frame: Frame, stage: Stage, dlo: list[Primitive], grippers: Iterable[Pose]) -> None:
     """Draw the DLO among what is around it."""
     for index, pose in enumerate(grippers):
         dlo = dlo + stage.gripper(pose, index)
@@ -128,3 +114,97 @@ def _title(value: Shape | Plan | Motion) -> str:
             lines.append('')
         lines[-1] += f' {part},'
     return '\n'.join(lines).rstrip(',')
+
+
+_RATE = {'.gif': 15, '.mp4': 25}  # pictures a second
+_LONGEST, _DEFAULT = 120.0, 10.0  # s
+_DPI = 80
+
+
+def film(value: Plan | Motion, path: str | PathLike[str], color: str = 'curvature',
+         seconds: float | None = None, obstacles: Iterable[Obstacle] = ()) -> Path:
+    """Write the film of a Plan or Motion and return its path, see `Plan.animate`."""
+    path = checked_path(path)
+    choice('color', color, COLORINGS)
+    if not len(value):
+        raise InvalidTask(f'{value!r} cannot be animated: expected one with a shape')
+    span = float(np.ptp(value.times))
+    seconds = min(span, _DEFAULT) if seconds is None else number('seconds', seconds, above=0,
+                                                                 maximum=_LONGEST)
+    count = max(2, round(seconds * _RATE[path.suffix.lower()]))
+    plan = value if isinstance(value, Plan) else None
+    stage = Stage.of(value.shapes, obstacles, plan)
+    frame = Frame.new(stage.points, managed=False)
+    stage.set(frame)
+    top = common_top(value.shapes)
+    painted = [coloring(shape, color, top) for shape in value.shapes]
+    frame.color_bar(painted[0].top, painted[0].label)
+    frame.title('0.00 s of 0.00 s')
+    frame.settle()
+    moving: list[Any] = []
+    tips: list[Floats] = []
+
+    def picture(index: int) -> None:
+        time = value.times[0] + span * index / (count - 1)
+        points, colors, gripper = between(value, painted, time)
+        tips.append(points[-1])
+        while moving:
+            moving.pop().remove()
+        moving.extend(draw(frame.axes, [
+            Primitive('way', 0, 'line', _TIP, 0.6, np.array(tips)),
+            Primitive('dlo', 0, 'line', GRAY, points=points, colors=colors),
+            *stage.gripper(gripper)], frame.side))
+        frame.title(f'{time:.2f} s of {value.times[-1]:.2f} s')
+
+    return write_film(frame.figure, picture, count, path)
+
+
+def between(value: Plan | Motion, painted: Sequence[Coloring],
+            time: float) -> tuple[Floats, Floats, Pose]:
+    """Return positions (n, 3) m, colors (n, 3) and the gripper's Pose at a time in s.
+
+    Straight between two shapes, where both have the same nodes; else of the one before.
+    """
+    times = value.times
+    k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(value) - 2, 0)))
+    after = min(k + 1, len(value) - 1)
+    span = times[after] - times[k]
+    share = float(np.clip((time - times[k]) / span, 0.0, 1.0)) if span > 0 else 1.0
+    if len(value.shapes[k].s) != len(value.shapes[after].s):
+        k = after = k if share < 1 else after
+    one, other = value.shapes[k], value.shapes[after]
+    turn = Rotation.from_matrix(other.gripper.rotation @ one.gripper.rotation.T).as_rotvec()
+    gripper = Pose.from_rotation(
+        (1 - share) * one.gripper.position + share * other.gripper.position,
+        Rotation.from_rotvec(share * turn).as_matrix() @ one.gripper.rotation)
+    return ((1 - share) * one.positions + share * other.positions,
+            (1 - share) * painted[k].colors + share * painted[after].colors, gripper)
+
+
+def checked_path(path: str | PathLike[str]) -> Path:
+    """Return the Path of a film; raise InvalidTask unless it ends with .gif or .mp4."""
+    path = Path(instance('path', path, (str, PathLike)))
+    if path.suffix.lower() not in _RATE:
+        raise InvalidTask(f'path = {shown(str(path))}: expected a file that ends with .gif or .mp4')
+    return path
+
+
+def write_film(figure: 'Figure', picture: Callable[[int], object], count: int, path: Path,
+               rate: float | None = None) -> Path:
+    """Write what a figure shows as a film, and return its path."""
+    kind = path.suffix.lower()
+    animation = matplotlib('.animation')
+    if kind == '.mp4' and not animation.FFMpegWriter.isAvailable():
+        raise MissingExtra(f'{path} needs the program ffmpeg, which is not installed: install it '
+                           f'(apt install ffmpeg), or write {path.with_suffix(".gif")}')
+    writer = animation.FFMpegWriter if kind == '.mp4' else animation.PillowWriter
+    writer = writer(fps=rate or _RATE[kind])
+    try:
+        with writer.saving(figure, str(path), _DPI):
+            for index in range(count):
+                picture(index)
+                writer.grab_frame()
+    except OSError as error:
+        raise InvalidTask(f'path = {shown(str(path))}: expected a file to write, '
+                          f'{error}') from None
+    return path

@@ -16,7 +16,7 @@ import rclpy
 from dlo_planner import CutOut, Pose, Thread
 from dlo_planner.ros.client import DloCommander
 from dlo_planner.settings.yaml_files import config_file
-from msg_helpers.paths import poses_from_path
+from msg_helpers.trajectories import poses_from_path
 
 
 def main():

@@ -10,7 +10,7 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 from dlo_planner import InvalidTask
 from dlo_planner.arm.joint_trajectory import JointTrajectory
-from msg_helpers.joints import joint_trajectory_msg, positions_from_joint_state
+from msg_helpers.trajectories import joint_trajectory_msg, positions_from_joint_state
 
 
 def test_all_of_it_arrives(rng):

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.serialization import deserialize_message, serialize_message
 from scipy.spatial.transform import Rotation
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from dlo_planner import (
@@ -17,24 +19,32 @@ from dlo_planner import (
     Rod,
     Trajectory,
 )
-from msg_helpers.diagnostics import WARN, diagnostics_msg
-from msg_helpers.markers import plan_markers, shape_markers
-from msg_helpers.paths import (
-    later,
-    plan_path,
-    poses_from_path,
-    shape_bytes,
-    shape_path,
-    times_from_path,
+from dlo_planner.view.scene import (
+    axes_primitives,
+    cutout_primitives,
+    dlo_primitives,
+    path_primitives,
 )
+from msg_helpers.diagnostics import WARN, diagnostics_msg
+from msg_helpers.markers import markers_from_primitives
 from msg_helpers.poses import (
     pose_from_msg,
     pose_from_stamped,
     pose_msg,
+    pose_msg_of,
     pose_stamped_msg,
+    time_msg,
+    wrench_in,
+    wrench_msg,
 )
-from msg_helpers.trajectories import timed_trajectory
-from msg_helpers.wrenches import wrench_in, wrench_msg
+from msg_helpers.trajectories import (
+    plan_path,
+    poses_from_path,
+    shape_bytes,
+    shape_path,
+    timed_trajectory,
+    times_from_path,
+)
 
 POSE = Pose((1.0, -2.0, 3.5), (0.1, -0.2, 0.3, 0.9))
 STAMP = Time(sec=7, nanosec=999_999_999)
@@ -48,6 +58,11 @@ def shape():
 
 def over_the_wire(message):
     return deserialize_message(serialize_message(message), type(message))
+
+
+def markers(*primitives):
+    """Return the Markers of Primitives, as they arrive."""
+    return over_the_wire(markers_from_primitives(primitives, 'world', STAMP)).markers
 
 
 def test_pose_round_trip():
@@ -76,8 +91,12 @@ def test_shape_path(shape):
 
 
 @pytest.mark.parametrize('length', range(9))  # of the name: what follows it is aligned
-def test_the_bytes_of_a_shape_are_those_of_its_message(shape, length):
-    message = shape_path(shape, length * 'f', STAMP)
+def test_the_bytes_of_a_shape_are_those_that_ros_makes(shape, length):
+    header, quaternions = Header(frame_id=length * 'f', stamp=STAMP), [
+        Rotation.from_matrix(frame).as_quat() for frame in shape.frames]
+    message = Path(header=header, poses=[
+        PoseStamped(header=header, pose=pose_msg_of(*one))
+        for one in zip(shape.positions, quaternions, strict=True)])
     sent = shape_bytes(shape, length * 'f', STAMP)
     assert len(sent) == len(serialize_message(message))
     assert deserialize_message(sent, Path) == message
@@ -101,13 +120,14 @@ def test_plan_path_is_stamped():
 
 
 def test_seconds_carry_over():
-    assert later(Time(sec=1, nanosec=600_000_000), 0.5) == Time(sec=2, nanosec=100_000_000)
+    assert time_msg(0.5, Time(sec=1, nanosec=600_000_000)) == Time(sec=2, nanosec=100_000_000)
 
 
 @pytest.mark.parametrize('cutout', [
     CutOut(POSE), CutOut(POSE, radius=0.01), CutOut(POSE, width=0.02, height=0.01)])
 def test_markers_are_complete(shape, cutout):
-    tube, scale, *axes = over_the_wire(shape_markers(shape, 0.004, 'world', STAMP)).markers
+    tube, scale, *axes = markers(*dlo_primitives(shape, 0.004),
+                                  *axes_primitives('gripper', shape.gripper))
     assert tube.scale.x == pytest.approx(0.008)
     assert [marker.type for marker in axes] == [Marker.ARROW] * 3
     assert scale.type == Marker.TEXT_VIEW_FACING and '1/m' in scale.text
@@ -115,20 +135,20 @@ def test_markers_are_complete(shape, cutout):
     bright, dark = tube.colors[0], tube.colors[-1]
     assert (bright.r, bright.g, bright.b) == pytest.approx((0.993, 0.906, 0.144), abs=1e-6)
     assert (dark.r, dark.g, dark.b) == pytest.approx((0.267, 0.005, 0.329), abs=0.02)
-    markers = over_the_wire(plan_markers([cutout], [POSE, POSE], 'world', STAMP)).markers
-    rim = np.array([(p.x, p.y, p.z) for p in markers[0].points])
+    drawn = markers(*cutout_primitives([cutout]), *path_primitives([POSE, POSE]))
+    rim = np.array([(p.x, p.y, p.z) for p in drawn[0].points])
     np.testing.assert_allclose(rim[0], rim[-1], atol=1e-15)
     sizes = (cutout.radius, cutout.radius) if cutout.radius else (
         (0.01, 0.005) if cutout.width else (0.02, 0.02))
     np.testing.assert_allclose(np.abs(rim).max(axis=0), (0, *sizes), atol=1e-12)
-    assert all(np.isfinite(marker.pose.position.x) for marker in markers)
+    assert all(np.isfinite(marker.pose.position.x) for marker in drawn)
 
 
 def test_markers_of_two_cutouts():
     holes = [CutOut(POSE, radius=0.01), CutOut(Pose.identity(), radius=0.03)]
-    markers = over_the_wire(plan_markers(holes, [POSE], 'world', STAMP)).markers
-    assert len({(marker.ns, marker.id) for marker in markers}) == len(markers) == 6
-    assert markers[2].points[0].y == pytest.approx(0.03)
+    drawn = markers(*cutout_primitives(holes), *path_primitives([POSE]))
+    assert len({(marker.ns, marker.id) for marker in drawn}) == len(drawn) == 6
+    assert drawn[2].points[0].y == pytest.approx(0.03)
 
 
 def test_timed_trajectory_moves_the_tool_not_the_gripper():

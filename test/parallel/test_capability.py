@@ -23,8 +23,7 @@ from dlo_planner import (
     Workspace,
 )
 from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
-from dlo_planner.parallel.capability import QUANTITIES
-from dlo_planner.parallel.store import fingerprint
+from dlo_planner.parallel.capability import QUANTITIES, fingerprint
 
 DEPTHS = np.linspace(0, 0.8, 5)
 GRID = CellGrid([(x, 0.0, z) for x in (0.4, 1.4) for z in (1.0, 1.3)],

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 
 import pytest
 
-from dlo_planner.parallel.workers import Crew
+from dlo_planner.parallel.pool import Pool
 
 DEADLINE = 120.0  # s; nothing here takes that long, however busy the machine is
 FORK = get_context('fork')
@@ -19,7 +19,7 @@ LARGE = 20_000_000  # bytes: it takes a while to send them
 
 
 class Deadline:
-    """Ends the work of a Crew that hangs."""
+    """Ends the work of a Pool that hangs."""
 
     def __init__(self):
         self._end = time.monotonic() + DEADLINE
@@ -63,8 +63,10 @@ def pool():
 
 
 def done(function, tasks, make=pool):
-    with Crew(make, Deadline()) as crew:
-        return crew.run(function, tasks, lambda *_: None)
+    results = {}
+    with Pool(make, Deadline()) as working:
+        working.run(function, tasks, results.__setitem__)
+    return [results[k] for k in range(len(tasks))]
 
 
 def test_a_worker_that_dies_when_it_has_taken_its_work(tmp_path):
@@ -102,17 +104,17 @@ def sleeps(_):
 
 def test_a_pool_is_made_anew_once_in_a_row():
     Broken.made = 0
-    with pytest.raises(BrokenExecutor), Crew(Broken, Deadline()) as crew:
-        crew.run(sleeps, [(0, None)], lambda *_: None)
+    with pytest.raises(BrokenExecutor), Pool(Broken, Deadline()) as working:
+        working.run(sleeps, [(0, None)], lambda *_: None)
     assert Broken.made == 2
-    with pytest.raises(BrokenExecutor), Broken() as given, Crew(given, Deadline()) as crew:
-        crew.run(sleeps, [(0, None)], lambda *_: None)
+    with pytest.raises(BrokenExecutor), Broken() as given, Pool(given, Deadline()) as working:
+        working.run(sleeps, [(0, None)], lambda *_: None)
     assert Broken.made == 3
 
 
 def test_what_was_begun_and_is_lost_is_said():
-    with Crew(pool, Deadline()) as crew:
-        futures = crew.begin(sleeps, [(0, None)])
-        os.kill(next(iter(crew._executor._processes)), signal.SIGKILL)
-        assert crew.gathered(futures) == [None]
-        assert crew.gathered(crew.begin(number_of, [(3, None)])) == [3]
+    with Pool(pool, Deadline()) as working:
+        futures = working.submit(sleeps, [(0, None)])
+        os.kill(next(iter(working._executor._processes)), signal.SIGKILL)
+        assert working.gathered(futures) == [None]
+        assert working.gathered(working.submit(number_of, [(3, None)])) == [3]

@@ -21,14 +21,11 @@ from dlo_planner import (
     InvalidTask,
     Plane,
     Pose,
-    Rod,
-    Shapes,
     parallel,
     solve_many,
 )
 from dlo_planner.model.pose import pose_of
-from dlo_planner.parallel.chains import parts_of
-from dlo_planner.parallel.pieces import arrays_of
+from dlo_planner.parallel.batch import arrays_of
 from dlo_planner.progress import interrupted_by
 
 BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
@@ -110,7 +107,6 @@ def test_yielding_and_friction_too():
     for simulator, way in ((yielding, benchmark_c()[:5]), (rough, lowered(5, 0.7))):
         serial = [simulator.solve(pose) for pose in way]
         assert_same(parallel.map(simulator, way, processes, chunk=2), serial)
-        assert parts_of(simulator, way, 2) == [range(5)]  # what it remembers is not cut
         assert_same(parallel.map(simulator, [way], processes, chunk=2)[0], simulator.track(way))
 
 
@@ -120,72 +116,25 @@ def test_short_motions_are_those_of_track(simulator):
         assert_same(shapes, simulator.track(motion))
 
 
-@pytest.mark.parametrize('chunk', [1, 3, 9, 11])
-def test_parts_of_a_motion_meet_on_the_branch_of_track(simulator, chunk):
-    way = benchmark_c()  # with two jumps: on the way back it hangs over longer than it stood
-    serial = Shapes.of(simulator.track(way))
-    shapes, = parallel.map(simulator, [way], chunk=chunk)
-    np.testing.assert_allclose(shapes.positions, serial.positions, atol=1e-9)
-    np.testing.assert_array_equal(shapes.jumped, serial.jumped)
-    assert shapes.jumped.sum() == 2
-    assert parallel.map(simulator, [way], processes, chunk=chunk) == [shapes]
+def test_motions_are_those_of_track_in_other_processes():
+    simulator = DirectSimulator(copper_wire(), n_elements=32,
+                                obstacles=[BAR, Plane((0, 0, 0.3), (0, 0, 1))])
+    motions, reported = [lowered(12), lowered(3)], []
+    for shapes, motion in zip(parallel.map(
+            simulator, motions, processes, progress=lambda *done: reported.append(done)),
+            motions, strict=True):
+        assert_same(shapes, simulator.track(motion))
+    assert reported[-1] == (15, 15)
 
 
-@pytest.mark.parametrize('chunk', [1, 7, 12])
-def test_parts_follow_a_strip_that_leans_to_the_other_side(chunk):
-    # too high to stand (w L^3 / EI = 20), it leans; tilted there and back it still leans to its
-    # old side, where from its natural shape it would fall to the other one
-    simulator = DirectSimulator(Rod(1.0, 0.1, (0.05, 50.0), 50.0), n_elements=16)
-    way = [turned(angle) for angle in [*range(60, 121, 3), *range(120, 59, -3)]]
-    serial, alone = Shapes.of(simulator.track(way)), solve_many(simulator, way)
-    other = np.abs(alone.positions - serial.positions).max(axis=(1, 2)) > 0.1
-    assert other.sum() == 20 and not serial.jumped.any()
-    shapes, = parallel.map(simulator, [way], chunk=chunk)
-    np.testing.assert_allclose(shapes.positions, serial.positions, atol=1e-9)
-    assert not shapes.jumped.any()
-    assert parallel.map(simulator, [way], processes, chunk=chunk) == [shapes]
-
-
-@pytest.mark.parametrize('obstacles', [[BAR], [BAR, Plane((0, 0, 0.3), (0, 0, 1))]])
-def test_parts_among_obstacles(obstacles):
-    simulator = DirectSimulator(copper_wire(), n_elements=32, obstacles=obstacles)
-    way = lowered(60)
-    serial = Shapes.of(simulator.track(way))
-    shapes, = parallel.map(simulator, [way], chunk=9)
-    np.testing.assert_allclose(shapes.positions, serial.positions, atol=1e-6)
-    np.testing.assert_array_equal(shapes.jumped, serial.jumped)
-    np.testing.assert_array_equal(shapes.contact_table[:, :2], serial.contact_table[:, :2])
-    np.testing.assert_allclose(shapes.contact_table, serial.contact_table, atol=1e-5)
-    assert parallel.map(simulator, [way], processes, chunk=9) == [shapes]
-
-
-def test_a_seam_that_lies_is_mended():
-    # round the bar: the straight coarse way would take the wire to its other side
-    simulator = DirectSimulator(copper_wire(), n_elements=32, obstacles=[BAR])
-    down, away = lowered(12, 0.6), np.linspace(0, 0.6, 12)
-    way = [*down, *(Pose((-x, 0, 0.6), (0, 0, 0, 1)) for x in away),
-           *(Pose((-0.6, 0, z), (0, 0, 0, 1)) for z in np.linspace(0.6, 1.4, 12)),
-           *(Pose((x, 0, 1.4), (0, 0, 0, 1)) for x in np.linspace(-0.6, 0, 12)),
-           *(Pose((0, 0, z), (0, 0, 0, 1)) for z in np.linspace(1.4, 0.7, 12))]
-    serial = Shapes.of(simulator.track(way))
-    for chunk in (7, 25):
-        shapes, = parallel.map(simulator, [way], chunk=chunk)
-        np.testing.assert_allclose(shapes.positions, serial.positions, atol=1e-6)
-        np.testing.assert_array_equal(shapes.converged, serial.converged)
-
-
-def test_shapes_that_fail_are_not_gone_on_from():
-    # as in `track`: what follows a failure goes on from the last that did not fail
+def test_what_follows_a_failure_goes_on_from_the_last_shape_that_did_not_fail():
     floor = Plane((0, 0, 1.2), (0, 0, 1))  # the gripper has to be above it
     blocked = DirectSimulator(copper_wire(), n_elements=8, obstacles=[floor])
     way = [Pose((0, 0, z), (0, 0, 0, 1)) for z in [2.5, 2.4, 1.1, 2.4, 2.5]]
-    serial = Shapes.of(blocked.track(way))
-    assert not serial.converged.all()
-    for chunk in (1, 2):
-        shapes, = parallel.map(blocked, [way], chunk=chunk)
-        np.testing.assert_array_equal(shapes.converged, serial.converged)
-        good = serial.converged
-        np.testing.assert_allclose(shapes.positions[good], serial.positions[good], atol=1e-6)
+    shapes, = parallel.map(blocked, [way])
+    assert shapes.converged.tolist() == [True, True, False, True, True]
+    np.testing.assert_array_equal(shapes.positions,
+                                  [shape.positions for shape in blocked.track(way)])
 
 
 def test_a_pinned_gripper():
@@ -241,7 +190,7 @@ def _die(_):
 
 
 def test_work_that_kills_its_workers_is_given_up(simulator, anywhere, monkeypatch):
-    monkeypatch.setattr('dlo_planner.parallel.mapping.result_of', _die)
+    monkeypatch.setattr('dlo_planner.parallel.batch.columns_of', _die)
     with pytest.raises(BrokenProcessPool):
         parallel.map(simulator, anywhere, processes)
 
@@ -286,7 +235,7 @@ def _unlucky(piece):
 
 
 def test_errors_of_workers_are_raised(simulator, anywhere, monkeypatch):
-    monkeypatch.setattr('dlo_planner.parallel.mapping.result_of', _unlucky)
+    monkeypatch.setattr('dlo_planner.parallel.batch.columns_of', _unlucky)
     with pytest.raises(ArithmeticError, match='8'):
         parallel.map(simulator, anywhere, processes, chunk=8)
 

@@ -28,8 +28,8 @@ from dlo_planner import (
 )
 from dlo_planner.direct.simulator import Prescribed, motion_by
 from dlo_planner.parallel import speculation
+from dlo_planner.parallel.pool import Pool
 from dlo_planner.parallel.speculation import leads_to, lower
-from dlo_planner.parallel.workers import Crew
 from dlo_planner.progress import Progress
 
 SMALL = {'n_elements': 16, 'n_terms': 3}
@@ -112,7 +112,7 @@ def test_guesses_are_used_where_they_are_better(monkeypatch, rounds):
     monkeypatch.setattr(speculation, 'AheadStepper', FromTheShapeBefore)
     simulator = DirectSimulator(copper_wire(damping=(0.5, 0.0)), **SMALL)
     way, more = swung(25), {'integrator': 'paper', 'tolerance': np.inf}
-    alone = speculation.Rounds(Crew(Here(), lambda: None), 1)
+    alone = speculation.Rounds(Pool(Here(), lambda: None), 1)
     serial = motion_by(partial(FromTheShapeBefore, alone, 24), simulator,
                        Prescribed(way, 0.05, **more), Progress())
     ahead = parallel.speculative(simulator, way, 0.05, Here(), tasks=2, **more)

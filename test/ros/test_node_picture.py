@@ -7,7 +7,7 @@ from node_inside import GOAL, HERE, box, clear, until
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.ros.managed import LATCHED
-from msg_helpers.marker_items import items_after
+from msg_helpers.markers import primitives_after
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def shown(inside):
     known = {}
 
     def hear(msg):
-        after = items_after(known, msg)
+        after = primitives_after(known, msg)
         known.clear()
         known.update(after)
 

@@ -45,8 +45,8 @@ from dlo_planner.penalties import PositionAt
 from dlo_planner.settings.tasks import task_to_yaml
 from dlo_planner.tasks import Approach
 from msg_helpers.obstacles import obstacles_msg
-from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_stamped_msg
+from msg_helpers.trajectories import poses_from_path
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 DIRECT = DirectSimulator(WIRE, n_elements=64, n_terms=10, basis='chebyshev')

@@ -12,8 +12,8 @@ from visualization_msgs.msg import Marker
 
 from demo.follower import Follower
 from dlo_planner import DirectSimulator, Pose, Rod
-from msg_helpers.paths import poses_from_path
 from msg_helpers.poses import pose_from_msg, pose_msg
+from msg_helpers.trajectories import poses_from_path
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))

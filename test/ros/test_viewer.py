@@ -24,11 +24,11 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import Box, CutOut, DirectSimulator, InverseSimulator, Pose, Rod
-from dlo_planner.ros.picture import Picture, markers_of_plan, markers_of_shape
-from dlo_planner.view.page import pose_of
-from msg_helpers.markers import obstacle_markers
-from msg_helpers.paths import plan_path
+from dlo_planner.ros.markers import MarkerCache
+from dlo_planner.view.scene import obstacle_primitives, plan_primitives, shape_primitives
+from dlo_planner.view.viser import pose_of
 from msg_helpers.poses import pose_from_msg, pose_stamped_msg
+from msg_helpers.trajectories import plan_path
 
 pytest.importorskip('viser', reason='extra [view] is not installed')
 from dlo_planner.ros.viewer import _LATCHED, _RELIABLE, Viewer  # noqa: E402
@@ -44,7 +44,7 @@ class PlayedPlanner(Node):
     def __init__(self, context):
         super().__init__('planner', namespace='/cell', context=context)
         markers = self.create_publisher(MarkerArray, '~/markers', _LATCHED)
-        self.picture = Picture(markers.publish)
+        self.picture = MarkerCache(markers.publish)
         self.diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', _RELIABLE)
         self.status = self.create_publisher(DiagnosticStatus, '~/status', _LATCHED)
         self.asked, self.poses, self.goals = [], [], []
@@ -118,8 +118,7 @@ def plan():
 
 def show_shape(planner, plan):
     now = stamp(planner)
-    planner.picture.show('shape', lambda: markers_of_shape(plan.shapes[3], 2e-3, 'base', now,
-                                                           'curvature'))
+    planner.picture.show('shape', 'base', now, lambda: shape_primitives(plan.shapes[3], 2e-3))
     planner.picture.flush()
 
 
@@ -127,8 +126,8 @@ def show_all(planner, plan):
     now = stamp(planner)
     hole = plan.sheets[0][0].cutouts[0]
     block = Box(Pose((0.4, 0.4, 0.8), (0, 0, 0, 1)), (0.1, 0.1, 0.4))
-    planner.picture.show('plan', lambda: markers_of_plan(plan, [hole], 2e-3, 'base', now))
-    planner.picture.show('obstacles', lambda: (obstacle_markers([block], 'base', now),))
+    planner.picture.show('plan', 'base', now, lambda: plan_primitives(plan, [hole], 2e-3))
+    planner.picture.show('obstacles', 'base', now, lambda: obstacle_primitives([block]))
     show_shape(planner, plan)
 
 
@@ -156,7 +155,7 @@ def test_it_shows_what_the_planner_publishes(domain, plan):
         np.testing.assert_allclose(tube.points, plan.shapes[3].positions)
         hole = plan.sheets[0][0].cutouts[0].pose
         assert until(lambda: np.allclose(pose_of(viewer.page.goal).matrix, hole.matrix))
-        planner.picture.show('obstacles')
+        planner.picture.hide('obstacles')
         planner.picture.flush()
         assert until(lambda: ('obstacle', 0) not in canvas.items)
         tell(planner, 'all <i>well</i>', **{'report': 'held', 'report reason': 'none',

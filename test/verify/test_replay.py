@@ -188,7 +188,7 @@ def test_every_reason_not_to_execute(plan, way, good, monkeypatch):
             (replay(DIRECT, plan, trajectory=quick), 'in the sheet'),
             (replay(DIRECT, way, trajectory=Trajectory(way, Limits(0.02, 0.1), tolerance=np.inf)),
              'has no tolerance'),
-            (replay(DIRECT, plan, limits=Limits(), obstacles=[ball]), 'the DLO is not calm')):
+            (replay(DIRECT, plan, limits=Limits(), obstacles=[ball]), 'however slow it is')):
         assert not report.safe and said in report.reason and said in repr(report)
         assert report.reason[-1] not in '.:'
     # the figures of what cannot be made calm are those of the motion within limits alone

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dlo_planner import Pose
-from dlo_planner.view.canvas import Canvas
-from dlo_planner.view.item import KINDS, Item
+from dlo_planner.view.primitives import KINDS, Primitive
+from dlo_planner.view.viser import Canvas
 
 
 class Handle:
@@ -45,12 +45,12 @@ def scene():
 
 def tube(height, number=3):
     points = np.column_stack([np.arange(number), np.zeros(number), np.full(number, height)])
-    return Item('dlo', 0, 'line', (1, 0, 0), points=points, colors=np.full((number, 3), 0.5),
+    return Primitive('dlo', 0, 'line', (1, 0, 0), points=points, colors=np.full((number, 3), 0.5),
                 size=(0.01, 0, 0))
 
 
 def box(x=0.0):
-    return Item('obstacle', 0, 'box', (1, 0, 0), size=(1, 1, 1),
+    return Primitive('obstacle', 0, 'box', (1, 0, 0), size=(1, 1, 1),
                 pose=Pose((x, 0, 0), (0, 0, 0, 1)))
 
 
@@ -85,7 +85,7 @@ def test_what_is_gone_is_removed(scene):
 def test_bounds_hold_everything_but_texts(scene):
     canvas = Canvas(scene)
     assert canvas.bounds is None
-    far = Item('note', 0, 'text', (1, 1, 1), text='far', pose=Pose((99, 0, 0), (0, 0, 0, 1)))
+    far = Primitive('note', 0, 'text', (1, 1, 1), text='far', pose=Pose((99, 0, 0), (0, 0, 0, 1)))
     canvas.show([tube(2.0), box(), far])
     np.testing.assert_allclose(canvas.bounds, [(-0.5, -0.5, -0.5), (2.0, 0.5, 2.0)])
 
@@ -99,9 +99,9 @@ def test_viser_takes_every_kind(kind):
             'line', 'segments', 'points', 'triangles') else np.eye(3)[:2] if (
             kind == 'arrow') else ()
         canvas = Canvas(server.scene)
-        canvas.show([Item('a', 0, kind, (0.2, 0.4, 0.6), 0.5, points, size=(0.1, 0.1, 0.1),
+        canvas.show([Primitive('a', 0, kind, (0.2, 0.4, 0.6), 0.5, points, size=(0.1, 0.1, 0.1),
                           text='a')])
-        canvas.show([Item('a', 0, kind, (0.2, 0.4, 0.6), 1.0, points, size=(0.2, 0.1, 0.1),
+        canvas.show([Primitive('a', 0, kind, (0.2, 0.4, 0.6), 1.0, points, size=(0.2, 0.1, 0.1),
                           text='b')])
         assert server.scene.get_handle_by_name('/a/0') is not None
         canvas.show([])

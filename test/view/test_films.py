@@ -13,7 +13,7 @@ from specimens import values
 from dlo_planner import DirectSimulator, InvalidTask, Plan, Pose
 from dlo_planner.errors import MissingExtra
 from dlo_planner.view.colors import coloring
-from dlo_planner.view.films import between
+from dlo_planner.view.plots import between
 
 matplotlib.use('Agg')
 

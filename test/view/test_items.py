@@ -22,9 +22,17 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.view.colors import ALERT
-from dlo_planner.view.dlo_items import contact_items, dlo_items, estimate_items, ghost_items
-from dlo_planner.view.item import KINDS, Item
-from dlo_planner.view.scene_items import cutout_items, margin_items, obstacle_items, path_items
+from dlo_planner.view.primitives import KINDS, Primitive
+from dlo_planner.view.scene import (
+    contact_primitives,
+    cutout_primitives,
+    dlo_primitives,
+    estimate_primitives,
+    ghost_primitives,
+    margin_primitives,
+    obstacle_primitives,
+    path_primitives,
+)
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 WIRE = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01)
@@ -42,44 +50,45 @@ def named(items, group):
 
 
 def test_names_are_unique(plan):
-    drawn = [*dlo_items(plan.shapes[0], 0.01), *ghost_items(plan.shapes, 0.01),
-             *margin_items(plan, [HOLE], 0.01), *cutout_items([HOLE]), *path_items(plan.grippers),
-             *obstacle_items([Plane((0, 0, 0), (0, 0, 1)), Sphere((0, 0, 0), 0.1),
-                              Capsule((0, 0, 0), (0, 0, 1), 0.1), Box(LEVEL, (1, 2, 3)),
-                              Capsule((1, 0, 0), (0, 0, 1), 0.1), Sheet.around(HOLE)])]
+    drawn = [*dlo_primitives(plan.shapes[0], 0.01), *ghost_primitives(plan.shapes, 0.01),
+             *margin_primitives(plan, [HOLE], 0.01), *cutout_primitives([HOLE]),
+             *path_primitives(plan.grippers), *obstacle_primitives([
+                 Plane((0, 0, 0), (0, 0, 1)), Sphere((0, 0, 0), 0.1),
+                 Capsule((0, 0, 0), (0, 0, 1), 0.1), Box(LEVEL, (1, 2, 3)),
+                 Capsule((1, 0, 0), (0, 0, 1), 0.1), Sheet.around(HOLE)])]
     assert len({item.name for item in drawn}) == len(drawn)
     assert {item.kind for item in drawn} <= set(KINDS)
 
 
 def test_the_dlo_is_as_thick_as_it_is(plan):
-    tube, scale = dlo_items(plan.shapes[0], 0.01)
+    tube, scale = dlo_primitives(plan.shapes[0], 0.01)
     np.testing.assert_array_equal(tube.points, plan.shapes[0].positions)
     assert tube.size[0] == 0.02 and len(tube.colors) == len(tube.points)
     assert '1/m' in scale.text
 
 
 def test_the_margin_is_the_least_of_the_plan(plan):
-    drawn = margin_items(plan, [HOLE], 0.01)
+    drawn = margin_primitives(plan, [HOLE], 0.01)
     margin = plan.clearances[:, 0, 0].min()
     assert 0.01 < margin < 0.02  # of 0.02 m at most
     assert named(drawn, 'rim margin')[0].text == f'rim margin {1e3 * margin:.2g} mm'
     ring = named(drawn, 'margin')[0]
     np.testing.assert_allclose(np.linalg.norm(ring.points, axis=1), 0.03)
     plain = CutOut(HOLE.pose)
-    assert margin_items(plan, [plain], 0.01) == []
+    assert margin_primitives(plan, [plain], 0.01) == []
 
 
 def test_a_negative_margin_is_an_alert(plan):
     worse = plan.clearances.copy()
     worse[3, 0, 0] = -1e-3
-    drawn = margin_items(replace(plan, clearances=worse), [HOLE], 0.01)
+    drawn = margin_primitives(replace(plan, clearances=worse), [HOLE], 0.01)
     np.testing.assert_array_equal(named(drawn, 'margin')[0].colors[0], ALERT)
     assert '-1 mm' in named(drawn, 'rim margin')[0].text
 
 
 @pytest.mark.parametrize(('asked', 'drawn'), [(0, 0), (1, 1), (4, 4), (9, 9), (50, 9)])
 def test_ghosts_are_spread_over_the_plan(plan, asked, drawn):
-    ghosts = ghost_items(plan.shapes, 0.01, asked)
+    ghosts = ghost_primitives(plan.shapes, 0.01, asked)
     assert len(ghosts) == drawn and all(ghost.alpha < 1 for ghost in ghosts)
     if drawn > 1:
         np.testing.assert_array_equal(ghosts[0].points, plan.shapes[0].positions)
@@ -90,7 +99,7 @@ def test_contact_forces_are_in_proportion():
     floor = Plane((0, 0, 0.95), (0, 0, 1))
     soft = Rod(1.0, 0.5, 0.05, 0.04, radius=0.005)
     shape = DirectSimulator(soft, n_elements=24, n_terms=12, obstacles=[floor]).track([LEVEL])[0]
-    drawn = contact_items(shape)
+    drawn = contact_primitives(shape)
     arrows, texts = named(drawn, 'contact'), named(drawn, 'contact force')
     forces = np.array([np.linalg.norm(one.vector) for one in shape.contacts])
     forces = forces[forces > 0]
@@ -99,29 +108,29 @@ def test_contact_forces_are_in_proportion():
     np.testing.assert_allclose(lengths, 0.1 * forces / forces.max())
     assert texts[0].text == f'{forces[0]:.3g} N'
     assert arrows[0].points[1, 2] > arrows[0].points[0, 2]  # the floor pushes up
-    assert contact_items(DirectSimulator(soft, n_elements=8, n_terms=4).solve(LEVEL)) == []
+    assert contact_primitives(DirectSimulator(soft, n_elements=8, n_terms=4).solve(LEVEL)) == []
 
 
 def test_estimates_show_what_was_seen(plan):
     shape = plan.shapes[0]
-    assert [item.group for item in estimate_items(shape)] == ['estimate']
-    seen = estimate_items(shape, 0.01, shape.positions[::3])[1]
+    assert [item.group for item in estimate_primitives(shape)] == ['estimate']
+    seen = estimate_primitives(shape, 0.01, shape.positions[::3])[1]
     assert seen.kind == 'points' and len(seen.points) == 5
     with pytest.raises(InvalidTask, match='points'):
-        estimate_items(shape, 0.01, [(0, 0, np.nan)])
+        estimate_primitives(shape, 0.01, [(0, 0, np.nan)])
 
 
 def test_obstacles_are_where_they_are():
     bar = Capsule((1, 2, 3), (1, 2, 5), 0.1)
-    body, one, other = obstacle_items([bar])
+    body, one, other = obstacle_primitives([bar])
     np.testing.assert_allclose(body.pose.position, (1, 2, 4))
     np.testing.assert_allclose(np.abs(body.pose.rotation[:, 2]), (0, 0, 1), atol=1e-12)
     np.testing.assert_allclose(body.size, (0.2, 0.2, 2.0))
     np.testing.assert_allclose([one.pose.position, other.pose.position], [(1, 2, 3), (1, 2, 5)])
-    flat, = obstacle_items([Cylinder((1, 2, 3), (1, 2, 5), 0.1)])  # without the round ends
+    flat, = obstacle_primitives([Cylinder((1, 2, 3), (1, 2, 5), 0.1)])  # without the round ends
     assert (flat.kind, flat.pose) == ('cylinder', body.pose)
     np.testing.assert_allclose(flat.size, body.size)
-    wall = obstacle_items([Plane((1, 0, 0), (1, 1, 0))])[0]
+    wall = obstacle_primitives([Plane((1, 0, 0), (1, 1, 0))])[0]
     normal = np.array((1, 1, 0)) / np.sqrt(2)
     world = wall.points @ wall.pose.rotation.T + wall.pose.position
     np.testing.assert_allclose((world - (1, 0, 0)) @ normal, 0, atol=1e-12)
@@ -133,6 +142,6 @@ def test_obstacles_are_where_they_are():
 def test_odd_items_are_refused_by_name(name, value):
     good = {'group': 'a', 'index': 0, 'kind': 'line', 'color': (1, 0, 0),
             'points': np.zeros((2, 3))}
-    Item(**good)
-    with pytest.raises(InvalidTask, match=f'Item.{name}'):
-        Item(**{**good, name: value})
+    Primitive(**good)
+    with pytest.raises(InvalidTask, match=f'Primitive.{name}'):
+        Primitive(**{**good, name: value})

@@ -4,7 +4,7 @@ from threading import Event
 
 import pytest
 
-from dlo_planner.view.latest import Latest, Overtaken
+from dlo_planner.progress import Latest, Overtaken
 
 
 @pytest.fixture

@@ -19,8 +19,8 @@ from dlo_planner import (
     Rod,
 )
 from dlo_planner.view import view
-from dlo_planner.view.page import eye, pose_of
-from dlo_planner.view.replanning import Replanner, cutouts_of
+from dlo_planner.view.pages import Replanner, cutouts_of
+from dlo_planner.view.viser import eye, pose_of
 
 pytest.importorskip('viser', reason='extra [view] is not installed')
 

@@ -25,8 +25,8 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.errors import MissingExtra
-from dlo_planner.view.axes import azimuth
 from dlo_planner.view.colors import ALERT, coloring, viridis
+from dlo_planner.view.mpl import azimuth
 
 matplotlib.use('Agg')
 

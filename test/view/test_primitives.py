@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Items as lines, polygons and dots: where they lie, against what geometry says."""
+"""Tessellation as lines, polygons and dots: where they lie, against what geometry says."""
 
 import numpy as np
 import pytest
 
 from dlo_planner import Pose
-from dlo_planner.view.item import Item
-from dlo_planner.view.primitives import cut_box, primitives
+from dlo_planner.view.primitives import Primitive, cut_box, tessellate
 
 PLACE = Pose.looking_along((1.0, 2.0, 3.0), (1.0, 1.0, 0.5))
 RED = (1.0, 0.0, 0.0)
@@ -24,7 +23,8 @@ def local(points):
 
 
 def test_a_box_has_six_faces_of_its_size():
-    lines, faces, _ = primitives(Item('obstacle', 0, 'box', RED, pose=PLACE, size=(1.0, 2.0, 3.0)))
+    lines, faces, _ = tessellate(Primitive('obstacle', 0, 'box', RED, pose=PLACE,
+                                           size=(1.0, 2.0, 3.0)))
     assert sorted(round(area(face), 12) for face in faces) == [2.0, 2.0, 3.0, 3.0, 6.0, 6.0]
     np.testing.assert_allclose(np.abs(local(np.concatenate(faces))), np.tile((0.5, 1.0, 1.5),
                                                                              (24, 1)), atol=1e-12)
@@ -33,15 +33,15 @@ def test_a_box_has_six_faces_of_its_size():
 
 
 def test_a_ball_is_round_and_closed():
-    _, faces, _ = primitives(Item('obstacle', 0, 'ball', RED, pose=PLACE, size=(0.4,) * 3))
+    _, faces, _ = tessellate(Primitive('obstacle', 0, 'ball', RED, pose=PLACE, size=(0.4,) * 3))
     np.testing.assert_allclose(np.linalg.norm(local(np.concatenate(faces)), axis=1), 0.2,
                                atol=1e-12)
     assert sum(map(area, faces)) == pytest.approx(4 * np.pi * 0.2**2, rel=0.02)
 
 
 def test_a_cylinder_stands_along_z():
-    _, faces, _ = primitives(Item('obstacle', 0, 'cylinder', RED, pose=PLACE,
-                                  size=(0.2, 0.2, 1.0)))
+    _, faces, _ = tessellate(Primitive('obstacle', 0, 'cylinder', RED, pose=PLACE,
+                                       size=(0.2, 0.2, 1.0)))
     corners = local(np.concatenate(faces))
     assert np.ptp(corners[:, 2]) == pytest.approx(1.0)
     assert np.hypot(*corners[:, :2].T).max() == pytest.approx(0.1)
@@ -49,20 +49,21 @@ def test_a_cylinder_stands_along_z():
 
 
 def test_an_arrow_ends_where_it_points():
-    item = Item('gripper', 0, 'arrow', RED, points=[(0, 0, 0), (0, 0, 2)], size=(0.1, 0.2, 0.3))
-    shaft, head = primitives(item).lines
+    item = Primitive('gripper', 0, 'arrow', RED, points=[(0, 0, 0), (0, 0, 2)],
+                     size=(0.1, 0.2, 0.3))
+    shaft, head = tessellate(item).lines
     np.testing.assert_array_equal(shaft, item.points)
     np.testing.assert_array_equal(head[1], (0, 0, 2))
     assert (head[[0, 2], 2] < 2).all() and (head[[0, 2], 2] > 1).all()
-    nothing = Item('gripper', 0, 'arrow', RED, points=[(1, 1, 1), (1, 1, 1)], size=(0.1,) * 3)
-    assert primitives(nothing).lines == []
+    nothing = Primitive('gripper', 0, 'arrow', RED, points=[(1, 1, 1), (1, 1, 1)], size=(0.1,) * 3)
+    assert tessellate(nothing).lines == []
 
 
 @pytest.mark.parametrize(('kind', 'points'), [('line', 4), ('segments', 4), ('triangles', 6),
                                               ('points', 5), ('text', 0)])
 def test_what_lies_in_a_frame_is_carried_with_it(kind, points):
     given = np.random.default_rng(1).normal(size=(points, 3))
-    found = primitives(Item('x', 0, kind, RED, points=given, pose=PLACE, text='x'))
+    found = tessellate(Primitive('x', 0, kind, RED, points=given, pose=PLACE, text='x'))
     placed = np.concatenate([*found.lines, *found.faces, found.dots, np.zeros((0, 3))])
     np.testing.assert_allclose(placed, given @ PLACE.rotation.T + PLACE.position, atol=1e-12)
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, Pose
-from dlo_planner.view.triangles import bars_between, plate, rectangle, round_bar, tube
+from dlo_planner.view.primitives import bars_between, plate, rectangle, round_bar, tube
 
 HELIX = np.column_stack([np.cos(np.linspace(0, 7, 60)), np.sin(np.linspace(0, 7, 60)),
                          np.linspace(0, 1, 60)])

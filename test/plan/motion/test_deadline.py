@@ -96,6 +96,12 @@ def test_a_deadline_before_a_calm_motion_says_what_was_reached(plan, monkeypatch
     assert caught.value.elapsed == 1.0
 
 
+def test_the_deadline_of_a_replay_is_said_as_it_was_given(plan):
+    with pytest.raises(DeadlineExceeded, match=r'deadline = 0\.4 s: not finished') as caught:
+        replay(DIRECT, plan, limits=Limits(), tolerance=1e-9, deadline=0.4)
+    assert caught.value.seconds == 0.4
+
+
 def test_a_refusal_is_an_answer_though_the_deadline_comes(plan, monkeypatch):
     monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
     monkeypatch.setattr('dlo_planner.verify.replay.in_motion', late)

@@ -16,9 +16,15 @@ from dlo_planner import (
     Rod,
     Sphere,
 )
-from dlo_planner.ros.picture import Picture, markers_of_plan, markers_of_shape
-from msg_helpers.marker_items import items_after
-from msg_helpers.markers import command_markers, estimate_markers, obstacle_markers
+from dlo_planner.ros.markers import MarkerCache
+from dlo_planner.view.scene import (
+    axes_primitives,
+    estimate_primitives,
+    obstacle_primitives,
+    plan_primitives,
+    shape_primitives,
+)
+from msg_helpers.markers import primitives_after
 
 STAMP = Time(sec=1)
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
@@ -41,7 +47,7 @@ def shown(picture_messages, missed=()):
     known = {}
     for index, message in enumerate(picture_messages):
         if index not in missed:
-            known = items_after(known, message)
+            known = primitives_after(known, message)
     return known
 
 
@@ -49,16 +55,16 @@ def groups(known):
     return {name[0] for name in known}
 
 
-def show(picture, part, *arrays):
-    picture.show(part, lambda: arrays)
+def show(picture, part, primitives):
+    picture.show(part, 'world', STAMP, lambda: primitives)
     assert picture.flush()
 
 
 def test_contacts_that_end_are_deleted_whatever_was_missed(touching, hanging):
     messages = []
-    picture = Picture(messages.append)
+    picture = MarkerCache(messages.append)
     for shape in (hanging, touching, hanging, hanging):
-        show(picture, 'shape', *markers_of_shape(shape, 0.005, 'world', STAMP, 'curvature'))
+        show(picture, 'shape', shape_primitives(shape, 0.005))
     assert 'contact' in groups(shown(messages[:2])) and 'contact force' in groups(
         shown(messages[:2]))
     for missed in ((), (2,), (0, 2)):
@@ -69,19 +75,18 @@ def test_contacts_that_end_are_deleted_whatever_was_missed(touching, hanging):
 
 def test_parts_do_not_touch_each_other(hanging):
     messages = []
-    picture = Picture(messages.append)
+    picture = MarkerCache(messages.append)
     hole = CutOut(Pose.looking_along((0.4, 0, 1), (1, 0, 0)), radius=0.03)
     stiff = DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7, radius=0.01), n_elements=12, n_terms=6)
     plan = InverseSimulator(stiff).thread(hole, depths=np.linspace(0, 0.4, 6))
-    show(picture, 'shape', *markers_of_shape(hanging, 0.005, 'world', STAMP, 'yield'))
-    show(picture, 'plan', *markers_of_plan(plan, [hole], 0.01, 'world', STAMP))
-    show(picture, 'command', command_markers(LEVEL, 'world', STAMP))
-    show(picture, 'estimate', estimate_markers(hanging, 0.005, hanging.positions[1:4], 'world',
-                                               STAMP))
+    show(picture, 'shape', shape_primitives(hanging, 0.005, 'yield'))
+    show(picture, 'plan', plan_primitives(plan, [hole], 0.01))
+    show(picture, 'command', axes_primitives('command', LEVEL))
+    show(picture, 'estimate', estimate_primitives(hanging, 0.005, hanging.positions[1:4]))
     assert groups(shown(messages[-1:])) == {
         'dlo', 'scale', 'gripper', 'cutout', 'trajectory', 'plate', 'margin', 'rim margin',
         'ghost', 'command', 'estimate', 'observed'}
-    picture.show('command')
+    picture.hide('command')
     assert picture.flush()
     assert 'command' not in groups(shown(messages))
     assert all(marker.header.frame_id == 'world' for marker in messages[-1].markers)
@@ -90,25 +95,25 @@ def test_parts_do_not_touch_each_other(hanging):
 
 def test_only_the_newest_is_made():
     messages, made = [], []
-    picture = Picture(messages.append)
+    picture = MarkerCache(messages.append)
 
     def command(number):
         made.append(number)
-        return (command_markers(LEVEL, 'world', STAMP),)
+        return axes_primitives('command', LEVEL)
 
     for number in range(100):
-        picture.show('command', lambda number=number: command(number))
+        picture.show('command', 'world', STAMP, lambda number=number: command(number))
     assert picture.flush() and made == [99] and len(messages) == 1
     assert not picture.flush() and len(messages) == 1
 
 
 def test_what_cannot_be_made_leaves_the_rest():
     messages = []
-    picture = Picture(messages.append)
-    show(picture, 'command', command_markers(LEVEL, 'world', STAMP))
-    picture.show('shape', lambda: 1 / 0)
-    ball = obstacle_markers([Sphere((0, 0, 0), 0.1)], 'world', STAMP)
-    picture.show('obstacles', lambda: (ball,))
+    picture = MarkerCache(messages.append)
+    show(picture, 'command', axes_primitives('command', LEVEL))
+    picture.show('shape', 'world', STAMP, lambda: 1 / 0)
+    picture.show('obstacles', 'world', STAMP,
+                 lambda: obstacle_primitives([Sphere((0, 0, 0), 0.1)]))
     with pytest.raises(ZeroDivisionError):
         picture.flush()
     assert groups(shown(messages)) == {'command', 'obstacle'}

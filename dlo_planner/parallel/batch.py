@@ -3,28 +3,27 @@
 """Independent computation (paper, section 4.3.4): many shapes, by as many workers as there are."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.batch import even, hangs_in_a_loop, scaled_nodes
+from dlo_planner.direct.batch import (
+    Filled,
+    even,
+    hanging_rods,
+    hanging_shapes,
+    hangs_in_a_loop,
+    scaled_nodes,
+)
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import freeze
-from dlo_planner.parallel.chains import Following
-from dlo_planner.parallel.pieces import (
-    Piece,
-    PieceResult,
-    Shared,
-    arrays_of,
-    result_of,
-)
+from dlo_planner.model.value import freeze, put
+from dlo_planner.parallel.pool import CachedPayload, Pool, Workers, checked
 from dlo_planner.parallel.shapes import Columns, Shapes, columns, stacked
-from dlo_planner.parallel.workers import Crew, Workers, checked
 from dlo_planner.progress import OnProgress, Progress
 
 _AT_ONCE = 64  # gripper poses in one piece of work
@@ -32,6 +31,8 @@ _QUICK = 128   # the same of DLOs that hang freely: 10 ms, of which handing it o
 _LOOP = 512    # of one that nobody waits for
 _FEW, _LAST = 16, 4  # the last pieces: a quarter of what is left, 16 at the least
 _MOST = 100_000
+_NO_CONTACTS = columns([], np.zeros(2))['contact_table']
+_CONTACT = _NO_CONTACTS.shape[1]
 
 
 def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = None, *,  # noqa: A001
@@ -47,10 +48,8 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     simulator : DirectSimulator
     work : iterable of object
         Sequence of Pose: each by itself, the same bit for bit as `simulator.solve(pose)`; or
-        sequence of motions, each a sequence of Pose that is followed like `simulator.track(poses)`,
-        in parts of `chunk` poses (`parallel.chains`) where the DLO neither yields nor touches with
-        friction: the equilibria and jumps are those of `track`, their numbers differ by what the
-        solver leaves open (1e-5 of the length at a seam at most).
+        sequence of motions, each a sequence of Pose that one worker follows: the same bit for bit
+        as `simulator.track(poses)`.
     executor : Workers, optional
         `concurrent.futures.Executor`: threads, processes, or a cluster's (extra `[cluster]`:
         `dask.distributed.Client(...).get_executor()`); a function that makes one, which is closed
@@ -60,11 +59,10 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
         One rod for each Pose of `work`, which the gripper holds instead of the simulator's: the
         same bit for bit as `simulator.with_rod(rod).solve(pose)`. If None, the simulator's.
     chunk : int, optional
-        Poses in one piece of work; the last pieces of poses by themselves have fewer, about 16. If
-        None, 64, or 128 of a DLO that hangs freely, each by itself.
+        Poses in one piece of work; the last pieces have fewer, about 16. If None, 64, or 128 of a
+        DLO that hangs freely. A motion is one piece.
     progress : callable, optional
-        Called as progress(done, total) after each piece, in poses; where parts do not meet, what is
-        done again is not counted.
+        Called as progress(done, total) after each piece, in poses.
     deadline : float, optional
         Seconds of computing after which DeadlineExceeded is raised. If None, no limit.
 
@@ -90,10 +88,10 @@ def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = Non
     checked(executor)
     chunk = _chunk(simulator, chunk, chains is None)
     steps = Progress(progress, deadline)
-    with Crew(executor, steps.check) as crew:
+    with Pool(executor, steps.check) as pool:
         if chains is None:
-            return _alone(simulator, grippers, rods, crew, chunk, steps)
-        return _followed(simulator, chains, crew, chunk, steps)
+            return _alone(simulator, grippers, rods, pool, chunk, steps)
+        return _followed(simulator, chains, pool, steps)
 
 
 def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
@@ -178,23 +176,39 @@ def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]
 
 
 def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[Rod] | None,
-           crew: Crew, chunk: int, steps: Progress) -> Shapes:
+           pool: Pool, chunk: int, steps: Progress) -> Shapes:
     """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
-    n, shared = len(grippers), Shared(simulator)
-    parts = list(_parts(n, chunk, crew.shares))
+    n, payload, done = len(grippers), CachedPayload(simulator), 0
+    parts = list(_parts(n, chunk, pool.shares))
     positions, rotations = arrays_of(grippers)
-    gathered = _Gathered(_Count(steps, n), n, parts)
-    pieces = (Piece(shared, positions[begin:end], rotations[begin:end], seconds=steps.left(),
-                    anew=tuple(range(end - begin)),
-                    rods=None if rods is None else tuple(rods[begin:end]))
-              for begin, end in parts)
-    crew.run(result_of, pieces, gathered.finished)
+    rows: Columns = {}  # of all: each piece is written to its place while others are computed
+    tables: dict[int, Floats] = {}
+
+    def finished(index: int, piece: Columns) -> None:
+        nonlocal rows, done
+        begin, end = parts[index]
+        tables[index] = piece.pop('contact_table') + begin * (np.arange(_CONTACT) == 0)
+        if len(parts) == 1:
+            rows = piece
+        for name, values in piece.items() if len(parts) > 1 else ():
+            if name not in rows:
+                rows[name] = np.empty((n, *values.shape[1:]), values.dtype)
+            rows[name][begin:end] = values
+        done += end - begin
+        steps.done(done, n)
+
+    pool.run(columns_of, (Piece(payload, positions[begin:end], rotations[begin:end], False,
+                                steps.left(), None if rods is None else tuple(rods[begin:end]))
+                          for begin, end in parts), finished)
     s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
     if any(length != s[-1] for length in lengths):
         nodes = [scaled_nodes(s, length) for length in lengths]
         s = nodes[0] if len(set(lengths)) == 1 else np.array(nodes)
-    return _shapes(simulator, grippers, gathered.parts, s)
+    if not parts:
+        return _shapes(simulator, grippers, columns([], s), s)
+    rows['contact_table'] = np.concatenate([tables[index] for index in range(len(parts))])
+    return _shapes(simulator, grippers, rows, s)
 
 
 def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
@@ -209,67 +223,119 @@ def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
         begin += most
 
 
-def _followed(simulator: DirectSimulator, chains: Sequence[Sequence[Pose]], crew: Crew, chunk: int,
+def _followed(simulator: DirectSimulator, motions: Sequence[Sequence[Pose]], pool: Pool,
               steps: Progress) -> list[Shapes]:
     """Return the Shapes of each motion."""
-    total = sum(len(chain) for chain in chains)
-    count = _Count(steps, total)
-    rows = Following(simulator, chains, chunk, steps).rows(crew, count.finished)
-    return [_shapes(simulator, chain, parts) for chain, parts in zip(chains, rows, strict=True)]
+    payload, found, done = CachedPayload(simulator), dict[int, Columns](), 0
+    total = sum(len(motion) for motion in motions)
+
+    def finished(index: int, rows: Columns) -> None:
+        nonlocal done
+        found[index] = rows
+        done += len(motions[index])
+        steps.done(done, total)
+
+    pool.run(columns_of, (Piece(payload, *arrays_of(motion), True, steps.left())
+                          for motion in motions), finished)
+    return [_shapes(simulator, motion, found[index], simulator.mesh.s)
+            for index, motion in enumerate(motions)]
 
 
-class _Count:
-    """Reports how many of all shapes have been computed."""
-
-    def __init__(self, steps: Progress, total: int) -> None:
-        self._steps, self._total, self._done = steps, total, 0
-
-    def finished(self, _: int, result: PieceResult) -> None:
-        """Report one more piece."""
-        self._done += result.size
-        self._steps.done(self._done, self._total)
-
-
-class _Gathered:
-    """The columns of all shapes, each written to its place while others are computed."""
-
-    def __init__(self, count: _Count, n: int, parts: Sequence[tuple[int, int]]) -> None:
-        self._count, self._n, self._parts = count, n, parts
-        self._columns: Columns = {}
-        self._tables: dict[int, Floats] = {}
-
-    def finished(self, index: int, result: PieceResult) -> None:
-        """Take the rows of a piece."""
-        rows, (first, end) = result.rows, self._parts[index]
-        if len(self._parts) == 1:
-            self._columns = rows
-            self._count.finished(index, result)
-            return
-        for name, values in rows.items():
-            if name == 'contact_table':
-                self._tables[index] = values + first * (np.arange(values.shape[1]) == 0)
-                continue
-            if name not in self._columns:
-                self._columns[name] = np.empty((self._n, *values.shape[1:]), values.dtype)
-            self._columns[name][first:end] = values
-        self._count.finished(index, result)
-        rows.clear()  # the next piece has its memory
-
-    @property
-    def parts(self) -> list[Columns]:
-        """What there is, as `_shapes` takes it."""
-        if self._tables:
-            tables = [self._tables[index] for index in sorted(self._tables)]
-            return [self._columns | {'contact_table': np.concatenate(tables)}]
-        return [self._columns] if self._columns else []
-
-
-def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Sequence[Columns],
-            s: Floats | None = None) -> Shapes:
-    s = simulator.mesh.s if s is None else s
-    arrays = rows[0] if len(rows) == 1 else stacked(rows or [columns([], s)])
+def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Columns,
+            s: Floats) -> Shapes:
     if simulator.surroundings.pinned:
         grippers = [Pose.from_rotation(gripper.position, np.array(frames[0]))
-                    for gripper, frames in zip(grippers, arrays['frames'], strict=True)]
-    freeze(arrays)  # all new: Shapes need not copy them
-    return Shapes(tuple(grippers), s, **arrays)
+                    for gripper, frames in zip(grippers, rows['frames'], strict=True)]
+    freeze(rows)  # all new: Shapes need not copy them
+    return Shapes(tuple(grippers), s, **rows)
+
+
+# What workers do.
+
+
+class Piece(NamedTuple):
+    """Gripper poses as arrays (a pickled Pose costs ten times as much), and what is there."""
+
+    simulator: CachedPayload  # a DirectSimulator
+    positions: Floats         # (m, 3)
+    rotations: Floats         # (m, 3, 3)
+    followed: bool            # one after the other; else each from the natural shape
+    seconds: float | None     # of computing that are left
+    rods: tuple[Rod, ...] | None = None  # the m rods that are held instead of the simulator's
+
+
+def arrays_of(grippers: Sequence[Pose]) -> tuple[Floats, Floats]:
+    """Return positions (n, 3) and rotations (n, 3, 3) of n Poses, read-only."""
+    n = len(grippers)
+    return (_rows([pose.position for pose in grippers]).reshape(n, 3),
+            _rows([pose.rotation for pose in grippers]).reshape(n, 3, 3))
+
+
+def _rows(arrays: list[Any]) -> Floats:
+    """Return the numbers of some arrays in a row, read-only: `np.array` takes ten times as long."""
+    try:
+        return np.frombuffer(b''.join(arrays))
+    except TypeError:  # some are transposed in memory
+        return np.frombuffer(b''.join([one.tobytes() for one in arrays]))
+
+
+def columns_of(piece: Piece) -> Columns:
+    """Return the `columns` of a Piece; workers call it."""
+    simulator = piece.simulator.content
+    if piece.rods is not None:
+        return _each_rod(simulator, piece)
+    if not piece.followed and hangs_in_a_loop(simulator):
+        return _each_alone(simulator, piece)
+    grippers = [_pose(*both) for both in zip(piece.positions, piece.rotations, strict=True)]
+    steps = Progress(deadline=piece.seconds)
+    shapes = [shape for motion in ([grippers] if piece.followed else [[one] for one in grippers])
+              for shape in simulator.track(motion, deadline=steps.left())]
+    return columns(shapes, simulator.mesh.s)
+
+
+def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns:
+    """Return `columns` in each gripper, by the compiled loop where the DLO hangs freely."""
+    n = len(piece.positions)
+    filled = Filled.new(n, simulator.mesh.s.size - 1)
+    steps = Progress(deadline=piece.seconds)
+    good = hanging_shapes(simulator, piece.positions, piece.rotations, filled)
+    touching = [_NO_CONTACTS]
+    for k in np.flatnonzero(~good):
+        shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
+        for name, values in columns([shape], simulator.mesh.s).items():
+            if name != 'contact_table':
+                filled.columns[name][k] = values[0]
+            elif len(values):
+                touching.append(values + k * (np.arange(values.shape[1]) == 0))
+        steps.check()
+    return filled.columns | {'contact_table': np.concatenate(touching)}
+
+
+def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
+    """Return `columns` of one shape of each rod, on nodes like the simulator's."""
+    rods, s = piece.rods or (), simulator.mesh.s
+    n = len(rods)
+    parts: dict[int, Columns] = {}
+    loop = np.array([k for k, rod in enumerate(rods) if even(simulator, rod)], dtype=np.int64)
+    if loop.size:
+        rows, good = hanging_rods(simulator, [rods[k] for k in loop],
+                                  piece.positions[loop], piece.rotations[loop])
+        rows['contact_table'] = _NO_CONTACTS
+        if loop.size == n and good.all():
+            return rows
+        for row, k in enumerate(loop):
+            if good[row]:
+                parts[k] = {name: values[row:row + 1] for name, values in rows.items()}
+    for k in (k for k in range(n) if k not in parts):
+        one = simulator.with_rod(rods[k])
+        shape = one.solve(_pose(piece.positions[k], piece.rotations[k]))
+        parts[k] = columns([shape], scaled_nodes(s, rods[k].length))
+    return stacked([parts[k] for k in range(n)])
+
+
+def _pose(position: Floats, rotation: Floats) -> Pose:
+    """Return a Pose with exactly these axes, which `Pose.from_rotation` would make orthonormal."""
+    pose = object.__new__(Pose)
+    put(pose, position=position.copy(), rotation=rotation.copy())
+    freeze(list(pose.__dict__.values()))
+    return pose

@@ -2,21 +2,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of what matters in an answer, as rows and as text."""
 
-from collections.abc import Iterable, Sequence
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.fitting import Fit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
 from dlo_planner.plan.plan import Plan
+from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport
+from dlo_planner.verify.robustness import Robustness
 
 Row = tuple[str, str, str]  # quantity, value, unit
+PART = 0.95  # of the samples of a Robustness
 _UNITS = {
     'position_error': 'm', 'misalignment': 'rad', 'contact_force': 'N', 'clearance': 'm',
     'deviation': 'm', 'max_tracking_error': 'm', 'swing': 'm', 'arrival': 'm', 'departure': 'm',
@@ -25,13 +33,14 @@ _UNITS = {
     'bend_margin': '1/m', 'tolerance': 'm'}
 
 
-def rows_of(value: Shape | Plan | Motion | ValidationReport) -> list[Row]:
+def rows_of(value: Value) -> list[Row]:
     """Return the rows of a value: (quantity, value, unit), all of them texts."""
-    if isinstance(value, Shape):
-        return _of_shape(value)
-    if isinstance(value, Plan):
-        return _of_plan(value)
-    return _of_motion(value) if isinstance(value, Motion) else _of_report(value)
+    return _ROWS[kind_of(value, _ROWS)](value)
+
+
+def kind_of(value: Value, known: Mapping[str, object]) -> str:
+    """Return the name among `known` of a value's class: `parallel` stands beside this room."""
+    return next((cls.__name__ for cls in type(value).__mro__ if cls.__name__ in known), '')
 
 
 def heading(value: Value) -> str:
@@ -88,7 +97,7 @@ def _point(position: Iterable[float]) -> str:
     return ', '.join(f'{0.0 + round(value, 12):.4g}' for value in position)
 
 
-def _of_shape(shape: Shape) -> list[Row]:
+def _shape_rows(shape: Shape) -> list[Row]:
     force = np.linalg.norm(shape.gripper_wrench.reshape(2, 3), axis=1)
     rows = [
         ('status', shape.status, ''),
@@ -113,7 +122,7 @@ def _of_shape(shape: Shape) -> list[Row]:
     return rows
 
 
-def _of_plan(plan: Plan) -> list[Row]:
+def _plan_rows(plan: Plan) -> list[Row]:
     rows = [('status', plan.status.value, ''), ('waypoints', str(len(plan)), '')]
     if not len(plan):
         return rows
@@ -138,7 +147,7 @@ def plan_columns(plan: Plan) -> list[tuple[str, Floats, float, str]]:
     return [(name, values, float(worst(values)), unit) for name, values, worst, unit in columns]
 
 
-def _of_motion(motion: Motion) -> list[Row]:
+def _motion_rows(motion: Motion) -> list[Row]:
     rows = [('status', motion.status, ''), ('instants', str(len(motion)), '')]
     if motion.message:
         rows.append(('message', motion.message, ''))
@@ -159,7 +168,7 @@ def _last(values: Floats | None) -> float:
     return np.nan if values is None else float(values[-1])
 
 
-def _of_report(report: ValidationReport) -> list[Row]:
+def _report_rows(report: ValidationReport) -> list[Row]:
     rows = [('safe', 'yes' if report.safe else 'no', '')]
     if not report.safe:
         rows.append(('reason', report.reason, ''))
@@ -168,3 +177,93 @@ def _of_report(report: ValidationReport) -> list[Row]:
              if isinstance(getattr(report, item.name), float)]
     return rows + [(name.replace('_', ' '), figure(getattr(report, name)), _UNITS.get(name, ''))
                    for name in names]
+
+
+def _fit_rows(fit: Fit) -> list[Row]:
+    """Return the rows of a Fit: each number with its standard deviation."""
+    numbers, spread = (flat(values) for values in (fit.values, fit.deviations))
+    return [('converged', 'yes' if fit.converged else 'no', ''),
+            ('misfit', figure(fit.misfit), 'm'), ('noise', figure(fit.noise), 'm'),
+            *(_deviating(*row) for row in zip(fit.names, numbers, spread, strict=True))]
+
+
+def _estimate_rows(estimate: Estimate) -> list[Row]:
+    """Return the rows of an Estimate; logarithms of factors, 1/m, rad, m."""
+    return [('looks', str(estimate.looks), ''),
+            ('last look could be used', 'yes' if estimate.converged else 'no', ''),
+            ('misfit', figure(estimate.misfit), 'm'),
+            ('outliers', figure(estimate.outliers), ''),
+            ('surprise', figure(estimate.surprise), ''),
+            *(_deviating(name, value, estimate.deviations[name])
+              for name, value in estimate.values.items())]
+
+
+def _robustness_rows(robust: Robustness) -> list[Row]:
+    """Return the rows of a Robustness: the worst of all waypoints."""
+    rows = [('waypoints', str(robust.first_order.size), ''),
+            ('miss by all, root mean square', figure(robust.first_order.max(initial=0)), 'm'),
+            *((f'miss by {name.replace("_", " ")}', figure(values.max(initial=0)), 'm')
+              for name, values in zip(robust.causes, robust.by_cause.T, strict=True)),
+            ('samples', str(len(robust.sampled)), '')]
+    if len(robust.sampled):
+        rows.append((f'miss of {PART:.0%} of them', figure(robust.quantile(PART).max()), 'm'))
+    return [*rows, ('part of them that gets through', figure(robust.success), '')]
+
+
+def _trajectory_rows(trajectory: Trajectory) -> list[Row]:
+    """Return the rows of a Trajectory: what it keeps, and what the DLO does in it."""
+    times = np.linspace(0.0, trajectory.duration, 1000)
+    _, velocities, accelerations = trajectory.at(times)
+    rows = [('status', trajectory.status, ''), ('duration', figure(trajectory.duration), 's'),
+            ('legs between stops', str(len(trajectory.path.legs)), '')]
+    for name, values, unit in (('speed', velocities, 's'), ('acceleration', accelerations, 's^2')):
+        for kind, part, first in (('linear', values[:, :3], 'm'),
+                                  ('angular', values[:, 3:], 'rad')):
+            limit = getattr(trajectory.limits, f'{kind}_{name}')
+            most = np.linalg.norm(part, axis=1).max()
+            rows.append((f'{kind} {name}, largest and limit',
+                         f'{figure(most)} of {figure(limit)}', f'{first}/{unit}'))
+    if trajectory.motion is not None:
+        rows += [('miss in motion', figure(trajectory.motion.position_error), 'm'),
+                 ('clearance in motion', figure(trajectory.motion.clearance), 'm'),
+                 ('swing', figure(trajectory.motion.swing), 'm')]
+    return [*rows, ('tolerance', figure(trajectory.tolerance), 'm'),
+            ('frequencies may be off by', figure(trajectory.mode_margin), '')]
+
+
+def _map_rows(capability: Any) -> list[Row]:
+    """Return the rows of a CapabilityMap: how often there was which outcome."""
+    outcomes, counts = np.unique(capability.outcome, return_counts=True)
+    return [(str(outcome) or 'not looked at', str(count), 'cut-outs')
+            for outcome, count in zip(outcomes, counts, strict=True)]
+
+
+def _shapes_rows(shapes: Any) -> list[Row]:
+    """Return the rows of Shapes: the worst of all."""
+    rows = [('shapes', str(len(shapes)), ''), ('converged', str(int(shapes.converged.sum())), ''),
+            ('jumped', str(int(shapes.jumped.sum())), ''),
+            ('contacts', str(len(shapes.contact_table)), '')]
+    if not len(shapes):
+        return rows
+    force, moment = np.linalg.norm(shapes.gripper_wrench.reshape(-1, 2, 3), axis=2).max(axis=0)
+    return [*rows, ('residual, largest', figure(shapes.residual.max()), ''),
+            ('stability, least', figure(shapes.stability.min()), ''),
+            ('gripper bears at most, force', figure(force), 'N'),
+            ('gripper bears at most, moment', figure(moment), 'N m')]
+
+
+def _deviating(name: str, number: float, deviation: float) -> Row:
+    return name, figure(number), (f'+- {deviation:.2g}' if np.isfinite(deviation)
+                                  else 'not told by the observations')
+
+
+def flat(values: Mapping[str, Any]) -> Floats:
+    """Return numbers and arrays by name as one row."""
+    return np.concatenate([np.ravel(one).astype(float) for one in values.values()])
+
+
+_ROWS: dict[str, Callable[[Any], list[Row]]] = {
+    'Shape': _shape_rows, 'Plan': _plan_rows, 'Motion': _motion_rows,
+    'ValidationReport': _report_rows, 'Fit': _fit_rows, 'Estimate': _estimate_rows,
+    'Robustness': _robustness_rows, 'Trajectory': _trajectory_rows, 'CapabilityMap': _map_rows,
+    'Shapes': _shapes_rows}

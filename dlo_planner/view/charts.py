@@ -1,0 +1,219 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Figures beside what they may be: reports, fits, estimates, robustness, motions, many shapes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.fitting import Fit
+from dlo_planner.model.arrays import Floats
+from dlo_planner.trajectory.trajectory import Trajectory
+from dlo_planner.verify.report import ValidationReport
+from dlo_planner.verify.robustness import Robustness
+from dlo_planner.view.colors import VERMILION, viridis
+from dlo_planner.view.mpl import Frame, box_around, checked_axes, draw, matplotlib
+from dlo_planner.view.primitives import Primitive
+from dlo_planner.view.summary import PART, figure, flat
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# name of the attribute -> (what it says, whether it should be small)
+_DISTANCES = {
+    'position_error': ('position error, at rest', True),
+    'deviation': ('deviation from the plan', True),
+    'max_tracking_error': ('position error, in motion', True), 'swing': ('swing', True),
+    'arrival': ('swing at the arrival', True), 'departure': ('swing after the end', True),
+    'clearance': ('clearance, at rest', False),
+    'dynamic_clearance': ('clearance, in motion', False),
+    'workspace_margin': ('room to the workspace', False)}
+_SMALL, _LARGE, _BAD = '#21688e', '#5ec962', '#d81b60'  # two of viridis, and ALERT
+_LEAST = 1e-3   # mm, where the scale begins
+_INSTANTS = 400
+_REPORT_SIZE, _ALONE = (8.0, 6.2), (8.0, 4.0)  # inches
+
+
+def plot_report(report: ValidationReport, ax: Axes | None = None) -> Figure:
+    """Return the Figure of a ValidationReport, see `ValidationReport.plot`.
+
+    Bars of its distances, blue those that should be small, green those that should be large; and,
+    in a new figure, the speeds of its trajectory with their limits.
+    """
+    if ax is not None:
+        figure: Figure = checked_axes(ax).figure
+        _report_bars(ax, report)
+        return figure
+    trajectory = report.trajectory
+    figure = matplotlib('.pyplot').figure(
+        figsize=_ALONE if trajectory is None else _REPORT_SIZE, layout='constrained')
+    if trajectory is None:
+        _report_bars(figure.add_subplot(), report)
+        return figure
+    bars, below = figure.subplots(2, 1, height_ratios=(1.7, 1.0))
+    _report_bars(bars, report)
+    speeds(below, trajectory)
+    return figure
+
+
+def _report_bars(axes: Any, report: ValidationReport) -> None:
+    values = {label: (1e3 * getattr(report, name), small)
+              for name, (label, small) in _DISTANCES.items()}
+    finite = [abs(value) for value, _ in values.values() if np.isfinite(value)]
+    most = 10 * max([10 * _LEAST, *finite])
+    for row, (value, small) in enumerate(values.values()):
+        text, length, color = _bar(value, small, most)
+        axes.barh(row, max(length, _LEAST) - _LEAST, left=_LEAST, color=color, height=0.6)
+        axes.annotate(text, (max(length, _LEAST), row), (4, 0), textcoords='offset points',
+                      va='center', fontsize=8, color='0.55' if np.isnan(value) else '0.1',
+                      bbox={'facecolor': 'w', 'edgecolor': 'none', 'alpha': 0.8, 'pad': 0.5})
+    axes.set(xscale='log', xlim=(_LEAST, 3 * most), yticks=range(len(values)), xlabel='mm')
+    axes.set_yticklabels(list(values), fontsize=8)
+    axes.invert_yaxis()
+    axes.grid(axis='x', alpha=0.3)
+    if np.isfinite(report.tolerance):
+        axes.axvline(1e3 * report.tolerance, color='k', ls='--', lw=1,
+                     label=f'tolerance in motion, {1e3 * report.tolerance:.3g} mm')
+        axes.legend(loc='lower right', fontsize=8)
+    label = 'safe to execute' if report.safe else f'not safe: {report.reason}'
+    axes.set_title(label, fontsize=10, color='0.1' if report.safe else _BAD, wrap=True)
+
+
+def _bar(value: float, small: bool, most: float) -> tuple[str, float, str]:
+    """Return the text, length and color of a bar of `value` mm."""
+    if np.isnan(value):
+        return 'not looked at', 0.0, _SMALL
+    if np.isinf(value):
+        return ('could not be simulated' if small == (value > 0) else 'nothing is near',
+                most, _BAD if small == (value > 0) else _LARGE)
+    if value < 0:
+        return f'{value:.3g} mm: inside', -value, _BAD
+    text = f'{value:.3g} mm' if value >= _LEAST else f'below {_LEAST:g} mm'
+    return text, value, _SMALL if small else _LARGE
+
+
+def speeds(axes: Any, trajectory: Trajectory) -> None:
+    """Draw the speeds of a Trajectory, and their limits where these are near."""
+    times = np.linspace(0.0, trajectory.duration, _INSTANTS)
+    linear, angular = np.linalg.norm(trajectory.at(times)[1].reshape(-1, 2, 3), axis=2).T
+    other = axes.twinx()
+    for one, values, limit, color, scale, label in (
+            (axes, linear, trajectory.limits.linear_speed, '#21688e', 1e3, 'speed [mm/s]'),
+            (other, angular, trajectory.limits.angular_speed, '#b35806', 180 / np.pi,
+             'turning [deg/s]')):
+        one.plot(times, scale * values, color=color, lw=1.4)
+        one.set_ylabel(label, color=color)
+        most = scale * max(float(values.max()), 1e-9)
+        if np.isfinite(limit) and scale * limit < 4 * most:
+            one.axhline(scale * limit, color=color, ls=':', lw=1.2)
+            most = max(most, scale * limit)
+        one.set_ylim(0.0, 1.1 * most)
+    axes.set(xlabel='time [s]', xlim=(0.0, trajectory.duration),
+             title='gripper (dotted: limits of speed)')
+    axes.title.set_fontsize(10)
+    axes.grid(alpha=0.3)
+
+
+_SIZE = (8.0, 4.0)  # inches
+_MOST = 25          # shapes that are drawn
+_BLUE = '#21688e'
+
+
+def plot_fit(fit: Fit, ax: Axes | None = None) -> Figure:
+    """Return the Figure of a Fit: how exactly each number is known, as a part of it."""
+    numbers, spread = flat(fit.values), flat(fit.deviations)
+    parts = np.where(numbers == 0, np.inf, spread / np.abs(np.where(numbers == 0, 1.0, numbers)))
+    return _bars(ax, fit.names, 100 * parts, [_said(*row) for row in zip(
+        numbers, spread, strict=True)], 'standard deviation [% of the value]')
+
+
+def plot_estimate(estimate: Estimate, ax: Axes | None = None) -> Figure:
+    """Return the Figure of an Estimate: how much of what was uncertain still is."""
+    numbers, spread = flat(estimate.values), flat(estimate.deviations)
+    return _bars(ax, estimate.names, 100 * spread / estimate.uncertain.deviations, [
+        _said(*row) for row in zip(numbers, spread, strict=True)],
+                 'standard deviation [% of that before the first look]')
+
+
+def plot_robustness(robust: Robustness, ax: Axes | None = None) -> Figure:
+    """Return the Figure of a Robustness: misses along the plan, by cause and together."""
+    axes = _axes(ax)
+    waypoints = np.arange(1, robust.first_order.size + 1)
+    for name, values in zip(robust.causes, robust.by_cause.T, strict=True):
+        if values.any():
+            axes.plot(waypoints, 1e3 * values, lw=1.2, label=name.replace('_', ' '))
+    axes.plot(waypoints, 1e3 * robust.first_order, 'k', lw=2, label='all, root mean square')
+    if len(robust.sampled):
+        axes.plot(waypoints, 1e3 * robust.quantile(PART), 'k:', lw=2,
+                  label=f'{PART:.0%} of {len(robust.sampled)} samples')
+    axes.set(xlabel='waypoint', ylabel='miss [mm]', ylim=(0, None))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    return _figure(axes)
+
+
+def plot_trajectory(trajectory: Trajectory, ax: Axes | None = None) -> Figure:
+    """Return the Figure of a Trajectory: the gripper's speeds beside their limits."""
+    axes = _axes(ax)
+    speeds(axes, trajectory)
+    return _figure(axes)
+
+
+def plot_shapes(shapes: Any, ax: Axes | None = None) -> Figure:
+    """Return the Figure of Shapes: some of them, dark the first, bright the last."""
+    chosen = np.unique(np.linspace(0, len(shapes) - 1, min(len(shapes), _MOST)).astype(int))
+    lines = [shapes.positions[k] for k in chosen] if len(shapes) else []
+    points = np.concatenate(lines or [np.zeros((1, 3))])
+    frame = Frame.of(ax, points)
+    tints = viridis(chosen / max(len(shapes) - 1, 1))
+    drawn = [Primitive('dlo', k, 'line', tint, points=line)
+             for k, (line, tint) in enumerate(zip(lines, tints, strict=True))]
+    if len(lines) > 1:
+        grippers = [line[0] for line in lines]
+        drawn.append(Primitive('way', 0, 'line', VERMILION, points=grippers))
+    draw(frame.axes, drawn, frame.side)
+    frame.show(*box_around(points))
+    frame.color_bar(float(max(len(shapes) - 1, 1)), 'shape')
+    frame.title(repr(shapes))
+    figure_: Figure = frame.figure
+    return figure_
+
+
+def _bars(ax: Axes | None, names: tuple[str, ...], values: Floats, texts: list[str],
+          label: str) -> Figure:
+    axes = _axes(ax)
+    known = np.isfinite(values)
+    most = max(float(values[known].max(initial=0.0)), 1e-9)
+    rows = range(len(names))
+    axes.barh(rows, np.where(known, values, 1.5 * most),
+              color=[_BLUE if one else '0.85' for one in known], height=0.6)
+    for row, (one, text) in enumerate(zip(known, texts, strict=True)):
+        axes.annotate(text, (values[row] if one else 0.0, row), (4, 0),
+                      textcoords='offset points', va='center', fontsize=8)
+    axes.set(yticks=list(rows), xlabel=label, xlim=(0, 1.5 * most))
+    axes.set_yticklabels([name.replace('_', ' ') for name in names], fontsize=8)
+    axes.invert_yaxis()
+    axes.grid(axis='x', alpha=0.3)
+    return _figure(axes)
+
+
+def _axes(ax: Axes | None) -> Any:
+    """Return the Axes that were given, or those of a new figure."""
+    if ax is not None:
+        return checked_axes(ax)
+    return matplotlib('.pyplot').figure(
+        figsize=_SIZE, layout='constrained').add_subplot()
+
+
+def _figure(axes: Any) -> Figure:
+    found: Figure = axes.figure
+    return found
+
+
+def _said(number: float, deviation: float) -> str:
+    return (f'{figure(number)} +- {deviation:.2g}' if np.isfinite(deviation)
+            else f'{figure(number)}, not told by the observations')

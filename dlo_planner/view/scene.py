@@ -1,0 +1,230 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a picture shows: the DLO, what was seen of it, frames, cut-outs, paths, obstacles."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.checks import instance, integer, items, number
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet, Solid
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod
+from dlo_planner.plan.plan import Plan
+from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE, VERMILION, coloring, viridis
+from dlo_planner.view.primitives import (
+    Primitive,
+    border,
+    plate,
+    rectangle,
+    rim,
+    room,
+    rows_of_points,
+)
+
+_THIN, _LINE = 0.001, 0.002  # m: radius of a DLO whose radius is not known; width of a line
+_AXIS = 0.05                 # m, length of axes, of a normal and of the gripper's direction
+_AXIS_COLORS = ((0.9, 0.1, 0.1), (0.1, 0.8, 0.1), (0.15, 0.3, 1.0))
+_ARROW = (0.004, 0.008, 0.01)  # m: shaft, head, length of the head
+_LONGEST = 0.1               # m, arrow of the largest contact force
+_CAPTION, _LETTER = 0.03, 0.02  # heights of letters: part of the DLO's length; m
+_GREEN, _GHOST_COLOR, _WHITE = (0.0, 0.62, 0.45), (0.1, 0.3, 0.5), (1.0, 1.0, 1.0)
+_GHOST, _BODY, _GLASS = 0.4, 0.5, 0.25  # alpha
+_WIDE = 2.0                  # m, how much of a plane is drawn
+_SAME = 1e-9                 # m
+
+
+def drawn_radius(rod: Rod) -> float | None:
+    """Return the radius in m with which a Rod is drawn; None where it has none or it varies."""
+    return rod.radius if isinstance(rod.radius, float) else None
+
+
+def shape_primitives(shape: Shape, radius: float | None = None,
+                     color: str = 'curvature') -> list[Primitive]:
+    """Return all that is seen of a Shape: the DLO, its contact forces, the gripper's axes."""
+    return [*dlo_primitives(shape, radius, color), *contact_primitives(shape),
+            *axes_primitives('gripper', shape.gripper)]
+
+
+def plan_primitives(plan: Plan, cutouts: Iterable[CutOut], radius: float | None = None,
+                    ghosts: int = 6) -> list[Primitive]:
+    """Return all that is seen of a Plan: cut-outs, the gripper's way, margins, some shapes."""
+    cutouts = items('cutouts', cutouts, CutOut)
+    return [*cutout_primitives(cutouts), *path_primitives(plan.grippers),
+            *margin_primitives(plan, cutouts, radius),
+            *ghost_primitives(plan.shapes, radius, ghosts)]
+
+
+def dlo_primitives(shape: Shape, radius: float | None = None,
+                   color: str = 'curvature') -> list[Primitive]:
+    """Return the DLO as a line in the colors of its bend or yield, and a text that says which."""
+    painted = coloring(shape, color)
+    letter = _CAPTION * shape.s[-1]
+    return [replace(_tube('dlo', 0, shape, radius, GRAY), colors=painted.colors),
+            _text('scale', 0, shape.gripper.position + (0.0, 0.0, 2 * letter), painted.caption,
+                  letter)]
+
+
+def contact_primitives(shape: Shape) -> list[Primitive]:
+    """Return an arrow for each contact force on the DLO, and its size as a text in N.
+
+    The largest one is 0.1 m long, the others in proportion.
+    """
+    instance('shape', shape, Shape)
+    forces = np.array([contact.vector for contact in shape.contacts]).reshape(-1, 3)
+    sizes = np.linalg.norm(forces, axis=1)
+    drawn = []
+    for index in np.flatnonzero(sizes > 0):
+        at, arrow = shape.contacts[index].position, _LONGEST / sizes.max() * forces[index]
+        drawn += [_arrow('contact', int(index), at, at + arrow, VERMILION),
+                  _text('contact force', int(index), at + 1.2 * arrow, f'{sizes[index]:.3g} N',
+                        _CAPTION * shape.s[-1])]
+    return drawn
+
+
+def ghost_primitives(shapes: Iterable[Shape], radius: float | None = None,
+                     number_shown: int = 6) -> list[Primitive]:
+    """Return some of the Shapes of a plan, evenly chosen, thin and transparent."""
+    shapes = items('shapes', shapes, Shape)
+    number_shown = integer('number_shown', number_shown, minimum=0, maximum=1000)
+    chosen = np.unique(np.linspace(0, len(shapes) - 1, number_shown).round().astype(int))
+    thin = 0.5 * (_THIN if radius is None else number('radius', radius, minimum=0))
+    return [_tube('ghost', index, shapes[k], thin, _GHOST_COLOR, _GHOST)
+            for index, k in enumerate(chosen if len(shapes) else ())]
+
+
+def estimate_primitives(shape: Shape, radius: float | None = None,
+                        points: ArrayLike = ()) -> list[Primitive]:
+    """Return the DLO as it is estimated to be, and its observed points (n, 3), m."""
+    observed = rows_of_points('points', points)
+    drawn = [_tube('estimate', 0, shape, radius, ORANGE, 0.7)]
+    if len(observed):
+        drawn.append(Primitive('observed', 0, 'points', VERMILION, points=observed,
+                               size=(0.005,) * 3))
+    return drawn
+
+
+def axes_primitives(group: str, pose: Pose, length: float = _AXIS) -> list[Primitive]:
+    """Return the axes of a frame: x red, y green, z blue."""
+    instance('pose', pose, Pose)
+    length = number('length', length, above=0)
+    return [_arrow(group, axis, pose.position, pose.position + length * pose.rotation[:, axis],
+                   color) for axis, color in enumerate(_AXIS_COLORS)]
+
+
+def cutout_primitives(cutouts: Iterable[CutOut], length: float = _AXIS) -> list[Primitive]:
+    """Return the rims of CutOuts and their normals, 2 k and 2 k + 1 of 'cutout'."""
+    length, drawn = number('length', length, above=0), []
+    for index, cutout in enumerate(items('cutouts', cutouts, CutOut)):
+        drawn += [_line('cutout', 2 * index, ORANGE, rim(cutout), cutout.pose),
+                  _arrow('cutout', 2 * index + 1, cutout.center,
+                         cutout.center + length * cutout.normal, ORANGE)]
+    return drawn
+
+
+def path_primitives(grippers: Iterable[Pose], length: float = _AXIS) -> list[Primitive]:
+    """Return the path of the gripper, 'trajectory' 0, and its directions on it, 1."""
+    length, grippers = number('length', length, above=0), items('grippers', grippers, Pose)
+    points = np.array([pose.position for pose in grippers]).reshape(-1, 3)
+    tips = points + length * np.array([pose.direction for pose in grippers]).reshape(-1, 3)
+    ticks = np.stack([points, tips], axis=1).reshape(-1, 3)
+    return [_line('trajectory', 0, _GREEN, points),
+            Primitive('trajectory', 1, 'segments', _GREEN, points=ticks,
+                      size=(_LINE / 2, 0.0, 0.0))]
+
+
+def margin_primitives(plan: Plan, cutouts: Iterable[CutOut],
+                      radius: float | None = None) -> list[Primitive]:
+    """Return plates with the holes, their rims colored by the margin, and the margin as a text.
+
+    The margin is the least distance between rim and DLO on the whole plan. Dark: none, bright: as
+    much as a DLO in the middle of the hole would have; beyond the limit (the DLO in the rim) ALERT.
+    """
+    instance('plan', plan, Plan)
+    radius = 0.0 if radius is None else number('radius', radius, minimum=0)
+    drawn = []
+    for index, cutout in enumerate(items('cutouts', cutouts, CutOut)):
+        most = room(cutout)
+        if most is None:
+            continue
+        drawn.append(Primitive('plate', index, 'triangles', GRAY, _GLASS, plate(cutout),
+                               pose=cutout.pose))
+        margin = (plan.clearances[:, index, 0].min(initial=np.inf)
+                  if index < plan.clearances.shape[1] else np.inf)
+        if not np.isfinite(margin):
+            continue
+        fraction = np.clip(margin / max(most - radius, 1e-12), 0.0, 1.0) if margin >= 0 else 2.0
+        points, color = rim(cutout), viridis([fraction])
+        below = cutout.pose.position - (0.0, 0.0, np.abs(points).max() + 3 * _LETTER)
+        drawn += [replace(_line('margin', index, color[0], points, cutout.pose, 2 * _LINE),
+                          colors=np.repeat(color, len(points), axis=0)),
+                  _text('rim margin', index, below, f'rim margin {1e3 * margin:.2g} mm', _LETTER)]
+    return drawn
+
+
+def obstacle_primitives(obstacles: Iterable[Obstacle]) -> list[Primitive]:
+    """Return obstacles half transparent, 'obstacle' k; the round ends of a Capsule are 'cap's."""
+    drawn = []
+    for index, obstacle in enumerate(items('obstacles', obstacles, OBSTACLES)):
+        if isinstance(obstacle, Plane):
+            drawn.append(_pane('obstacle', index, rectangle(_WIDE, _WIDE),
+                               Pose.looking_along(obstacle.point, obstacle.normal)))
+        elif isinstance(obstacle, Sheet) and not obstacle.cutouts:
+            drawn.append(_pane('obstacle', index, rectangle(obstacle.width, obstacle.height),
+                               obstacle.pose))
+        elif isinstance(obstacle, Sheet):
+            edge = border(obstacle.width, obstacle.height)
+            drawn += [_line('obstacle', index, GRAY, edge, obstacle.pose),
+                      *(_pane(f'sheet {index}', k, plate(cutout), cutout.pose)
+                        for k, cutout in enumerate(obstacle.cutouts))]
+        else:
+            body, *ends = obstacle.solids
+            drawn += [_solid('obstacle', index, body),
+                      *(_solid('cap', 2 * index + k, end) for k, end in enumerate(ends))]
+    return drawn
+
+
+def cutouts_of(plan: Plan) -> list[CutOut]:
+    """Return the CutOuts that a Plan passes, as far as it tells: those without a size have none."""
+    if not len(plan):
+        return []
+    sized = [cutout for sheet, _ in plan.sheets for cutout in sheet.cutouts]
+    return [next((cutout for cutout in sized if np.abs(cutout.center - center).max() < _SAME),
+                 CutOut(Pose.looking_along(center, normal)))
+            for center, _, normal in plan.via_points[-1] if normal is not None]
+
+
+def _tube(group: str, index: int, shape: Shape, radius: float | None,
+          color: tuple[float, float, float], alpha: float = 1.0) -> Primitive:
+    instance('shape', shape, Shape)
+    radius = None if radius is None else number('radius', radius, minimum=0)
+    return Primitive(group, index, 'line', color, alpha, shape.positions,
+                     size=(2 * (radius or _THIN), 0.0, 0.0))
+
+
+def _line(group: str, index: int, color: ArrayLike, points: Floats,
+          pose: Pose = Pose.identity(), width: float = _LINE) -> Primitive:  # noqa: B008 - frozen
+    return Primitive(group, index, 'line', color, points=points, pose=pose, size=(width, 0.0, 0.0))
+
+
+def _arrow(group: str, index: int, start: Floats, end: Floats,
+           color: tuple[float, float, float]) -> Primitive:
+    return Primitive(group, index, 'arrow', color, points=(start, end), size=_ARROW)
+
+
+def _text(group: str, index: int, position: Floats, text: str, height: float) -> Primitive:
+    return Primitive(group, index, 'text', _WHITE, text=text, size=(0.0, 0.0, height),
+                     pose=Pose(position, (0.0, 0.0, 0.0, 1.0)))
+
+
+def _pane(group: str, index: int, triangles: Floats, pose: Pose) -> Primitive:
+    return Primitive(group, index, 'triangles', SKY_BLUE, _GLASS, triangles, pose=pose)
+
+
+def _solid(group: str, index: int, solid: Solid) -> Primitive:
+    return Primitive(group, index, solid.kind, GRAY, _BODY, pose=solid.pose, size=solid.size)
