@@ -18,7 +18,8 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, Infeasible, InvalidTask
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Guards, Heard
-from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
+from dlo_planner.execute.threading_loop import ThreadingLoop
+from dlo_planner.execute.threading_motions import Threading
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.inverse.simulator import InverseSimulator

@@ -14,18 +14,22 @@ Without one, a robot follows each command as it comes, and a late command delays
 
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, repeat
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dlo_planner.execute.causes import Cause
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
+from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.limiter import Limiter, used
-from dlo_planner.execute.stopping import Rising, accelerate, decelerate
+from dlo_planner.execute.limiter import Limiter, Rising, accelerate, decelerate, used
+from dlo_planner.identify.blending import Change
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.timed_path import TimedPath
 
 _UNWATCHED = Guards(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True, 0.0)
@@ -36,11 +40,14 @@ _LEAD = 0.1   # s until a robot hears that it has to stop
 _REMEMBERED = 1.0  # s, for which it is known what was commanded when
 _LATE = 0.25  # s without a command after which a robot that waits for one stands still
 _LONGER = 1.0, 1.4, 2.0, 2.8  # times as long as a correction is blended in
-_WIDEST = 5.0  # s, of its windows
+_NARROWEST, _WIDEST = 0.02, 5.0  # s, of windows
 _CORRECTED = 0.98  # of the limits, which a motion that is corrected may use
 _COARSE = 4   # periods, in which what is blended in changes little
 _SAMPLES = 25
 _SEEN = 3     # commands before the next one that tell its jerk
+_NOTICED = 1e-3, 5e-3  # m, rad from where a way begins: less is left to the robot, as always
+_AGO = -1e6    # s
+_LEAST_WINDOW, _NEXT = 0.1, 1.1  # s; and from one duration that is tried to the next
 EXACT = 1 + 1e-3  # of a limit: differences of rounded numbers
 
 
@@ -102,57 +109,26 @@ class Samples:
 class Execution:
     """One motion along a TimedPath, from its first command to rest.
 
-    Attributes
-    ----------
-    way : TimedPath
-        TimedPath of the gripper frame.
-    back : Pose
-        Pose of the tool frame in the gripper frame.
-    frame_id : str
-        In which commands are given.
-    guards : Guards
-    period : float
-        Seconds between two ticks.
-    horizon : float
-        Seconds of the coming motion that a robot is told; 0: each command as it comes.
-    limits : Limits or None
-        Limits of all that goes out. If None, those of the way.
-    phase : str
-        'running', 'settling' (the end is commanded, the gripper is on its way there), 'stopping'
-        (it decelerates), 'stopped', 'succeeded'; 'waiting': others go on with it, see
-        `ThreadingLoop`, and it does not move by itself.
-    done : float
-        Done in s along the way that are commanded; negative on the way to its beginning.
-    command : Pose or None
-        Pose of the tool frame, the command of now; None before the first one.
-    sending : Pose or None
-        Pose of the tool frame that goes out by itself after this tick; None: none does.
-    ahead : Ahead or None
-        What a robot was told last of the coming time, with a horizon.
-    cause : Cause
-        Why it stops or has stopped.
-    reason : str
-        Why it stops or has stopped.
-    refusal : str
-        Why the last correction is not executed, '' if it is.
+    Phases: 'running'; 'settling': the end is commanded, the gripper on its way there; 'stopping':
+    it decelerates; 'stopped'; 'succeeded'; 'waiting': others go on with it (`ThreadingLoop`).
     """
 
-    way: TimedPath | Steered
-    back: Pose
-    frame_id: str
+    way: TimedPath | Steered  # of the gripper frame
+    back: Pose                # of the tool frame in the gripper frame
+    frame_id: str             # in which commands are given
     guards: Guards = field(default_factory=Guards)
-    period: float = 0.02
-    horizon: float = 0.0
-    limits: Limits | None = None
+    period: float = 0.02      # s between two ticks
+    horizon: float = 0.0      # s of the coming motion that a robot is told; 0: single commands
+    limits: Limits | None = None  # of all that goes out; None: those of the way
     phase: str = 'running'
-    done: float = 0.0
-    command: Pose | None = None
-    sending: Pose | None = None
-    ahead: Ahead | None = None
-    cause: Cause = Cause.DONE
+    done: float = 0.0         # s along the way that are commanded; negative before its beginning
+    command: Pose | None = None  # of the tool frame, now; None before the first one
+    sending: Pose | None = None  # of the tool frame, goes out by itself after this tick
+    ahead: Ahead | None = None   # what a robot was told last of the coming time, with a horizon
+    cause: Cause = Cause.DONE    # why it stops or has stopped
     reason: str = ''
     begin: float = 0.0        # s, `done` at its first command
-    refusal: str = ''
+    refusal: str = ''         # why the last correction is not executed
     limiter: Limiter | None = None  # None before the first command
     pace: tuple[float, ...] = ()    # `done` in the coming periods, where time does not run evenly
     rising: Rising | None = None    # where it begins to
@@ -529,3 +505,59 @@ class Execution:
             return (f'the gripper is turned by {turned:.3g} rad from its command: expected '
                     f'{name}.angle = {angle:g} rad at most')
         return None
+
+
+def blend_from_current_pose(way: TimedPath, here: Pose, shape: Shape, limits: Limits,
+                            period: float) -> tuple[TimedPath | Steered, float]:
+    """Return a motion that begins at a pose, and its time there, s: 0, or negative.
+
+    The gripper goes to the beginning of the way without swinging the DLO, within the limits, and
+    stands still; then it goes its way as that was proved: it is hardly ever exactly where the plan
+    begins.
+    """
+    first = way.poses([0.0])[0]
+    turn = Rotation.from_matrix(here.rotation @ first.rotation.T).as_rotvec()
+    away = np.concatenate([turn, here.position - first.position])
+    if np.linalg.norm(away[3:]) <= _NOTICED[0] and np.linalg.norm(turn) <= _NOTICED[1]:
+        return way, 0.0
+    periods, least = _periods(way, shape), _LEAST_WINDOW
+    while least <= _WIDEST:
+        # a window of several periods excites the vibration no more than one of one period
+        windows = np.append(periods * np.maximum(np.ceil(least / periods - 1e-9), 1), least)
+        if windows.max() > _WIDEST:
+            break
+        steps = int(np.ceil(windows.sum() / period))
+        begin = -steps * period
+        steered = Steered(way, windows, (Change(_AGO, np.zeros(1), away[None]),
+                                         Change(begin, np.zeros(1), -away[None])))
+        times = begin + period * np.arange(-3, steps + 1)
+        if used(steered.frames(times), limits, period) <= 1:
+            return steered, begin
+        least *= _NEXT
+    raise Refused(Cause.NOT_AT_START, f'the gripper is {np.linalg.norm(away[3:]):.3g} m and '
+                  f'{np.linalg.norm(turn):.3g} rad from where the plan begins, which it cannot '
+                  f'reach calmly in {3 * _WIDEST:g} s within its limits of speed, acceleration and '
+                  'jerk (threading.*): expected it to be nearer')
+
+
+def _periods(way: TimedPath, shape: Shape) -> Floats:
+    """Return (2,) the periods, s, of the DLO in a Shape that must not be excited."""
+    try:
+        return Steered.of(way, shape).windows[:2]
+    except InvalidTask:  # modes are not defined for all shapes
+        rod: Any = shape.rod  # a plan's shapes know it
+        return np.repeat(np.clip(slowest_period(rod), _NARROWEST, _WIDEST), 2)
+
+
+def blending_as(steered: Steered, windows: Floats, time: float) -> Steered | None:
+    """Return a Steered that blends further changes in over other windows.
+
+    None as long as one of its changes is still being blended in: the motion would leap.
+
+    Shapes: windows (k,).
+    """
+    if np.array_equal(steered.windows, windows):
+        return steered
+    last = max((change.since for change in steered.changes), default=_AGO)
+    over = last + max(steered.windows.sum(), windows.sum())
+    return replace(steered, windows=windows) if time >= over else None

@@ -19,12 +19,13 @@ from dlo_planner import (
     Trajectory,
     Workspace,
 )
-from dlo_planner.execute import judge, threading_loop
+from dlo_planner.execute import judge, threading_motions
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.judge import aimed_anew
 from dlo_planner.execute.limiter import frames_of, used
-from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
+from dlo_planner.execute.threading_loop import ThreadingLoop
+from dlo_planner.execute.threading_motions import Threading
 from dlo_planner.identify import Steered
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
@@ -83,7 +84,7 @@ def moving(plan, bound, departure):
     way = Trajectory(plan, task().motion_limits, tolerance=np.inf)
     figures = InMotion(True, bound, 0.0, 0.0, departure, np.inf, np.inf, 0.0, 1.0, 0.01)
     timed = restored(way.path, way.laws, way.limits, 1e-3, figures, np.nan, '')
-    return threading_loop._Motion(Seen().estimate, timed, plan.shapes[-1], None)
+    return threading_motions.GripperMotion(Seen().estimate, timed, plan.shapes[-1], None)
 
 
 class Cell:
@@ -92,7 +93,7 @@ class Cell:
     def __init__(self, ways, **options):
         there, on, through = ways
         whole = concatenate(on, through)
-        self.plans = [moving(there, 2e-3, 3e-4), threading_loop._Entry(
+        self.plans = [moving(there, 2e-3, 3e-4), threading_motions.Entry(
             Seen().estimate, 1e-3, whole, through, moving(whole, 4e-4, 0.0))]
         self.seen, self.time = Seen(), 0.0
         self.tool = options.get('tool', Pose.identity())
@@ -280,26 +281,26 @@ def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):
     way = Trajectory(on, task().motion_limits, tolerance=np.inf)
     times = way.duration * 0.5 * (1 - np.cos(np.linspace(0, np.pi, 200)))  # slow at both ends
     dense = [*way.poses(times)[::-1], *way.poses(np.zeros(50))]
-    poses = threading_loop._evenly(dense, 12)
+    poses = threading_motions._evenly(dense, 12)
     steps = np.linalg.norm(np.diff([pose.position for pose in poses], axis=0), axis=1)
     assert 8 <= len(steps) <= 11
     assert steps.min() > 0.5 * steps.max()
-    back = threading_loop.way_back(task(), known, [known.commanded(pose) for pose in dense],
+    back = threading_motions.way_back(task(), known, [known.commanded(pose) for pose in dense],
                                    on.shapes[-1])
     assert back.trajectory.duration < 2 * way.duration
-    most = threading_loop._LEAST_FOR_MOTION * task().room
-    assert threading_loop._off(back.trajectory.path, dense, float(on.shapes[-1].s[-1])) <= most
+    most = threading_motions.LEAST_FOR_MOTION * task().room
+    assert threading_motions._off(back.trajectory.path, dense, float(on.shapes[-1].s[-1])) <= most
 
 
 def test_how_far_a_path_leaves_poses_counts_what_is_carried_along():
     poses = [displaced(START, np.append(np.zeros(3), (0.01 * k, 0, 0))) for k in range(5)]
     path = GripperPath.through(poses, np.arange(5.0), 1.0)
-    assert threading_loop._off(path, poses, 0.7) == pytest.approx(0, abs=1e-9)
+    assert threading_motions._off(path, poses, 0.7) == pytest.approx(0, abs=1e-9)
     side = START.rotation[:, 2] if abs(START.rotation[0, 2]) < 0.5 else START.rotation[:, 1]
     for twist, off in ((np.append(np.zeros(3), (0, 0, 2e-3)), 2e-3),
                        (0.01 * np.append(side, np.zeros(3)), 2 * np.sin(0.005) * 0.7)):
         # a little farther on the path it may be nearer
-        found = threading_loop._off(path, [displaced(pose, twist) for pose in poses], 0.7)
+        found = threading_motions._off(path, [displaced(pose, twist) for pose in poses], 0.7)
         assert 0.5 * off <= found <= 1.01 * off
 
 
@@ -310,4 +311,4 @@ def test_a_way_back_that_cannot_keep_to_the_way_there_is_refused(ways):
              for pose in Trajectory(on, task().motion_limits, tolerance=np.inf).poses(
                  np.linspace(0, 3, 200))]
     with pytest.raises(Infeasible, match='leaves the way there'):
-        threading_loop.way_back(task(), known, rough, on.shapes[0])
+        threading_motions.way_back(task(), known, rough, on.shapes[0])

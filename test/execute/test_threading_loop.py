@@ -11,7 +11,7 @@ from threadings_at_rest import KINDS, RADIUS, STATED, World, threaded
 
 from dlo_planner import DirectSimulator, Infeasible, InverseSimulator, Sphere
 from dlo_planner.cell.tasks import draw_task
-from dlo_planner.execute.threading_loop import Threading, way_back, way_to_standoff
+from dlo_planner.execute.threading_motions import Threading, way_back, way_to_standoff
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 
