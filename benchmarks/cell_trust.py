@@ -29,11 +29,10 @@ import numpy as np
 from scipy.stats import beta
 
 from benchmarks import report
+from benchmarks.cell.drivers import Driver, Looking
+from benchmarks.cell.run import Outcome, run
 from dlo_planner.cell.camera import BAD
 from dlo_planner.cell.cases import CASES, NOMINAL, case
-from dlo_planner.cell.closed import Looking
-from dlo_planner.cell.drivers import Driver
-from dlo_planner.cell.run import Outcome, run
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.cell.truth import VERY_UNCERTAIN
 

@@ -30,11 +30,11 @@ from planner_process import connected_client, drain, newest, options, running_pl
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 
+from benchmarks.cell.run import RAM  # noqa: E402
 from demo.child import child  # noqa: E402
 from dlo_planner.cell.camera import BAD  # noqa: E402
 from dlo_planner.cell.cases import CASES, NOMINAL  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
-from dlo_planner.cell.run import RAM  # noqa: E402
 from dlo_planner.cell.tasks import draw_task  # noqa: E402
 from dlo_planner.cell.truth import VERY_UNCERTAIN  # noqa: E402
 from dlo_planner.execute.execution import ACTIVE  # noqa: E402

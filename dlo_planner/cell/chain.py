@@ -14,10 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.cell.engine import mujoco
 from dlo_planner.cell.truth import Truth
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod
+
+try:
+    import mujoco
+except ImportError as error:
+    raise ImportError('dlo_planner.cell needs MuJoCo: pip install dlo_planner[cell]') from error
+
+if not hasattr(mujoco.mjtIntegrator, 'mjINT_DISCRETE'):
+    raise ImportError(f'dlo_planner.cell needs mujoco >= 3.13, this is {mujoco.__version__}: its '
+                      'older integrators do not take stiff springs into account in contacts')
+
+# It would write a file wherever it is; the plant sees by itself what goes wrong.
+mujoco.set_mju_user_warning(lambda message: None)
+
+__all__ = ['DLO', 'SCENE', 'Chain', 'add_chain', 'add_gripper', 'chain_of', 'mujoco', 'set_springs']
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 _ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains

@@ -17,9 +17,10 @@ from dlo_planner.errors import (
 class Cause(IntEnum):
     """0 done, 1xx bad input, 2xx planning, 3xx proof, 4xx execution, 5xx the node itself."""
 
+    _value_: int
     meaning: str
 
-    def __new__(cls, number: int, meaning: str) -> 'Cause':
+    def __new__(cls, number: int, meaning: str = '') -> 'Cause':
         """Return the member with a meaning."""
         cause = int.__new__(cls, number)
         cause._value_, cause.meaning = number, meaning

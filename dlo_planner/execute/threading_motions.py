@@ -171,12 +171,13 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
     tolerance = max(LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
     trajectory = _trajectory(task, whole, tolerance)
     motion = GripperMotion(estimate, trajectory, whole.shapes[-1],
-                     swing_of(trajectory, estimate, whole))
+                           swing_of(trajectory, estimate, whole))
     bound = bound_in(motion.steered)
     return Entry(estimate, bound, whole, commanded, None if bound > most else motion)
 
 
-def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose], known: Shape) -> GripperMotion:
+def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose],
+             known: Shape) -> GripperMotion:
     """Return the motion through many measured poses; the DLO hangs, and leaves the hole freely.
 
     `known` is its Shape near the first of them.
@@ -230,7 +231,8 @@ def _trajectory(task: Threading, plan: Plan, tolerance: float) -> Trajectory:
 
 def _motion(task: Threading, estimate: Estimate, plan: Plan) -> GripperMotion:
     trajectory = _trajectory(task, plan, task.tolerance)
-    return GripperMotion(estimate, trajectory, plan.shapes[-1], swing_of(trajectory, estimate, plan))
+    return GripperMotion(estimate, trajectory, plan.shapes[-1],
+                         swing_of(trajectory, estimate, plan))
 
 
 def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:

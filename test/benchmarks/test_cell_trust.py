@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip('mujoco', reason='the cell needs mujoco (extra `cell`)')
 
 from benchmarks import cell_trust  # noqa: E402
+from benchmarks.cell.run import Outcome, Stay  # noqa: E402
 from dlo_planner import Infeasible, InvalidTask  # noqa: E402
 from dlo_planner.cell.camera import BAD  # noqa: E402
 from dlo_planner.cell.cases import CASES, NOMINAL, case  # noqa: E402
-from dlo_planner.cell.run import Outcome, Stay  # noqa: E402
 
 
 def one(name='slip', refused='', **outcome):

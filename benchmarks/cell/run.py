@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.cell.drivers import PERIOD, Command, Driver
 from dlo_planner.cell.camera import Camera, Image, Viewer
 from dlo_planner.cell.disturbances import UNDISTURBED, Disturbances
-from dlo_planner.cell.drivers import PERIOD, Command, Driver
-from dlo_planner.cell.plant import Plant
+from dlo_planner.cell.plant import STEP, TOUCH, Plant
 from dlo_planner.cell.robot import Robot
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, Unknowns
@@ -23,9 +23,7 @@ from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
 
-TOUCH = 0.05      # N: a larger contact force counts as a touch
-RAM = 1.0         # N: a larger one as a ram
-STEP = 2e-3       # s, of the plant
+RAM = 1.0         # N: a larger contact force counts as a ram
 CELLS = 80        # of a plant that is not looked at
 SEEN_CELLS = 40   # of one that is: 0.2 mm of 1 m from 80, 0.05 mm with a length fitted to it
 _FINER = 1.4      # times as many cells as the plant that runs once more
