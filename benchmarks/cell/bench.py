@@ -73,7 +73,7 @@ def main(args: list[str] | None = None) -> int:
 
 
 def _parser() -> ArgumentParser:
-    parser = argparse.ArgumentParser(prog='python -m dlo_planner.cell', description=__doc__)
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.cell', description=__doc__)
     parser.add_argument('--tasks', type=int, default=20)
     parser.add_argument('--seed', type=int, default=0, help='of the first task')
     parser.add_argument('--dlo', choices=list(RODS), help='default: all in turn')

@@ -61,14 +61,9 @@ _VARIATION = 0.03   # 1/m: no DLO is bent quite evenly
 
 @dataclass(frozen=True)
 class OpenLoop:
-    """The driver that does not look.
+    """The driver that does not look."""
 
-    Attributes
-    ----------
-    motion : callable
-        Function (task) -> Trajectory, or Poses, one for the end of each period.
-    """
-
+    # function (task) -> Trajectory, or Poses, one for the end of each period
     motion: Callable[[Task], Trajectory | Sequence[Pose]]
 
     def __call__(self, task: Task) -> Command:
@@ -112,21 +107,12 @@ def sampled(trajectory: Trajectory) -> list[Pose]:
 
 @dataclass(frozen=True)
 class Looking:
-    """The driver of a closed loop; `Looking.knowing` makes one for an `Unknowns` and a `Camera`.
+    """The driver of a closed loop; `Looking.knowing` makes one for an `Unknowns` and a `Camera`."""
 
-    Attributes
-    ----------
-    seeing : Seeing
-        How well the camera sees and the robot measures, and how uncertain the DLO is.
-    limits : Limits or None
-        Limits of the gripper. If None, the default ones.
-    look : float
-        Duration of a look at rest, s.
-    """
-
+    # how well the camera sees and the robot measures, and how uncertain the DLO is
     seeing: Seeing = Seeing()
-    limits: Limits | None = None
-    look: float = 2.0
+    limits: Limits | None = None  # limits of the gripper. If None, the default ones
+    look: float = 2.0  # duration of a look at rest, s
 
     @classmethod
     def knowing(cls, unknowns: Unknowns, camera: Camera, limits: Limits | None = None,

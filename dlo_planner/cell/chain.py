@@ -46,37 +46,17 @@ class Chain:
     Masses, inertias, stiffness and forces of the model are divided by `unit`, the mass of the DLO
     in kg: the engine takes no mass and no inertia below 1e-15, which those of a thin thread would
     be in kg. A force of the model times `unit` is in N.
-
-    Attributes
-    ----------
-    length : float
-        Length in m.
-    unit : float
-        Unit of mass, kg.
-    stiffness : ndarray, shape (n, 3)
-        N m per rad over `unit` of each joint, torsion, about n, about b.
-    rest : ndarray, shape (n, 3)
-        Rest in rad, the angles of each joint without stress.
-    masses : ndarray, shape (n,)
-        Masses over `unit`, of the pieces.
-    centers : ndarray, shape (n,)
-        Centers in m, of their masses, from the joint before each.
-    inertias : ndarray, shape (n, 3)
-        Inertias in m^2, over `unit`, about the center, along t, n, b.
-    radii : ndarray, shape (n,)
-        Radii in m.
-    box : (float, float) or None
-        Half sizes along n and b of a rectangular section, m. If None, round.
     """
 
-    length: float
-    unit: float
-    stiffness: Floats
-    rest: Floats
-    masses: Floats
-    centers: Floats
-    inertias: Floats
-    radii: Floats
+    length: float  # length in m
+    unit: float  # unit of mass, kg
+    stiffness: Floats  # (n, 3) N m per rad over `unit` of each joint, torsion, about n, about b
+    rest: Floats  # (n, 3) rest in rad, the angles of each joint without stress
+    masses: Floats  # (n,) masses over `unit`, of the pieces
+    centers: Floats  # (n,) centers in m, of their masses, from the joint before each
+    inertias: Floats  # (n, 3) inertias in m^2, over `unit`, about the center, along t, n, b
+    radii: Floats  # (n,) radii in m
+    # half sizes along n and b of a rectangular section, m. If None, round
     box: tuple[float, float] | None
 
     @property

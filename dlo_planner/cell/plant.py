@@ -64,21 +64,12 @@ Part = tuple[str, Sequence[float] | Floats, Floats, Floats]  # kind, size, cente
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Passage(Value):
-    """Where a DLO pierces the plane of a cut-out.
+    """Where a DLO pierces the plane of a cut-out."""
 
-    Attributes
-    ----------
-    depth : float
-        Arc length beyond the plane, m; 0: the DLO does not pierce it.
-    miss : float
-        Largest distance from the center at which the DLO pierces the plane, m; nan if it does not.
-    y, z : float
-        Coordinates of that point in the axes of the cut-out, m.
-    """
-
-    depth: float
+    depth: float  # arc length beyond the plane, m; 0: the DLO does not pierce it
+    # largest distance from the center at which the DLO pierces the plane, m; nan if it does not
     miss: float
-    y: float
+    y: float  # coordinates of that point in the axes of the cut-out, m
     z: float
 
 
