@@ -24,8 +24,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Enabled, Guards, Heard
 from dlo_planner.execute.limiter import Limiter, Rising, accelerate, decelerate, used
-from dlo_planner.identify.blending import Change
-from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.requirements import Limits
@@ -40,7 +39,6 @@ _LEAD = 0.1   # s until a robot hears that it has to stop
 _REMEMBERED = 1.0  # s, for which it is known what was commanded when
 _LATE = 0.25  # s without a command after which a robot that waits for one stands still
 _LONGER = 1.0, 1.4, 2.0, 2.8  # times as long as a correction is blended in
-_NARROWEST, _WIDEST = 0.02, 5.0  # s, of windows
 _CORRECTED = 0.98  # of the limits, which a motion that is corrected may use
 _COARSE = 4   # periods, in which what is blended in changes little
 _SAMPLES = 25
@@ -70,11 +68,6 @@ class Ahead(NamedTuple):
         return cls(execution.period * np.arange(len(positions), dtype=float), [
             Pose.from_rotation(*frame) for frame in zip(
                 positions + rotations @ back.position, rotations @ back.rotation, strict=True)])
-
-
-def coming(execution: 'Execution') -> Ahead:
-    """Return the coming commands of an Execution with a horizon, one in each of its periods."""
-    return Ahead.of(execution, *execution.way.frames(places_ahead(execution)))
 
 
 def places_ahead(execution: 'Execution') -> Floats:
@@ -346,7 +339,7 @@ class Execution:
         for longer in _LONGER:
             windows = longer * way.windows
             # what was changed before must be over by these windows as well, or it would leap
-            if longer > 1 and (windows.sum() > longest or windows.max() > _WIDEST
+            if longer > 1 and (windows.sum() > longest or windows.max() > WIDEST
                                or last + windows.sum() > self.free):
                 break
             slower = way if longer == 1 else replace(way, windows=windows)
@@ -521,10 +514,10 @@ def blend_from_current_pose(way: TimedPath, here: Pose, shape: Shape, limits: Li
     if np.linalg.norm(away[3:]) <= _NOTICED[0] and np.linalg.norm(turn) <= _NOTICED[1]:
         return way, 0.0
     periods, least = _periods(way, shape), _LEAST_WINDOW
-    while least <= _WIDEST:
+    while least <= WIDEST:
         # a window of several periods excites the vibration no more than one of one period
         windows = np.append(periods * np.maximum(np.ceil(least / periods - 1e-9), 1), least)
-        if windows.max() > _WIDEST:
+        if windows.max() > WIDEST:
             break
         steps = int(np.ceil(windows.sum() / period))
         begin = -steps * period
@@ -536,7 +529,7 @@ def blend_from_current_pose(way: TimedPath, here: Pose, shape: Shape, limits: Li
         least *= _NEXT
     raise Refused(Cause.NOT_AT_START, f'the gripper is {np.linalg.norm(away[3:]):.3g} m and '
                   f'{np.linalg.norm(turn):.3g} rad from where the plan begins, which it cannot '
-                  f'reach calmly in {3 * _WIDEST:g} s within its limits of speed, acceleration and '
+                  f'reach calmly in {3 * WIDEST:g} s within its limits of speed, acceleration and '
                   'jerk (threading.*): expected it to be nearer')
 
 
@@ -546,7 +539,7 @@ def _periods(way: TimedPath, shape: Shape) -> Floats:
         return Steered.of(way, shape).windows[:2]
     except InvalidTask:  # modes are not defined for all shapes
         rod: Any = shape.rod  # a plan's shapes know it
-        return np.repeat(np.clip(slowest_period(rod), _NARROWEST, _WIDEST), 2)
+        return np.repeat(np.clip(slowest_period(rod), NARROWEST, WIDEST), 2)
 
 
 def blending_as(steered: Steered, windows: Floats, time: float) -> Steered | None:

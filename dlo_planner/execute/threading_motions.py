@@ -20,11 +20,10 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.execute.judge import bound_of, obstacles_around
 from dlo_planner.execute.limiter import used
-from dlo_planner.identify.blending import Change, step_response
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.memory import way_between
 from dlo_planner.identify.observing import Swing
-from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered, step_response
 from dlo_planner.identify.vibration import FreeVibration
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks import Approach, Thread
@@ -258,7 +257,7 @@ class Calming:
            period: float, farthest: float = FARTHEST) -> Calming:
         """Return that from a stamp (s) on: as much as is possible within the limits."""
         slowest = float(2 * np.pi / vibration.rates.min())
-        windows: Floats = np.full(3, float(np.clip(_WINDOW * slowest, 0.02, 5.0)))
+        windows: Floats = np.full(3, float(np.clip(_WINDOW * slowest, NARROWEST, WIDEST)))
         begins: Floats = _APART * slowest * np.arange(float(_PULSES))
         lasts = _ASIDE * _APART * slowest
         duration = float(begins[-1] + lasts + windows.sum())

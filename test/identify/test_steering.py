@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, InvalidTask, Limits, Observer, Pose, Trajectory
 from dlo_planner.identify import Steered, blending, correct, steering
-from dlo_planner.identify.blending import Change, step_response
+from dlo_planner.identify.steering import Change, step_response
 
 PLAN = plan_of(depths=DEPTHS)
 MOTION = Trajectory(PLAN, Limits(0.02, 0.1), tolerance=np.inf)
