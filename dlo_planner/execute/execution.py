@@ -13,7 +13,6 @@ Without one, a robot follows each command as it comes, and a late command delays
 """
 
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,7 +40,7 @@ _LATE = 0.25  # s without a command after which a robot that waits for one stand
 _LONGER = 1.0, 1.4, 2.0, 2.8  # times as long as a correction is blended in
 _CORRECTED = 0.98  # of the limits, which a motion that is corrected may use
 _COARSE = 4   # periods, in which what is blended in changes little
-_SAMPLES = 25
+_SAMPLES, _SAME_TIME = 25, 1e-9  # s
 _SEEN = 3     # commands before the next one that tell its jerk
 _NOTICED = 1e-3, 5e-3  # m, rad from where a way begins: less is left to the robot, as always
 _AGO = -1e6    # s
@@ -83,19 +82,24 @@ def places_ahead(execution: 'Execution') -> Floats:
 
 
 class Samples:
-    """Poses of a way a period apart, evaluated many at once: one alone costs about as much."""
+    """Poses of a way at multiples of a period, evaluated many at once: one alone costs as much."""
 
     def __init__(self, way: TimedPath | Steered, period: float) -> None:
         self.way, self._period = way, period
-        self._known: dict[float, Pose] = {}
+        self._known: dict[int, Pose] = {}
 
     def pose(self, time: float) -> Pose:
         """Return the Pose of the way at a time, s."""
-        if time not in self._known:
-            # added up one by one as `Execution.places` does, so that they are the same numbers
-            times = list(accumulate(repeat(self._period, _SAMPLES), initial=time))
-            self._known = dict(zip(times, self.way.poses(times), strict=True))
-        return self._known[time]
+        k = round(time / self._period)
+        if abs(time - k * self._period) > _SAME_TIME:
+            return self.way.poses([time])[0]
+        if k not in self._known:
+            if len(self._known) > 2 * _SAMPLES:
+                self._known.clear()
+            some = range(k, k + _SAMPLES)
+            self._known.update(zip(some, self.way.poses(self._period * np.array(some)),
+                                   strict=True))
+        return self._known[k]
 
 
 @dataclass(frozen=True)
@@ -402,7 +406,7 @@ class Execution:
         """Return the execution with commands at times along its way, which are due now."""
         if not places:
             return self
-        command = self.samples.pose(places[-1]).compose(self.back)
+        command = self._pose(places[-1])
         return replace(self, command=command, sending=command,
                        trail=(*self.trail, *places)[-_SEEN - 1:])
 
@@ -430,7 +434,7 @@ class Execution:
         return self
 
     def _pose(self, done: float) -> Pose:
-        return self.way.poses([done])[0].compose(self.back)
+        return self.samples.pose(done).compose(self.back)
 
     def _silence(self, heard: Heard | None, now: float, step: float) -> float:
         """Return the age of a gripper pose, s.
