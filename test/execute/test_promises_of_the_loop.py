@@ -219,6 +219,22 @@ def test_where_looks_disagree_or_fail_it_comes_to_rest_before_the_hole(ways, wha
     assert (ways[2].grippers[0].position - cell.here.position) @ HOLE.normal > 0.02
 
 
+def test_it_looks_at_each_cloud_shortly_before_the_entry(ways):
+    cell = Cell(ways).entering()
+    entry, looked = cell.loop._entry.reached[0], []
+
+    def watched():
+        if cell.loop.execution is not None:
+            looked.append((entry - cell.loop.execution.done, cell.seen.closely))
+        return cell.loop.phase is Phase.DONE
+
+    cell.until(watched)
+    assert cell.seen.closely is False
+    assert not any(closely for left, closely in looked if left > 1.5 or left < -0.1)
+    assert all(closely for left, closely in looked if 0.1 < left < 1.4)
+    assert looked[0][0] > 1.5
+
+
 def test_the_tool_is_between_what_is_measured_and_the_dlo(ways):
     cell = Cell(ways, tool=TOOL)
     before = cell.here
