@@ -8,7 +8,7 @@ from closed_loops import DEPTHS, NOISE, SPREAD, WIRE, plan_of
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, InvalidTask, Limits, Observer, Pose, Trajectory
-from dlo_planner.identify import Steered, blending, correct, steering
+from dlo_planner.identify import Steered, correct, steering
 from dlo_planner.identify.steering import Change, step_response
 
 PLAN = plan_of(depths=DEPTHS)
