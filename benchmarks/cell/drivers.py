@@ -35,6 +35,7 @@ from dlo_planner.execute.threading_loop import ThreadingLoop
 from dlo_planner.execute.threading_motions import Threading
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks import Approach
 from dlo_planner.model.arrays import Floats
@@ -42,7 +43,6 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.plan.requirements import Limits, Requirements
 from dlo_planner.trajectory.trajectory import Trajectory
-from dlo_planner.verify.uncertainty import Uncertainty
 
 Command = Callable[[Sequence[Image], float, Pose], Pose | None]
 Driver = Callable[[Task], Command]

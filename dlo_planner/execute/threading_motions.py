@@ -20,8 +20,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.execute.judge import bound_of, obstacles_around
 from dlo_planner.execute.limiter import used
-from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.memory import way_between
+from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.observing import Swing
 from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered, step_response
 from dlo_planner.identify.vibration import FreeVibration
