@@ -39,6 +39,8 @@ from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.trajectory.trajectory import Trajectory
 
 _FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
+_SLOWER = 1.0, 0.7, 0.5, 0.35, 0.25  # of the speed that limits allow, until
+_AT_MOST = 0.75     # of the room is what the DLO may miss at rest
 _OF_SPARE = 0.6     # part of the room that the bound leaves, which motion may use: far below 1 mm
                     # the search takes long and finds motions that take four times as long
 LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
@@ -163,11 +165,16 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
         reached = way.reached(whole.times[-len(through):])
         return bound_of(estimate, commanded, way, reached, 0.0, lag)
 
-    # a calmer motion is slower, and so corrected the better
-    at_most = bound_in(_steered(Trajectory(whole, task.motion_limits, tolerance=np.inf), estimate,
-                                whole.shapes[-1]))
+    tried = []
+    for part in _SLOWER if np.isfinite(lag) else _SLOWER[:1]:  # slower is corrected the better
+        limits = slowed(task.motion_limits, part)
+        tried.append((bound_in(_steered(Trajectory(whole, limits, tolerance=np.inf), estimate,
+                                        whole.shapes[-1])), limits))
+        if tried[-1][0] <= _AT_MOST * task.room:
+            break
+    at_most, limits = min(tried, key=lambda one: one[0])
     tolerance = max(LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
-    trajectory = _trajectory(task, whole, tolerance)
+    trajectory = _trajectory(task, whole, tolerance, limits)
     motion = GripperMotion(estimate, trajectory, whole.shapes[-1],
                            swing_of(trajectory, estimate, whole))
     bound = bound_in(motion.steered)
@@ -216,9 +223,14 @@ def _off(path: GripperPath, poses: Sequence[Pose], length: float) -> float:
     return float(apart.min(axis=1).max())
 
 
-def _trajectory(task: Threading, plan: Plan, tolerance: float) -> Trajectory:
+def slowed(limits: Limits, part: float) -> Limits:
+    """Return the limits of a motion that takes 1 / part as long."""
+    return Limits(*map(float, (limits.sizes * part ** np.arange(1.0, 4.0)[:, None]).ravel()))
+
+
+def _trajectory(task: Threading, plan: Plan, tolerance: float, limits: Limits) -> Trajectory:
     """Return the motion along a Plan of true poses, which keeps clear of what is around."""
-    trajectory = Trajectory(plan, task.motion_limits, tolerance=tolerance,
+    trajectory = Trajectory(plan, limits, tolerance=tolerance,
                             obstacles=obstacles_around(task.inverse))
     motion = trajectory.motion
     if motion is not None and motion.clearance < 0:
@@ -228,7 +240,7 @@ def _trajectory(task: Threading, plan: Plan, tolerance: float) -> Trajectory:
 
 
 def _motion(task: Threading, estimate: Estimate, plan: Plan) -> GripperMotion:
-    trajectory = _trajectory(task, plan, task.tolerance)
+    trajectory = _trajectory(task, plan, task.tolerance, task.motion_limits)
     return GripperMotion(estimate, trajectory, plan.shapes[-1],
                          swing_of(trajectory, estimate, plan))
 

@@ -293,6 +293,16 @@ def test_what_a_robot_errs_after_a_look_is_in_the_expected_miss(ways, rng):
     assert (np.diff(bounds) > 0.01 * bounds[0]).all()
 
 
+def test_where_the_robot_errs_much_it_goes_in_so_slowly_that_it_can_be_corrected(ways, rng):
+    observer = Observer(DIRECT, SPREAD, noise=NOISE, robot_rotation=8e-3)
+    here = ways[0].grippers[-1]
+    estimate = looked(Truth.drawn(rng), observer, rng, here, looks=3)
+    corrected, blind = (threading_motions.way_in(task(), estimate, here, np.inf, lag)
+                        for lag in (0.7, np.inf))
+    assert corrected.motion.trajectory.duration > 1.3 * blind.motion.trajectory.duration
+    assert corrected.bound < 0.9 * blind.bound
+
+
 def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):
     on = ways[1]
     known = Seen().estimate
