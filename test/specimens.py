@@ -229,7 +229,7 @@ def arguments():
         'index': 0, 'group': 'dlo', 'number_shown': 2,
         'trajectories.poses_ahead.times': [0.0, 1.0],
         'trajectories.poses_ahead.poses': [LEVEL, LEVEL],
-        'paths.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],
+        'trajectories.plan_path.times': [0.0, 1.0], 'seconds': 1.0, 'trajectory': known['Trajectory'],
         'joint_trajectory': JointTrajectory(('joint',), [0.0, 1.0], *np.zeros((3, 2, 1))),
         'number': 3, 'tool': LEVEL, 'n': 2, 'modes_along.shapes': [shape, shape],
         'Modes.s': [0.0, 1.0], 'masses': [0.0, 1.0], 'frequencies': [1.0],
