@@ -10,7 +10,7 @@ import numpy as np
 
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.execute.judge import aimed_anew
-from dlo_planner.execute.threading_loop import Threading, way_back, way_in, way_to_standoff
+from dlo_planner.execute.threading_motions import Threading, way_back, way_in, way_to_standoff
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
