@@ -3,7 +3,6 @@
 """What is seen of the DLO: an estimate of it, by which motions are corrected, or the parameters."""
 
 from collections import deque
-from collections.abc import Callable
 from contextlib import suppress
 from threading import Lock
 from typing import Any
@@ -32,12 +31,12 @@ from dlo_planner.identify.observing import Observing, Swing, deviation
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.drive import room_of
 from dlo_planner.ros.inputs import OneFrame, named, pose_in
-from dlo_planner.ros.managed import LATEST, REQUEST, Gate
+from dlo_planner.ros.lifecycle import LATEST, REQUEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import Made, State
-from dlo_planner.ros.status import Parts
+from dlo_planner.ros.status import Part, Shared
+from dlo_planner.ros.streaming import room_of
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.view.scene import drawn_radius, estimate_primitives
 from msg_helpers.clouds import points_from_cloud
@@ -46,25 +45,12 @@ _REMEMBERED = 500    # gripper poses, until a first cloud comes
 _LONGEST_AGE = 1.0  # s, after which what was seen of the DLO says nothing of it now
 
 
-class Camera:
-    """Hears points of the DLO, and where its cut-out is seen.
+class Estimator(Part):
+    """Hears points of the DLO, and where its cut-out is seen."""
 
-    Parameters
-    ----------
-    node : Gate
-        Rclpy Node.
-    parts : Parts
-    seeing, identifying : object
-        Callback groups: clouds that come quicker than they are looked at starve no service.
-    set_parameters : callable
-        Takes rclpy Parameters, sets all or none, returns a SetParametersResult.
-    """
-
-    def __init__(self, node: Gate, parts: Parts, seeing: Any, identifying: Any,
-                 set_parameters: Callable[..., Any]) -> None:
-        self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
-        self._reporter, self._picture, self._frames = parts.reporter, parts.picture, parts.frames
-        self._set, self._lock, self._turn = set_parameters, Lock(), Lock()
+    def __init__(self, shared: Shared, looks: Any, asking: Any) -> None:
+        super().__init__(shared)
+        self._turn = Lock()  # one look, or identification, after the other
         # (stamp, Pose of the tool frame)
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
         # Scene, Observing of its DLO or None, State.resets
@@ -77,11 +63,10 @@ class Camera:
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
         # center of the cut-out that was seen, as stated; stamp
         self._hole: tuple[Floats | None, float] = None, -np.inf
-        node.create_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST,
-                                 callback_group=seeing)
-        node.create_subscription(PoseStamped, '~/observed_cutout', self._on_cutout, REQUEST,
-                                 callback_group=seeing)
-        node.create_service(Trigger, '~/identify', self._on_identify, callback_group=identifying)
+        node = self.node
+        node.add_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST, looks)
+        node.add_subscription(PoseStamped, '~/observed_cutout', self._on_cutout, REQUEST, looks)
+        node.add_service(Trigger, '~/identify', self._on_identify, asking)
 
     def gripper(self, pose: Pose, stamp: Time) -> float:
         """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan."""
@@ -94,7 +79,8 @@ class Camera:
 
     def observing(self, stamp: Time) -> Observing | None:
         """Return what observes the DLO, None where it was not looked at shortly before a stamp."""
-        observing = self._observing_of(self._store.state)
+        with self._turn:
+            observing = self._observing_of(self.store.state)
         if observing is None:
             return None
         age = abs(_seconds(stamp) - observing.looked)
@@ -103,21 +89,21 @@ class Camera:
     # ---- looks ------------------------------------------------------------------------------
 
     def _on_points(self, msg: PointCloud2) -> None:
-        with self._turn, self._reporter.answering(
+        with self._turn, self.status.answering(
                 'observed_points', counter='clouds refused', told=False):
-            self._health.count('clouds received')
-            state, stamp = self._store.state, _seconds(msg.header.stamp)
+            self.statistics.count('clouds received')
+            state, stamp = self.store.state, _seconds(msg.header.stamp)
             observing = self._observing_of(state)
             if observing is None or not observing.due(stamp):
                 return
-            points = points_in(state.scene, msg, 'observed_points', self._frames)
+            points = points_in(state.scene, msg, 'observed_points', self.frames)
             try:
                 estimate = self._look(observing, stamp, points)
             finally:  # what no equilibrium explains is a disagreement as well
                 if observing.doubted and state.looking is None:
-                    self._store.change(lambda now: now.stopped(
+                    self.store.change(lambda now: now.stopped(
                         Cause.LOOKS_DISAGREE, disagreement(observing)))
-            self._health.estimated(estimate)
+            self.statistics.estimated(estimate)
             self._draw(state, estimate, points, msg.header.stamp)
             if state.executing:
                 self._compare(state, stamp, points, observing)
@@ -134,9 +120,9 @@ class Camera:
 
         What was seen of the DLO is forgotten with it: the camera's error is one of both.
         """
-        with self._turn, self._reporter.answering('observed_cutout', told=False):
-            state, stamp = self._store.state, _seconds(msg.header.stamp)
-            seen = pose_in(state.scene, msg, 'observed_cutout', self._frames).position
+        with self._turn, self.status.answering('observed_cutout', told=False):
+            state, stamp = self.store.state, _seconds(msg.header.stamp)
+            seen = pose_in(state.scene, msg, 'observed_cutout', self.frames).position
             observing, stated = self._observing_of(state), cutout_of(state)
             if observing is None or stated is None:
                 return
@@ -163,23 +149,22 @@ class Camera:
         if state.gripper is not None:
             shape, scene = estimate.shape(state.gripper), state.scene
             if shape.converged:
-                self._picture.show('estimate', scene.frame_id, stamp, lambda: estimate_primitives(
+                self.markers.show('estimate', scene.frame_id, stamp, lambda: estimate_primitives(
                     shape, drawn_radius(scene.direct.rod), points))
 
     def _observing_of(self, state: State) -> Observing | None:
         """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""
         scene = state.scene
-        with self._lock:
-            known, observing, resets = self._at
-            kept = state.executing and state.looking is not None  # by the closed loop
-            if known is None or not kept and (known.seeing, known.tool, known.direct.rod) != (
-                    scene.seeing, scene.tool, scene.direct.rod):
-                observing = observing_of(scene, list(self._grippers), self._identified)
-                self._identified = None
-            elif resets != state.resets and observing is not None:
-                observing.reset()
-            self._at = known if kept else scene, observing, state.resets
-            return observing
+        known, observing, resets = self._at
+        kept = state.executing and state.looking is not None  # by the closed loop
+        if known is None or not kept and (known.seeing, known.tool, known.direct.rod) != (
+                scene.seeing, scene.tool, scene.direct.rod):
+            observing = observing_of(scene, list(self._grippers), self._identified)
+            self._identified = None
+        elif resets != state.resets and observing is not None:
+            observing.reset()
+        self._at = known if kept else scene, observing, state.resets
+        return observing
 
     def _expect(self, state: State, observing: Observing) -> None:
         """Have the DLO expected as inertia bends it in the motion that was proved."""
@@ -196,8 +181,8 @@ class Camera:
 
     def _time_at(self, stamp: float) -> float:
         """Return the time of the motion, s, at a stamp; at rest after its end."""
-        execution = self._store.state.execution
-        if execution is None or self._store.state.running is not self._moves_by[0]:
+        execution = self.store.state.execution
+        if execution is None or self.store.state.running is not self._moves_by[0]:
             return -np.inf
         return execution.done_at(stamp) if execution.active else np.inf
 
@@ -248,23 +233,23 @@ class Camera:
         left, moving = entry - execution.done, in_motion(execution)
         bound = aimed.bound_before if reason else aimed.bound
         if left > 0:
-            self._health.expected(bound + moving)
+            self.statistics.expected(bound + moving)
         room = room_of(made)
         barred = '' if room is None else kept_out(bound, room, left, moving)
         if barred:
-            self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
+            self.store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
         elif not reason:
-            after = self._store.change(lambda now: now.steered(execution.way, lambda done: (
+            after = self.store.change(lambda now: now.steered(execution.way, lambda done: (
                 steered.corrected(done, found, reached[found.first:])))).execution
             if after is None or after.way is way:
                 reason = (after and after.refusal) or 'it came when the motion had ended'
-        self._health.corrected(found, barred or reason)
+        self.statistics.corrected(found, barred or reason)
 
     # ---- identification ---------------------------------------------------------------------
 
     def _on_identify(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        with self._turn, self._reporter.answering('identify', answer=response) as outcome:
-            state = self._store.state
+        with self._turn, self.status.answering('identify', answer=response) as outcome:
+            state = self.store.state
             if state.executing:
                 raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or '
                               '~/cancel')
@@ -279,11 +264,12 @@ class Camera:
                               '~/reset')
             changed = parameters_of_estimate(estimate, state.values)
             self._identified = estimate
-            result = self._set([Parameter(name, value=value) for name, value in changed.items()])
+            result = self.node.set_parameters_atomically(
+                [Parameter(name, value=value) for name, value in changed.items()])
             if not result.successful:
                 self._identified = None
                 raise Refused(Cause.INVALID_PARAMETER, result.reason)
-            self._observing_of(self._store.state)  # from now on; what was told stays told
+            self._observing_of(self.store.state)  # from now on; what was told stays told
             outcome.message = told(estimate)
             outcome.values = {name: str(value) for name, value in changed.items()}
         return response

@@ -41,8 +41,8 @@ def main(args: list[str] | None = None) -> int:
 
 
 def _planner() -> tuple[Any, Any]:
-    from dlo_planner.ros.managed import PatientExecutor  # noqa: PLC0415
-    from dlo_planner.ros.planner_node import THREADS, PlannerNode  # noqa: PLC0415
+    from dlo_planner.ros.lifecycle import PatientExecutor  # noqa: PLC0415
+    from dlo_planner.ros.node import THREADS, PlannerNode  # noqa: PLC0415
     return PlannerNode(), PatientExecutor(num_threads=THREADS)
 
 

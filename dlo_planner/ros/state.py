@@ -422,9 +422,6 @@ class Store:
     def __init__(self, state: State) -> None:
         self._lock = Lock()
         self._state = state
-        # Scenes take long to build. Whoever replaces it holds this one from reading to writing:
-        # shapes, plans and commands do not wait for it.
-        self.rebuilding = Lock()
 
     @property
     def state(self) -> State:

@@ -18,7 +18,7 @@ import dlo_planner.parallel
 import dlo_planner.penalties
 import dlo_planner.tasks
 import dlo_planner.view
-from dlo_planner.settings.parameters import ENTRIES
+from dlo_planner.settings.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'
@@ -70,11 +70,11 @@ def test_there_are_25_pages():
 def test_every_parameter_of_the_node_is_on_its_page(monkeypatch):
     monkeypatch.syspath_prepend(DOCS)
     page = import_module('made_pages').parameters_page()
-    assert sorted(re.findall(r'^\| `([\w.]+)` \|', page, re.M)) == sorted(ENTRIES)
+    assert sorted(re.findall(r'^\| `([\w.]+)` \|', page, re.M)) == sorted(PARAMETERS)
     assert '| `rod.length` | `1.0` | 0.001 to 100 | Length between gripper' in page
     assert {line.count('|') for line in page.splitlines() if line.startswith('|')} == {5}
     text = (DOCS / 'ros_interface.md').read_text()
-    groups = {name.split('.')[0] for name in ENTRIES if '.' in name}
+    groups = {name.split('.')[0] for name in PARAMETERS if '.' in name}
     assert not [group for group in groups if f'`{group}.`' not in text]
 
 

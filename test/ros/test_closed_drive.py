@@ -26,21 +26,21 @@ from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import used
 from dlo_planner.identify.observing import Observing
 from dlo_planner.identify.predicted_miss import crossing
-from dlo_planner.ros.drive import closed_loop_of, not_looked_at, threading_of
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.state import Made, State, Store
-from dlo_planner.ros.status import Health
+from dlo_planner.ros.status import Statistics
+from dlo_planner.ros.streaming import closed_loop_of, not_looked_at, threading_of
 from dlo_planner.ros.worker import Worker
+from dlo_planner.settings.parameters import PARAMETERS
 
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
 START = Pose.looking_along((-0.36, -0.1, 1.02), (1, 0, 0))
 SPREAD = Uncertainty(0.05, 0.05, 0.02, natural_curvature=0.3, gripper_position=5e-4,
                      gripper_rotation=3.5e-3)
-VALUES = {**{name: entry.default for name, entry in ENTRIES.items()},
+VALUES = {**{name: entry.default for name, entry in PARAMETERS.items()},
           'rod.length': 0.3, 'rod.diameter': 1e-3, 'threading.waypoints': 12,
           'threading.deepest': 0.35, 'threading.standoff': 0.02, 'threading.linear_speed': 0.1,
           'threading.angular_speed': 1.0, 'cutouts.radius': HOLE.radius, 'observe.noise': 3e-4,
@@ -80,7 +80,7 @@ class Cell:
         self.here, self.time, self.sent, self.phases = START, 0.0, [], []
         started = state.started(0.0)
         self.drive = closed_loop_of(started, self.observing, worker)
-        self.store, self.health = Store(self.drive.begun(started)), Health()
+        self.store, self.health = Store(self.drive.begun(started)), Statistics()
 
     @property
     def state(self):

@@ -169,7 +169,7 @@ def test_what_is_no_task_is_refused_by_name(inside, tell, text, code, said):
 
 
 def test_a_service_for_each_task_fills_its_pose(inside, node, tell, bar):
-    node._store.change(lambda now: replace(now, tasks={}))
+    node.shared.store.change(lambda now: replace(now, tasks={}))
     inside.shape_for(HERE)
     for name, kind in (('plan_threading', Thread), ('plan_insertion', Insert)):
         place = 'cutout' if kind is Thread else 'bore'

@@ -18,14 +18,14 @@ from dlo_planner.execute.guards import Enabled, Guards
 from dlo_planner.identify.observing import Seeing
 from dlo_planner.plan.plan import PlanStatus, truncate
 from dlo_planner.plan.requirements import Limits
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene, scene_of
 from dlo_planner.ros.state import Made, Proof, State, Store, carried, ready
+from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.obstacles import Body
 
-VALUES = {**{name: entry.default for name, entry in ENTRIES.items()}, 'rod.diameter': 1.5e-3,
+VALUES = {**{name: entry.default for name, entry in PARAMETERS.items()}, 'rod.diameter': 1.5e-3,
           'threading.waypoints': 8, 'threading.deepest': 0.3, 'rod.damping': [0.5, 0.0]}
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 HERE = Pose.looking_along((0.0, 0.1, 1.0), (1.0, 0.2, 0.0))
