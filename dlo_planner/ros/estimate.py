@@ -34,12 +34,13 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.ros.inputs import OneFrame, named, pose_in
 from dlo_planner.ros.lifecycle import LATEST, REQUEST
 from dlo_planner.ros.scene import Scene
-from dlo_planner.ros.state import Made, State
+from dlo_planner.ros.state import PlanResult, State
 from dlo_planner.ros.status import Part, Shared
 from dlo_planner.ros.streaming import room_of
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.view.scene import drawn_radius, estimate_primitives
 from msg_helpers.clouds import points_from_cloud
+from msg_helpers.poses import seconds_of
 
 _REMEMBERED = 500    # gripper poses, until a first cloud comes
 _LONGEST_AGE = 1.0  # s, after which what was seen of the DLO says nothing of it now
@@ -57,9 +58,9 @@ class Estimator(Part):
         self._at: tuple[Scene | None, Observing | None, int] = None, None, 0
         self._identified: Estimate | None = None  # of which the parameters are being made
         # running plan, when, the last Correction
-        self._corrected: tuple[Made | None, float, Correction | None] = None, -np.inf, None
+        self._corrected: tuple[PlanResult | None, float, Correction | None] = None, -np.inf, None
         # the plan whose motion is expected, by whom, State.resets
-        self._moves_by: tuple[Made | None, Observing | None, int] = None, None, -1
+        self._moves_by: tuple[PlanResult | None, Observing | None, int] = None, None, -1
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
         # center of the cut-out that was seen, as stated; stamp
         self._hole: tuple[Floats | None, float] = None, -np.inf
@@ -70,7 +71,7 @@ class Estimator(Part):
 
     def gripper(self, pose: Pose, stamp: Time) -> float:
         """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan."""
-        seconds, (scene, observing, _) = _seconds(stamp), self._at
+        seconds, (scene, observing, _) = seconds_of(stamp), self._at
         self._grippers.append((seconds, pose))
         if observing is not None and scene is not None:
             observing.gripper(seconds, pose.compose(scene.tool))
@@ -83,7 +84,7 @@ class Estimator(Part):
             observing = self._observing_of(self.store.state)
         if observing is None:
             return None
-        age = abs(_seconds(stamp) - observing.looked)
+        age = abs(seconds_of(stamp) - observing.looked)
         return observing if age <= max(_LONGEST_AGE, 2 * observing.seeing.period) else None
 
     # ---- looks ------------------------------------------------------------------------------
@@ -92,7 +93,7 @@ class Estimator(Part):
         with self._turn, self.status.answering(
                 'observed_points', counter='clouds refused', told=False):
             self.statistics.count('clouds received')
-            state, stamp = self.store.state, _seconds(msg.header.stamp)
+            state, stamp = self.store.state, seconds_of(msg.header.stamp)
             observing = self._observing_of(state)
             if observing is None or not observing.due(stamp):
                 return
@@ -121,7 +122,7 @@ class Estimator(Part):
         What was seen of the DLO is forgotten with it: the camera's error is one of both.
         """
         with self._turn, self.status.answering('observed_cutout', told=False):
-            state, stamp = self.store.state, _seconds(msg.header.stamp)
+            state, stamp = self.store.state, seconds_of(msg.header.stamp)
             seen = pose_in(state.scene, msg, 'observed_cutout', self.frames).position
             observing, stated = self._observing_of(state), cutout_of(state)
             if observing is None or stated is None:
@@ -168,7 +169,7 @@ class Estimator(Part):
 
     def _expect(self, state: State, observing: Observing) -> None:
         """Have the DLO expected as inertia bends it in the motion that was proved."""
-        made, proof = state.made, state.proof
+        made, proof = state.planned, state.proof
         known = made, observing, state.resets
         if known == self._moves_by or made is None or proof is None or not proof.safe:
             return
@@ -239,7 +240,7 @@ class Estimator(Part):
         if barred:
             self.store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
         elif not reason:
-            after = self.store.change(lambda now: now.steered(execution.way, lambda done: (
+            after = self.store.change(lambda now: now.with_correction(execution.way, lambda done: (
                 steered.corrected(done, found, reached[found.first:])))).execution
             if after is None or after.way is way:
                 reason = (after and after.refusal) or 'it came when the motion had ended'
@@ -270,14 +271,14 @@ class Estimator(Part):
                 self._identified = None
                 raise Refused(Cause.INVALID_PARAMETER, result.reason)
             self._observing_of(self.store.state)  # from now on; what was told stays told
-            outcome.message = told(estimate)
+            outcome.message = estimate_summary(estimate)
             outcome.values = {name: str(value) for name, value in changed.items()}
         return response
 
 
 def cutout_of(state: State) -> Floats | None:
     """Return the center of the one cut-out of what is executed or planned, None: there is none."""
-    made = state.running if state.executing else state.made
+    made = state.running if state.executing else state.planned
     centers = [] if made is None else [one[0] for some in made.plan.via_points for one in some]
     if not centers or any((center != centers[0]).any() for center in centers):
         return None
@@ -309,11 +310,7 @@ def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Fl
     return result
 
 
-def _seconds(stamp: Time) -> float:
-    return float(stamp.sec + 1e-9 * stamp.nanosec)
-
-
-def told(estimate: Estimate) -> str:
+def estimate_summary(estimate: Estimate) -> str:
     """Return in a sentence what an Estimate says: the numbers that were told by what was seen."""
     values, deviations = estimate.values, estimate.deviations
     prior = dict(zip(estimate.names, estimate.uncertain.deviations.tolist(), strict=True))

@@ -52,16 +52,7 @@ def _computes_on() -> bool:
 
 
 class Process:
-    """One node, its executor, and the thread that runs both.
-
-    Parameters
-    ----------
-    make : callable
-        Returns the node, which has `end()`, and its PatientExecutor; called once ROS is there, in a
-        thread that is not the main one.
-    args : list of str
-        Args of the command line.
-    """
+    """One node, its executor, and the thread that runs both."""
 
     def __init__(self, make: Callable[[], tuple[Any, Any]], args: list[str]) -> None:
         self._make, self._args = make, args

@@ -31,7 +31,7 @@ from dlo_planner.progress import interrupted_by
 from dlo_planner.ros.inputs import goals_in, judge_distance, pose_in
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.ros.scene import Scene
-from dlo_planner.ros.state import Made, Proof, State
+from dlo_planner.ros.state import PlanResult, Proof, State
 from dlo_planner.ros.status import Outcome, Part, Shared, stamp_text
 from dlo_planner.settings.tasks import (
     Present,
@@ -201,8 +201,8 @@ class PlanningServer(Part):
         plan, before = self._made(state, task, start, miss)
         seconds = monotonic() - begun
         scene, stamp = state.scene, self.node.get_clock().now().to_msg()
-        made = Made(scene, plan, before, stamp, task, outcome.stamp)
-        self.store.change(lambda now: now.planned(made))
+        made = PlanResult(scene, plan, before, stamp, task, outcome.stamp)
+        self.store.change(lambda now: now.with_plan(made))
         back = scene.tool.inverse()
         path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                          scene.frame_id, stamp)

@@ -28,7 +28,7 @@ from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
 from dlo_planner.ros.status import Part, Shared
 from dlo_planner.view.scene import drawn_radius, shape_primitives
-from msg_helpers.poses import wrench_in, wrench_msg
+from msg_helpers.poses import seconds_of, wrench_in, wrench_msg
 from msg_helpers.trajectories import shape_bytes, shape_path
 
 _STANDS = 0.05  # s without a gripper pose, after which the far end's poses give shapes
@@ -89,7 +89,7 @@ class ShapePredictor(Part):
             pose = pose_in(self.store.state.scene, msg, 'gripper_pose', self.frames)
             heard = self._heard(pose, msg.header.stamp, arrived,
                                 self._follows(pose, msg.header.stamp))
-            state = self.store.change(lambda state: state.hearing(heard))
+            state = self.store.change(lambda state: state.with_feedback(heard))
             self._look(pose.compose(state.scene.tool), msg.header.stamp, arrived)
 
     def _on_far_end(self, msg: PoseStamped) -> None:
@@ -102,13 +102,13 @@ class ShapePredictor(Part):
             pose = pose_in(scene, msg, 'far_end_pose', self.frames)
             heard = self._heard(pose, msg.header.stamp, arrived, np.nan)
             state = self.store.change(lambda state: replace(state, far_end=heard))
-            last = state.heard
+            last = state.feedback
             if state.gripper is not None and (last is None or arrived - last.arrived > _STANDS):
                 self._look(state.gripper, msg.header.stamp, arrived)
 
     def _heard(self, pose: Pose, stamp: Time, arrived: float, off: float) -> Heard:
         age = 1e-9 * (self.node.get_clock().now().nanoseconds - stamp.nanosec) - stamp.sec
-        return Heard(pose, arrived, age, off, stamp.sec + 1e-9 * stamp.nanosec)
+        return Heard(pose, arrived, age, off, seconds_of(stamp))
 
     def _look(self, gripper: Pose, stamp: Time, arrived: float) -> None:
         self._newest.submit(partial(self._predict, gripper, stamp, arrived))

@@ -18,7 +18,7 @@ from dlo_planner.progress import Latest
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.ros.scene import Scene
-from dlo_planner.ros.state import Made, Proof, State
+from dlo_planner.ros.state import PlanResult, Proof, State
 from dlo_planner.ros.status import Part, Shared, figures_of, stamp_text
 from dlo_planner.ros.worker import ATTEMPTS, ProcessLost, Worker, persistent
 from dlo_planner.trajectory.trajectory import Trajectory
@@ -81,7 +81,7 @@ class ProofServer(Part):
     def __init__(self, shared: Shared, worker: Worker, arm: ArmOutput) -> None:
         super().__init__(shared)
         self._arm, self._worker = arm, worker
-        self._begun: Made | None = None  # whose proof has begun
+        self._begun: PlanResult | None = None  # whose proof has begun
         self._out = self.node.add_publisher(MultiDOFJointTrajectory, '~/gripper_trajectory_timed',
                                             LATCHED)
         self._newest = Latest(lambda _: None)  # what a job raises is told by itself
@@ -97,13 +97,13 @@ class ProofServer(Part):
 
     def _prove(self) -> None:
         with self.status.answering('report', told=False):
-            made = self.store.state.made
+            made = self.store.state.planned
             if made is None or made is self._begun:
                 return
             self._begun = made
 
             def wanted() -> bool:
-                return self.store.state.made is made
+                return self.store.state.planned is made
 
             def replayed(**arguments: Any) -> ValidationReport | None:
                 return self._worker.result(partial(replay, **arguments), wanted,
@@ -121,7 +121,7 @@ class ProofServer(Part):
                 if proof.done:
                     self._tell(made, proof)
 
-    def _tell(self, made: Made, proof: Proof) -> None:
+    def _tell(self, made: PlanResult, proof: Proof) -> None:
         """Say how a proof has ended, with its figures."""
         said, report = 'the plan is safe', proof.report
         if not proof.safe:
@@ -131,14 +131,14 @@ class ProofServer(Part):
         self.status.tell('proof', proof.cause, said, made.asked, {
             'report': proof.state, 'plan stamp': stamp_text(made.stamp), **figures})
 
-    def _publish(self, made: Made, report: ValidationReport, way: Trajectory) -> None:
+    def _publish(self, made: PlanResult, report: ValidationReport, way: Trajectory) -> None:
         scene = made.scene
         number = 1 + int(np.clip(np.ceil(way.duration / _TIMED_STEP), 1, _TIMED_MOST))
         self._out.publish(timed_trajectory(way, number, scene.tool, scene.frame_id, made.stamp))
         self.status.info(f'the plan is safe: {way.duration:.1f} s, largest miss in motion '
                             f'{report.max_tracking_error:.1e} m, at most {way.tolerance:.1e} m')
 
-    def _move_arm(self, made: Made, report: ValidationReport) -> None:
+    def _move_arm(self, made: PlanResult, report: ValidationReport) -> None:
         """Publish the motion of the robot's joints, where an arm is described."""
         with self.status.answering('joint_trajectory', told=False):
             self._arm.on_proof(report.trajectory, made.scene.tool, made.stamp,
@@ -146,4 +146,4 @@ class ProofServer(Part):
 
 
 def _proved(proof: Proof, state: State) -> State:
-    return state.proved(proof)
+    return state.with_proof(proof)

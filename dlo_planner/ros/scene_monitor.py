@@ -80,7 +80,7 @@ class SceneMonitor(Part):
             if reason and before.executing:
                 # it stops already: what is said of it now does not delay that
                 said = in_the_way(before, changed)
-                self.store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED,
+                self.store.change(lambda now: now.with_detail(Cause.OBSTACLES_CHANGED,
                                                             f'{reason}: {said}'))
 
     def _rebuilt(self, msg: MarkerArray) -> tuple[State, dict[tuple[str, int], Any], str]:
@@ -102,7 +102,7 @@ class SceneMonitor(Part):
     def _change(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> None:
         before = self.store.state
         state = self.store.change(lambda now: now.in_scene(scene, cause, reason, **parts))
-        if before.made is not None and state.made is None:
+        if before.planned is not None and state.planned is None:
             self.statistics.plan_void(reason)
             self.status.info(f'the plan is void: {reason}')
 

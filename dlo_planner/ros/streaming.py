@@ -33,7 +33,7 @@ from dlo_planner.inverse.tasks import Thread
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.ros.plan import PlanningServer, refuse_tolerance
-from dlo_planner.ros.state import Looking, Made, State, Store
+from dlo_planner.ros.state import Looking, PlanResult, State, Store
 from dlo_planner.ros.status import Part, Shared, Statistics, stamp_text
 from dlo_planner.ros.worker import Worker, persistent
 from dlo_planner.settings.tasks import cutouts_of
@@ -45,7 +45,7 @@ from msg_helpers.trajectories import plan_path, poses_ahead
 _STANDOFF = 0.05  # of the length, where none is given, and the plan does not stop before the hole
 
 
-def threading_of(made: Made) -> Threading | None:
+def threading_of(made: PlanResult) -> Threading | None:
     """Return what a plan threads, if that is one cut-out whose room is known; else None."""
     plan, scene, task = made.plan, made.scene, made.task
     if not isinstance(task, Thread) or not (room_of(made) or 0.0) > 0:
@@ -64,7 +64,7 @@ def threading_of(made: Made) -> Threading | None:
     return Threading(scene.inverse, task.cutout, depths, standoff, scene.limits)
 
 
-def room_of(made: Made) -> float | None:
+def room_of(made: PlanResult) -> float | None:
     """Return by how much the DLO may miss its cut-outs unharmed, m; None: not known."""
     radii = [one.radius or 0.0 for one in cutouts_of(made.task)]
     thick = made.scene.direct.rod.radius or 0.0
@@ -83,10 +83,10 @@ def closed_loop_of(state: State, observing: Observing | None,
     if observing is None or not observing.seeing.correct or made is None or execution is None:
         return None
     task = threading_of(made)
-    if task is None or state.heard is None:
+    if task is None or state.feedback is None:
         return None
     tool = made.scene.tool
-    loop = ThreadingLoop(task, observing, state.heard.pose.compose(tool), tool=tool,
+    loop = ThreadingLoop(task, observing, state.feedback.pose.compose(tool), tool=tool,
                          guards=execution.guards, limits=execution.limits,
                          period=execution.period, horizon=execution.horizon,
                          frame_id=execution.frame_id)
@@ -111,14 +111,6 @@ class ClosedLoopDrive:
     """Ticks a ThreadingLoop, has its work done, and keeps the State as it stands.
 
     Who ends what is executed does so in the State; the next tick tells the loop.
-
-    Parameters
-    ----------
-    loop : ThreadingLoop
-    worker : Worker
-        Does the `work` of it: in this process a plan would hold up the commands.
-    deadline : float
-        Seconds that one `work` of it may take.
     """
 
     def __init__(self, loop: ThreadingLoop, worker: Worker, deadline: float) -> None:
@@ -155,7 +147,8 @@ class ClosedLoopDrive:
             threading.Thread(target=self._compute, args=(work,), name='closed loop',
                              daemon=True).start()
         self._known = execution
-        known = store.change(lambda now: now.looked(state.execution, execution, looking)).execution
+        known = store.change(
+            lambda now: now.after_loop_tick(state.execution, execution, looking)).execution
         # what was stopped meanwhile has the command before: out goes what the loop knows to go out
         return known and replace(known, sending=execution.sending, ahead=execution.ahead)
 
@@ -166,8 +159,8 @@ class ClosedLoopDrive:
             loop.stop(stamp, known.cause, known.reason, known.phase == 'stopped')
             if loop.cause == known.cause:  # of which more may be known by now
                 loop.reason = known.reason
-        if state.heard is not None:
-            loop.gripper(state.heard)
+        if state.feedback is not None:
+            loop.gripper(state.feedback)
         try:
             loop.tick(stamp, now, state.enabled)
         except Exception as error:
@@ -271,7 +264,7 @@ class TrajectoryStreamer(Part):
         return response
 
     def _execute(self, wanted: Time | None, answer: Any = None,
-                 request: GetPlan.Request | None = None) -> Made | None:
+                 request: GetPlan.Request | None = None) -> PlanResult | None:
         """Execute the last plan, if it is the one that is meant; return it, or None."""
         now, asked = self.node.get_clock().now().to_msg(), request and request.goal.header.stamp
         stamp = asked if asked and (asked.sec or asked.nanosec) else now
@@ -311,7 +304,7 @@ class TrajectoryStreamer(Part):
     def _on_enable(self, msg: Bool) -> None:
         with self.status.answering('enable', told=False):
             enabled = Enabled(msg.data, monotonic())
-            self.store.change(lambda state: state.allowing(enabled))
+            self.store.change(lambda state: state.with_enabled(enabled))
 
     def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self.status.answering('cancel', answer=response) as outcome:
@@ -333,7 +326,7 @@ class TrajectoryStreamer(Part):
             before = self.store.state.execution
             now, stamp = monotonic(), 1e-9 * self.node.get_clock().now().nanoseconds
             if self._loop is None:
-                execution = self.store.change(lambda state: state.ticked(now, stamp)).execution
+                execution = self.store.change(lambda state: state.after_tick(now, stamp)).execution
             else:
                 execution = self._loop.tick(self.store, self.statistics, now, stamp)
             if before is None or execution is None:

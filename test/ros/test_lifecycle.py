@@ -212,7 +212,7 @@ def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witn
         commands = witness.hear(PoseStamped, f'{NAME}/gripper_command', CHANGES)
         assert witness.wait_for(lambda: node.count_subscribers(f'{NAME}/gripper_command'))
         heard = Heard(plan.grippers[0], time.monotonic())
-        node.shared.store.change(lambda now: replace(now, execution=execution, heard=heard))
+        node.shared.store.change(lambda now: replace(now, execution=execution, feedback=heard))
         node.streamer._finished = False
         node.streamer._timer.reset()
         assert witness.wait_for(lambda: len(commands) > fast)

@@ -19,7 +19,7 @@ from dlo_planner import (
     Uncertainty,
 )
 from dlo_planner.identify.observing import Observing, Seeing, Swing, motion_at
-from dlo_planner.ros.estimate import observing_of, told
+from dlo_planner.ros.estimate import estimate_summary, observing_of
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.settings.parameters import PARAMETERS
@@ -219,7 +219,7 @@ def test_what_is_identified_is_the_dlo_of_the_estimate(section, rng):
     s = np.linspace(0, 0.999, 9) * after.direct.rod.length
     np.testing.assert_allclose(after.direct.solve(commanded).positions_at(s),
                                estimate.shape(START).positions_at(s), atol=2e-4)
-    assert 'natural_curvature' in told(estimate)
+    assert 'natural_curvature' in estimate_summary(estimate)
 
 
 def test_terms_add_up(rng):
