@@ -105,7 +105,7 @@ class Guide(Value):
         Whether the velocity is zero at time 0; else it is what the poses say.
     """
 
-    PARTS = ('poses', 'dt', 'at_rest')
+    _PARTS = ('poses', 'dt', 'at_rest')
 
     poses: tuple[Pose, ...]
     dt: float
@@ -119,7 +119,7 @@ class Guide(Value):
             put(self, _spline=_spline(self.poses, at_rest))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), tuple(getattr(self, name) for name in self.PARTS)
+        return type(self), tuple(getattr(self, name) for name in self._PARTS)
 
     def at(self, place: float) -> Pose:
         """Return the Pose at `place` = time / dt."""
@@ -178,7 +178,7 @@ class Grips(Value):
         Grip of `FarEnd`; unused where it is free.
     """
 
-    PARTS = ('gripper', 'far_end', 'grip')
+    _PARTS = ('gripper', 'far_end', 'grip')
 
     gripper: Guide
     far_end: Guide | None

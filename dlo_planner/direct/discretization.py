@@ -58,7 +58,7 @@ class Discretization(Value):
         The Memory of a DLO without a past, on this mesh.
     """
 
-    PARTS = ('surroundings', 's', 'basis', 'n_terms')
+    _PARTS = ('surroundings', 's', 'basis', 'n_terms')
 
     surroundings: Surroundings
     s: Floats
@@ -106,7 +106,7 @@ class Discretization(Value):
         return self._given[name]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), tuple(getattr(self, name) for name in self.PARTS)
+        return type(self), tuple(getattr(self, name) for name in self._PARTS)
 
     @property
     def rod(self) -> Rod:

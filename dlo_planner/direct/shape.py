@@ -47,7 +47,7 @@ from dlo_planner.pictured import Pictured
 _ROUNDING = 1e-9  # of the length
 
 
-class ForKernels(NamedTuple):
+class KernelArrays(NamedTuple):
     """Arrays of a Curve of N elements for kernels, which take no read-only ones.
 
     Attributes
@@ -145,13 +145,15 @@ class Curve(Pictured):
         return found
 
     @cached_property
-    def for_kernels(self) -> ForKernels:
-        """What kernels read; nothing else is to.
-
-        Copies: read-only arrays are another type for numba, and would compile everything again.
-        """
-        return ForKernels(np.diff(self.s), self.element_strains.copy(), self.frames.copy(),
+    def _kernel_arrays(self) -> KernelArrays:
+        """Copies: read-only arrays are another type for numba, which would compile all again."""
+        return KernelArrays(np.diff(self.s), self.element_strains.copy(), self.frames.copy(),
                           self.positions.copy())
+
+
+def kernel_arrays(curve: Curve) -> KernelArrays:
+    """Return what kernels read of a Curve; nothing else is to."""
+    return curve._kernel_arrays
 
 
 class OfDLO(Curve):
@@ -223,7 +225,7 @@ class OfDLO(Curve):
         radii = _radii_of(cast('Shape', self))
         if radii is None:
             return np.nan, np.nan
-        distance, gap = self_distance(*self.for_kernels, radii, np.inf, np.inf)
+        distance, gap = self_distance(*self._kernel_arrays, radii, np.inf, np.inf)
         return float(distance), float(gap)
 
     @property
@@ -310,7 +312,7 @@ def in_itself(shape: Shape, surface: Surface) -> float:
     """Return by how much, in m, a Shape with this Surface lies in itself; 0 where it does not."""
     if surface.radius == 0.0 or not may_head_back(shape.s, shape.element_strains):
         return 0.0
-    _, gap = self_distance(*shape.for_kernels, _radii(surface, shape.s), 0.0, 0.0)
+    _, gap = self_distance(*kernel_arrays(shape), _radii(surface, shape.s), 0.0, 0.0)
     return -float(gap)
 
 
@@ -505,7 +507,7 @@ class Shape(OfDLO):
     parts: tuple[Shape, ...] | None = None
     state: State = field(default=UNKNOWN, metadata={'opaque': True})
 
-    REMEMBERED = ('error_estimate',)
+    _REMEMBERED = ('error_estimate',)
 
     def __init__(self, gripper: Pose, s: Floats, positions: Floats, frames: Floats,
                  element_strains: Floats, energy: float, elastic_energy: float,

@@ -13,16 +13,17 @@ if TYPE_CHECKING:
     from dlo_planner.identify.correction import Correction, correct
     from dlo_planner.identify.estimate import Estimate
     from dlo_planner.identify.fitting import Fit
-    from dlo_planner.identify.observation import ObservedMotion
+    from dlo_planner.identify.observation import Observation, ObservedMotion
     from dlo_planner.identify.predicted_miss import PredictedMiss
     from dlo_planner.identify.stamped import gripper_at
     from dlo_planner.identify.steering import Steered
 
 _HOMES = {'Correction': 'correction', 'correct': 'correction', 'Estimate': 'estimate',
-          'Fit': 'fitting', 'ObservedMotion': 'observation', 'Phase': 'closed_loop',
-          'PredictedMiss': 'predicted_miss', 'gripper_at': 'stamped', 'Steered': 'steering'}
-__all__ = ['Correction', 'Estimate', 'Fit', 'ObservedMotion', 'Phase', 'PredictedMiss', 'Steered',
-           'correct', 'gripper_at']
+          'Fit': 'fitting', 'Observation': 'observation', 'ObservedMotion': 'observation',
+          'Phase': 'closed_loop', 'PredictedMiss': 'predicted_miss', 'gripper_at': 'stamped',
+          'Steered': 'steering'}
+__all__ = ['Correction', 'Estimate', 'Fit', 'Observation', 'ObservedMotion', 'Phase',
+           'PredictedMiss', 'Steered', 'correct', 'gripper_at']
 
 
 def __getattr__(name: str) -> Any:

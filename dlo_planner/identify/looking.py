@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.identify.misfit import nearest
 from dlo_planner.kernels import kernel
@@ -177,7 +177,7 @@ def squares(shape: Shape, points: Floats, s: Floats | None,
 
     Shapes: points (m, 3), s (m,), bent (k, 3).
     """
-    nodes, kernels = np.array(shape.s), shape.for_kernels  # copies: see `Shape.for_kernels`
+    nodes, kernels = np.array(shape.s), kernel_arrays(shape)  # copies: see `kernel_arrays`
     at: Floats = nearest(nodes, *kernels, points)[0] if s is None else np.clip(
         s, 0.0, shape.s[-1])
     frames, places = _points_at(nodes, *kernels, at)

@@ -48,7 +48,7 @@ class InverseSimulator(Shorthands):
         `replay` with `simulator` shows the permanent set.
     """
 
-    PARTS = ('simulator', 'requirements', '_given')
+    _PARTS = ('simulator', 'requirements', '_given')
 
     _given: DirectSimulator
 

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.energy.gap import node_gap, node_range, stretch, taper
 from dlo_planner.energy.scene import NODE_FACE, Scene, build_scene
 from dlo_planner.geometry.kinematics import point_inside
@@ -154,7 +154,7 @@ class _Sweep:
         if surface.rod is not None:  # on each mesh another one
             scene = build_scene(self._bodies, surface, shape.s, sharp=True)
         return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)), element_rooms(
-            scene, *shape.for_kernels, least), least)
+            scene, *kernel_arrays(shape), least), least)
 
     def _between(self, leg: Leg, one: _Look, other: _Look, bends: Floats,
                  halvings: int) -> Violation | None:
@@ -231,8 +231,8 @@ def curve_distances(this: Shape, that: Shape) -> Floats:
     """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
     ends = this.positions[[0, -1]] - that.positions[[0, -1]]
     reach = float(np.sqrt((ends**2).sum(axis=1).max()))
-    result: Floats = _distances(np.array(this.s), this.for_kernels[3], np.array(that.s),
-                                *that.for_kernels[1:], reach)
+    result: Floats = _distances(np.array(this.s), kernel_arrays(this)[3], np.array(that.s),
+                                *kernel_arrays(that)[1:], reach)
     return result
 
 
@@ -354,7 +354,7 @@ class Nearness:
 
     def rooms(self, shape: Shape, least: float = -np.inf) -> Floats:
         """Return (N,) a lower bound in m of the distance of each element, none below `least`."""
-        result: Floats = element_rooms(self._known(shape)[0], *shape.for_kernels, least)
+        result: Floats = element_rooms(self._known(shape)[0], *kernel_arrays(shape), least)
         return result
 
     def _known(self, shape: Shape) -> tuple[Scene, list[Scene]]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.geometry.kinematics import part_of_element
 from dlo_planner.geometry.so3 import left_jacobian
 from dlo_planner.kernels import kernel
@@ -36,7 +36,7 @@ def node_slopes(varied: Varied, z: Floats, shape: Shape, error: Floats | None = 
     _by_rod(varied, z, shape, sensitivity, strains, out)
     _by_gripper(uncertain, z, shape, sensitivity, strains, out, error)
     bent = np.flatnonzero(strains.any(axis=(1, 2)))
-    out[:, :, bent] += _moved(*shape.for_kernels, strains[bent])
+    out[:, :, bent] += _moved(*kernel_arrays(shape), strains[bent])
     return out
 
 

@@ -65,7 +65,7 @@ class Uncertain(Value):
         Names of the n numbers.
     """
 
-    PARTS = ('simulator', 'uncertainty', 'n_terms', 'bias', 'cutout')
+    _PARTS = ('simulator', 'uncertainty', 'n_terms', 'bias', 'cutout')
 
     simulator: DirectSimulator
     uncertainty: Uncertainty
@@ -107,7 +107,7 @@ class Uncertain(Value):
         super().__post_init__()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), tuple(getattr(self, name) for name in self.PARTS)
+        return type(self), tuple(getattr(self, name) for name in self._PARTS)
 
     @property
     def causes(self) -> list[str]:

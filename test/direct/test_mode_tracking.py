@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod, modes_along
+from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
+from dlo_planner.results import modes_along
 
 LEVEL = Pose.identity()
 DOWN = Pose.looking_along((0, 0, 0), (0, 0, -1))

@@ -8,7 +8,8 @@ from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 from vibrating import GAUSS, WEIGHT, G, beam_frequencies, plane_rod, polynomials, ring, slowest
 
-from dlo_planner import Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod, with_plug
+from dlo_planner import Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod
+from dlo_planner.rods import with_plug
 
 LEVEL = Pose.identity()
 DOWN = Pose.looking_along((0, 0, 0), (0, 0, -1))

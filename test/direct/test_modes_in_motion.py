@@ -16,7 +16,6 @@ from dlo_planner import (
     Capsule,
     DirectSimulator,
     FarEnd,
-    GraspedInside,
     InvalidTask,
     Plane,
     PointLoad,
@@ -25,6 +24,7 @@ from dlo_planner import (
     Shape,
 )
 from dlo_planner.energy.potential import configuration_at
+from dlo_planner.rods import GraspedInside
 
 DOWN = Pose.looking_along((0, 0, 0), (0, 0, -1))
 HANGING = {'bent': {}, 'curved': {'natural_curvature': (1.5, -1.0), 'natural_twist': 1.0,

@@ -23,17 +23,9 @@ from motion_cases import (
 from planar_wires import Wire, links, spectral
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import (
-    Capsule,
-    DirectSimulator,
-    FarEnd,
-    InvalidTask,
-    Motion,
-    Plane,
-    Pose,
-    Rod,
-)
+from dlo_planner import Capsule, DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod
 from dlo_planner.direct.stepper import Stepper
+from dlo_planner.results import Motion
 
 
 @pytest.mark.parametrize('case', CASES)

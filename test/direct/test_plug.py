@@ -5,8 +5,9 @@
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, InvalidRod, PointLoad, Pose, Rod, with_plug
+from dlo_planner import DirectSimulator, InvalidRod, PointLoad, Pose, Rod
 from dlo_planner.energy.loads import node_masses
+from dlo_planner.rods import with_plug
 
 HERE = Pose.identity()
 LENGTH, MASS = 0.03, 0.02

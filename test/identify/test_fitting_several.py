@@ -8,23 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import (
-    DirectSimulator,
-    FarEnd,
-    InvalidTask,
-    Motion,
-    Observation,
-    Pose,
-    Rod,
-    Uncertainty,
-    fit_rod,
-)
+from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Pose, Rod, Uncertainty, fit_rod
 from dlo_planner.direct.boundary_motion import Guide
-from dlo_planner.identify import ObservedMotion
+from dlo_planner.identify import Observation, ObservedMotion
 from dlo_planner.identify.misfit import seen_in
 from dlo_planner.identify.observed import Observed
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.progress import Progress
+from dlo_planner.results import Motion
 
 MESH = {'basis': 'local', 'n_elements': 16}
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))

@@ -236,7 +236,7 @@ def test_a_motion_beyond_its_limits_is_not_executed(proved):
 def test_a_pose_that_is_too_old_or_from_the_future_is_no_news_of_the_gripper(proved, age):
     after = proved.with_feedback(Heard(HERE, 10.04, age))
     assert after.pose is HERE and after.feedback is proved.feedback
-    assert proved.with_feedback(Heard(HERE, 10.04, np.sign(age) * 0.05)).heard.pose is HERE
+    assert proved.with_feedback(Heard(HERE, 10.04, np.sign(age) * 0.05)).feedback.pose is HERE
 
 
 def test_what_changes_the_scene_voids_the_plan_and_stops_what_runs(proved):
@@ -262,7 +262,7 @@ def test_a_plan_that_was_not_finished_is_void(proved):
     after = running.canceled()
     assert after.planned is None and after.no_plan == 'canceled'
     newer = replace(running, planned=replace(running.planned))  # planned while it runs
-    assert newer.canceled().made is newer.planned
+    assert newer.canceled().planned is newer.planned
     assert proved.canceled() is proved and proved.stopped(Cause.SHUTDOWN, 'end') is proved
 
 
@@ -270,7 +270,7 @@ def test_a_plan_of_a_scene_that_is_gone_is_refused(proved):
     with pytest.raises(Refused) as refused:
         changed(proved, bodies=BALL).with_plan(proved.planned)
     assert refused.value.cause == Cause.SCENE_CHANGED
-    assert changed(proved, rod__name='w').with_plan(proved.planned).made is proved.planned
+    assert changed(proved, rod__name='w').with_plan(proved.planned).planned is proved.planned
     other = Proof(None)  # of another plan
     assert proved.with_proof(other) is proved
 

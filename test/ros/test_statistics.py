@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, Pose, ValidationReport
+from dlo_planner import DirectSimulator, Pose
+from dlo_planner.results import ValidationReport
 from dlo_planner.ros.state import Proof
 from dlo_planner.ros.status import Statistics
 from msg_helpers.diagnostics import ERROR, OK, WARN

@@ -22,10 +22,10 @@ from dlo_planner import (
     Rod,
     Sphere,
     Trajectory,
-    ValidationReport,
     replay,
 )
 from dlo_planner.progress import Progress
+from dlo_planner.results import ValidationReport
 from dlo_planner.trajectory import calm_search
 from dlo_planner.trajectory.calm_search import CalmSearch
 

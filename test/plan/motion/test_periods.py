@@ -5,7 +5,8 @@
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, Pose, Rod, with_plug
+from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner.rods import with_plug
 from dlo_planner.trajectory.modal_response import slowest_period
 
 PLAIN = Rod(1.0, 0.1, 1.0, 0.75)
