@@ -1,5 +1,6 @@
 # make demo   the main job, done by real ROS 2 processes; pictures in demo_output/
-# make test   the tests
+# make test   checks and tests, five minutes: all that guards safety and right answers; before a commit
+# make test-all  in addition: sweeps over cases, wheel and sdist, kernel caches, site; an hour
 # make bench  timings beside a hand-written loop, peers, the paper's figures: docs/benchmarks
 # make figures  all figures of the paper, a few minutes; figures_output/ (docs/reproduction.md)
 # make validation  what docs/validation.md says, measured again; below ten minutes
@@ -9,7 +10,7 @@
 # make oldest  tests of the core, installed beside the oldest versions that setup.py allows
 # make newest  the same with today's versions; PYTHON=python3.13 says for which Python
 # make docs   the site: build/docs/index.html; warnings are errors
-# make check  lint, types, import rules and the tests of the house: a minute, before each commit
+# make check  lint, types, import rules and rules of the sources: a minute, while you work
 # make lint   style
 # make types  annotations, by mypy
 # make imports  imports go down the layers, the core knows no ROS
@@ -24,14 +25,19 @@ CORE := $(addprefix test/,model geometry energy minimize direct plan inverse ver
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
-.PHONY: demo test oldest newest bench figures validation bench-check cell soak docs check lint types imports lock clean
+.PHONY: demo test test-all oldest newest bench figures validation bench-check cell soak docs check lint types imports lock clean
 demo: $(VENV)/compiled
 	$(RUN) -m demo
 
-test: check $(VENV)/compiled
-	$(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time'
-	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m real_time \
+# Tests that compute fill both cores; those in real time have the machine to themselves.
+QUICK := and not sweep
+test: lint types imports $(VENV)/compiled
+	$(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time $(QUICK)'
+	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m 'real_time $(QUICK)' \
 	  -rR --reruns 1 --reruns-delay 5 --max-suite-reruns 5
+
+test-all: QUICK :=
+test-all: test
 
 oldest:
 	$(PYTHON) -m venv build/oldest
@@ -67,14 +73,14 @@ docs: $(VENV)/ready
 	$(RUN) -m sphinx -W --keep-going -q -E -a -b html docs build/docs
 
 check: lint types imports
-	$(RUN) -m pytest -q --no-header test/test_structure.py test/test_copyright.py
+	$(RUN) -m pytest -q --no-header test/test_structure.py
 
 lint: $(VENV)/ready
 	$(RUN) -m ruff check .
 	$(RUN) .ci/files.py
 
 types: $(VENV)/ready
-	$(RUN) -m mypy dlo_planner msg_helpers
+	$(RUN) -m mypy dlo_planner msg_helpers test/annotations/user.py
 
 imports: $(VENV)/ready
 	$(VENV)/bin/lint-imports --no-cache

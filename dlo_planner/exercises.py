@@ -17,9 +17,10 @@ from dlo_planner.direct.step import corrected_by, past_of
 from dlo_planner.execute.judge import aimed_anew
 from dlo_planner.execute.threading_loop import Threading, way_back, way_in, way_to_standoff
 from dlo_planner.identify.correction import correct
-from dlo_planner.identify.fitting import fit_rod
+from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.equilibria import hanging_shapes
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
@@ -32,7 +33,6 @@ from dlo_planner.plan.goals import AwayFrom, Through
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.verify.replay import replay
-from dlo_planner.verify.uncertainty import Uncertainty
 
 _THIN = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
 _ROD = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))

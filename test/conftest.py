@@ -5,6 +5,7 @@
 import os
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 
 # Messages check the type of every field: a wrong one arrives as garbage without a word.
@@ -14,7 +15,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
-from rerunning import pytest_runtest_setup  # noqa: E402, F401, pytest looks for it here
 from wires import copper_wire  # noqa: E402
 
 from dlo_planner import Pose, Rod  # noqa: E402
@@ -25,14 +25,33 @@ _TIMED = ('test/ros/test_main.py', 'test/ros/test_worker.py', 'test/ros/test_wor
 
 
 def pytest_collection_modifyitems(items):
-    """Mark the tests of real time: beside others, which compute without a break, they are late.
-
-    Those are all that have a ROS domain to talk in. Two files of them at a time are not late: each
-    worker has a domain of its own.
-    """
+    """Mark what needs real time, and the cases that `make test` leaves to `make test-all`."""
+    cases = Counter()
     for item in items:
         if 'domain' in item.fixturenames or item.nodeid.startswith(_TIMED):
             item.add_marker(pytest.mark.real_time)
+        every = item.get_closest_marker('every')
+        if every:
+            name = item.nodeid.split('[')[0]
+            if cases[name] % every.args[0]:
+                item.add_marker(pytest.mark.sweep)
+            cases[name] += 1
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    """Begin anew with all fixtures where a test is run again: a process of theirs may have ended.
+
+    pytest-rerunfailures keeps those of the module and the session, and sets aside how they are
+    taken down.
+    """
+    if getattr(item, 'execution_count', 1) > 1:
+        from pytest_rerunfailures import (  # noqa: PLC0415, it is here, as it runs this again
+            suspended_finalizers,
+        )
+        item.session._setupstate.stack.update(suspended_finalizers)
+        suspended_finalizers.clear()
+        item.session._setupstate.teardown_exact(None)
 
 
 @pytest.fixture

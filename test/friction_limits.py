@@ -22,8 +22,6 @@ from scipy.spatial.transform import Rotation
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from tally import arguments  # noqa: E402
-
 from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod  # noqa: E402
 
 STEPS = 0.001, 0.002, 0.005, 0.01, 0.02
@@ -187,7 +185,7 @@ CASES = {'column, mu 0.2': lambda *how: column(0.2, *how),
 
 def main():
     """Print the tables, what is wrong, and the worst."""
-    most, least = arguments(20, 1)
+    most, least = [*map(int, sys.argv[1:]), 20, 1][:2]
     steps = [step for step in STEPS if least <= 1000 * step <= most]
     worst, wrong = 0.0, []
     for name, case in CASES.items():

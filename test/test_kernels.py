@@ -44,8 +44,8 @@ from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
-from dlo_planner.identify import Observation, correct, looking
-from dlo_planner.identify.misfit import nearest
+from dlo_planner.identify import Observation, correct, parameters, residuals
+from dlo_planner.identify.residuals import nearest
 from dlo_planner.inverse.equilibria import integrate_from_tip
 from dlo_planner.inverse.nearest_goals import _nearest_goals
 from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
@@ -62,15 +62,14 @@ from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_fr
 from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan import swept, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
-from dlo_planner.verify import response
 
 _KINDS = 3
 KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
            update_active_set, update_friction, led, gradient_noise, touching, kkt_residual,
            update_multipliers, gripper_answers, swept.element_rooms,
-           swept._distances, workspace._distances, _strains_by, response._moved,
-           looking._points_at, nearest_place, follow_goals, solve_free_rods, solve_contact,
+           swept._distances, workspace._distances, _strains_by, parameters._moved_points,
+           residuals._points_at, nearest_place, follow_goals, solve_free_rods, solve_contact,
            predictor_corrector, solve_between_grips, foresee, equidistribute, node_twists,
            twists_inside, fill_residuals, fill_rows, _nearest_goals]
 

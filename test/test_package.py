@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is built and declared: one version, complete archives, a sample that runs from the wheel."""
+"""What is built and declared: one version, complete archives, a sample that runs from the wheel.
+
+Tests need no more than package.xml declares: all are collected without the extras.
+"""
 
 import os
 import re
@@ -19,6 +22,14 @@ import dlo_planner
 from dlo_planner.kernels import WANTED
 
 ROOT = Path(__file__).parent.parent
+EXTRAS = ('dask', 'distributed', 'domain_coordinator', 'example_robot_data', 'importlinter',
+          'mujoco', 'pinocchio', 'playwright', 'rosbags', 'viser')
+COLLECT_WITHOUT_EXTRAS = f"""
+import sys
+sys.modules.update(dict.fromkeys({EXTRAS!r}))
+import pytest
+sys.exit(pytest.main(['--collect-only', '-q', '-p', 'no:cacheprovider', *sys.argv[1:]]))
+"""
 
 
 def test_the_version_is_the_same_everywhere():
@@ -88,6 +99,7 @@ def archives(tmp_path_factory):
     return next(out.glob('*.tar.gz')), next(out.glob('*.whl'))
 
 
+@pytest.mark.sweep
 def test_the_wheel_has_all_modules_and_files(archives):
     names = set(zipfile.ZipFile(archives[1]).namelist())
     modules = {str(path.relative_to(ROOT)) for package in ('dlo_planner', 'msg_helpers')
@@ -102,6 +114,7 @@ def test_the_wheel_has_all_modules_and_files(archives):
     assert not [name for name in names if name.startswith(('test', 'benchmarks', 'docs'))]
 
 
+@pytest.mark.sweep
 def test_the_sdist_can_be_tested_and_documented(archives):
     with tarfile.open(archives[0]) as archive:
         names = {name.split('/', 1)[1] for name in archive.getnames() if '/' in name}
@@ -112,6 +125,7 @@ def test_the_sdist_can_be_tested_and_documented(archives):
     assert not [name for name in names if name.endswith(('.pyc', '.nbc', '.nbi'))]
 
 
+@pytest.mark.sweep
 def test_the_sample_of_the_readme_runs_from_the_wheel(archives, tmp_path):
     place = tmp_path / 'installed'
     done = subprocess.run([sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps',
@@ -149,3 +163,22 @@ def test_a_wheel_with_compiled_kernels_is_for_one_python(monkeypatch, prebuild, 
         monkeypatch.setenv('DLO_PLANNER_PREBUILD', prebuild)
     runpy.run_path(str(ROOT / 'setup.py'))
     assert given['distclass']().has_ext_modules() is tagged
+
+
+@pytest.mark.parametrize('package', ['dlo_planner', 'msg_helpers'])
+def test_the_package_says_that_it_is_typed(package):
+    assert (ROOT / package / 'py.typed').exists()
+    assert 'py.typed' in (ROOT / 'setup.py').read_text()
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize('files', [
+    ['test'], files := ['test/ros/test_state.py', 'test/parallel', 'test/direct/test_held.py'],
+    files[::-1]], ids=['all', 'some', 'some, backwards'])
+def test_tests_are_collected_in_any_choice_without_extras(files):
+    pytest.importorskip('rclpy')
+    done = subprocess.run([sys.executable, '-c', COLLECT_WITHOUT_EXTRAS, *files], cwd=ROOT,
+                          text=True, capture_output=True, check=False)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
+    assert all(f'{file}' in done.stdout for file in files)
+    assert 'error' not in done.stdout.splitlines()[-1]

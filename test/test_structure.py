@@ -1,17 +1,28 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whose underscore is whose: no file reads what is private to the objects of another.
+"""Rules of the sources: no rings, nothing private of others, annotations, headers, clean files.
 
-Layers and rings are judged in `test_layers.py`. There is no limit on the size of a file, a function
-or a list of parameters: such limits made fragments.
+Layers are judged by `make imports`, types by `make types`. There is no limit on the size of a file,
+a function or a list of parameters: such limits made fragments.
 """
 
 import ast
+import runpy
+import subprocess
 from collections import Counter
+from functools import cache
 from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ('dlo_planner', 'msg_helpers')
+# Rings that are still there: so many files of a room import each other. Fewer is better, none is
+# right; a ring through two rooms is never allowed.
+RINGS = {'dlo_planner.direct': 7, 'dlo_planner.plan': 8, 'dlo_planner.inverse': 6,
+         'dlo_planner.identify': 6, 'dlo_planner.execute': 2, 'dlo_planner.verify': 2,
+         'dlo_planner.ros': 2}
 OF_NAMED_TUPLES = ('_replace', '_asdict', '_fields', '_make', '_field_defaults')  # are public
 # what numba and the standard library keep private, and there is no other way to; it only shrinks
 KNOWN = {
@@ -23,6 +34,97 @@ KNOWN = {
     'dlo_planner/ros/main.py:_exit': 1,
     'dlo_planner/ros/worker.py:_exit': 1,
 }
+KERNEL_DECORATORS = ('kernel', 'njit', 'overload', 'makes')
+COPYRIGHT, FILES = (runpy.run_path(str(ROOT / '.ci' / name)) for name in ('copyright.py',
+                                                                          'files.py'))
+
+
+@cache
+def package():
+    """Return the syntax trees of all files of the packages, by their paths from ROOT."""
+    return {path.relative_to(ROOT): ast.parse(path.read_text(encoding='utf-8'))
+            for name in PACKAGES for path in sorted((ROOT / name).rglob('*.py'))}
+
+
+# ---- imports --------------------------------------------------------------------------------
+
+
+def imported(tree, modules):
+    """Return what of `modules` a file imports: annotations and local imports included."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {one.name for one in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            whole = {f'{node.module}.{one.name}' for one in node.names}
+            found |= whole & modules or {node.module}
+    return found & modules
+
+
+def rings(graph):
+    """Return the sets of modules that import each other."""
+    reached = {}
+    for start in graph:
+        seen, waiting = set(), [start]
+        while waiting:
+            for other in graph[waiting.pop()] - seen:
+                seen.add(other)
+                waiting.append(other)
+        reached[start] = seen
+    return {frozenset(other for other in seen if one in reached[other])
+            for one, seen in reached.items() if one in seen}
+
+
+def test_no_modules_import_each_other():
+    trees = {'.'.join(path.with_suffix('').parts).removesuffix('.__init__'): tree
+             for path, tree in package().items()}
+    counts = Counter()
+    for ring in rings({name: imported(tree, set(trees)) - {name} for name, tree in trees.items()}):
+        rooms = {'.'.join(name.split('.')[:2]) for name in ring}
+        assert len(rooms) == 1, f'a ring through rooms: {sorted(ring)}'
+        counts[rooms.pop()] += len(ring)
+    assert {room: count for room, count in counts.items() if count > RINGS.get(room, 0)} == {}
+
+
+def test_a_ring_is_seen_wherever_its_imports_stand():
+    graph = {'a': 'import b', 'b': 'def f():\n    from c import d', 'e': 'import a',
+             'c.d': 'if TYPE_CHECKING:\n    from a import A'}
+    imports = {name: imported(ast.parse(text), set(graph)) for name, text in graph.items()}
+    assert rings(imports) == {frozenset({'a', 'b', 'c.d'})}
+
+
+@cache
+def packages_of(path):
+    """Return the names of the packages and modules that a file imports, wherever it does."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {one.name.split('.')[0] for one in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            names.add(node.module.split('.')[0])
+    return names
+
+
+def test_ros_packages_are_declared():
+    manifest = ElementTree.parse(ROOT / 'package.xml')
+    declared = {one.text for kind in ('exec_depend', 'test_depend') for one in manifest.iter(kind)}
+    names = set().union(*(packages_of(path) for folder in (*PACKAGES, 'launch', 'test')
+                          for path in (ROOT / folder).rglob('*.py')))
+    ros = {name for name in names if name.endswith(('_msgs', '_srvs', '_interfaces'))}
+    ros |= names & {'rclpy', 'launch', 'launch_ros', 'domain_coordinator', 'ament_index_python'}
+    assert {'rclpy', 'nav_msgs', 'launch_ros'} <= ros <= declared, ros - declared
+
+
+def test_test_files_go_together_in_any_choice_and_order():
+    paths = [*(ROOT / 'test').rglob('*.py')]
+    names = Counter(path.name for path in paths)
+    assert [name for name, number in names.items() if number > 1
+            and name not in ('conftest.py', '__init__.py', '__main__.py')] == []
+    # a conftest is the one of whichever folder came first
+    assert [path for path in paths if 'conftest' in packages_of(path)] == []
+
+
+# ---- names ----------------------------------------------------------------------------------
 
 
 def own_names(tree):
@@ -51,15 +153,104 @@ def underscores(tree):
 
 
 def test_nothing_private_of_others_is_read():
-    found = Counter()
-    for path in sorted(path for package in PACKAGES for path in (ROOT / package).rglob('*.py')):
-        name = path.relative_to(ROOT)
-        found.update(f'{name}:{attribute}'
-                     for attribute in underscores(ast.parse(path.read_text(encoding='utf-8'))))
+    found = Counter(f'{path}:{attribute}' for path, tree in package().items()
+                    for attribute in underscores(tree))
     assert dict(found) == KNOWN
 
 
-def test_the_rule_sees_what_is_beyond_it():
+def test_what_is_private_of_others_is_seen():
     tree = ast.parse('class A:\n    def g(self, *rest):\n'
                      '        return other._secret, self._own, other._own\n')
     assert list(underscores(tree)) == ['_secret']
+
+
+# ---- annotations ----------------------------------------------------------------------------
+
+
+def functions(tree, inside=()):
+    """Yield (name within the file, definition) of all functions."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield '.'.join([*inside, node.name]), node
+            yield from functions(node, [*inside, node.name])
+        elif isinstance(node, ast.ClassDef):
+            yield from functions(node, [*inside, node.name])
+        elif isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING':
+            continue  # what a dataclass may be given: its fields, once more
+        else:
+            yield from functions(node, inside)
+
+
+def is_kernel(function):
+    """Whether a function is compiled: arrays and numbers are all that it can take and return."""
+    return any(isinstance(node, ast.Name) and node.id in KERNEL_DECORATORS
+               for decorator in function.decorator_list for node in ast.walk(decorator))
+
+
+def unannotated(tree):
+    """Return the names of functions that lack an annotation and are no kernels."""
+    return [name for name, function in functions(tree) if not is_kernel(function)
+            and (function.returns is None and function.name != '__init__'
+                 or any(one.annotation is None and one.arg not in ('self', 'cls')
+                        for one in (*function.args.posonlyargs, *function.args.args,
+                                    *function.args.kwonlyargs)))]
+
+
+def test_all_functions_but_kernels_are_annotated():
+    """Rooms with kernels do not oblige mypy to look for annotations: this does."""
+    lacking = {str(path): unannotated(tree) for path, tree in package().items()}
+    assert not {name: those for name, those in lacking.items() if those}
+
+
+@pytest.mark.parametrize(('text', 'lacking'), [
+    ('@kernel\ndef f(x):\n    return x\n', []), ('def f(x: int): pass', ['f']),
+    ('class A:\n    def f(self) -> int:\n        def g(x): return x\n', ['A.f.g']),
+    ('def f(x) -> int: pass', ['f'])])
+def test_a_lack_of_annotations_is_seen(text, lacking):
+    assert unannotated(ast.parse(text)) == lacking
+
+
+# ---- headers and clean files -----------------------------------------------------------------
+
+
+def test_every_source_file_has_its_header():
+    try:
+        paths = COPYRIGHT['sources']()
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip('not a clone: what belongs to the sources is not known')
+    assert len(paths) > 300
+    assert [str(path.relative_to(ROOT)) for path in paths
+            if not COPYRIGHT['has_header'](path.read_text())] == []
+    assert 'Apache License' in (ROOT / 'LICENSE').read_text()
+    assert '>Apache-2.0</license>' in (ROOT / 'package.xml').read_text()
+
+
+@pytest.mark.parametrize(('first', 'rest'), [
+    ('', '"""Doc."""\n'), ('#!/usr/bin/env python3\n', '"""Doc."""\n'),
+    ('', '# Copyright 2026 somebody\nx = 1\n')])
+def test_headers_are_added_once_below_the_interpreter(first, rest):
+    after = first + COPYRIGHT['HEADER'] + rest
+    assert not COPYRIGHT['has_header'](first + rest)
+    assert COPYRIGHT['with_header'](first + rest) == COPYRIGHT['with_header'](after) == after
+
+
+@pytest.mark.parametrize(('name', 'text', 'fault'), [
+    ('a.py', 'x = 1 \n', 'line 1: blanks'), ('a.md', 'text', 'one line feed'),
+    ('a.md', 'text\n\n', 'one line feed'), ('a.yaml', 'a: [1\n', 'expected'),
+    ('a.toml', 'a = \n', 'Invalid'), ('a.txt', 'x\n' * 600_000, 'larger')])
+def test_files_that_are_not_clean_are_found(tmp_path, name, text, fault):
+    path = tmp_path / name
+    path.write_text(text)
+    assert [found for found in FILES['faults'](path) if fault in found]
+    path.write_text('')
+    assert FILES['faults'](path) == []
+
+
+def test_hooks_need_no_network_and_name_what_is_there():
+    yaml = pytest.importorskip('yaml')
+    hooks = yaml.safe_load((ROOT / '.pre-commit-config.yaml').read_text())['repos']
+    assert [repo['repo'] for repo in hooks] == ['local']
+    entries = [hook['entry'].split() for repo in hooks for hook in repo['hooks']]
+    named = {word for entry in entries for word in entry if word.endswith('.py')}
+    assert {'.ci/copyright.py', '.ci/files.py'} <= named
+    assert not [name for name in named if not (ROOT / name).exists()]

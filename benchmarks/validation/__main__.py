@@ -16,6 +16,7 @@ from time import perf_counter
 from benchmarks import report
 from benchmarks.validation import asserted, page, pages, scripted
 from benchmarks.validation.asserted import Json
+from benchmarks.validation.scripts import ENTRIES
 
 ROOT = Path(__file__).resolve().parents[2]
 _DOCS = ROOT / 'docs' / 'validation'
@@ -30,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--output', type=Path, default=_DOCS)
     parser.add_argument('--list', action='store_true', help='only list the names')
     given = parser.parse_args(arguments)
-    scripts = [one for one in scripted.entries() if _wanted(one.name, given.words)]
+    scripts = [one for one in ENTRIES if _wanted(one.name, given.words)]
     groups = [one for one in asserted.groups() if _wanted(f'tests: {one.title}', given.words)]
     if given.list:
         print('\n'.join([one.name for one in scripts] + [f'tests: {one.title}' for one in groups]))
@@ -60,7 +61,7 @@ def merged(known: Json, found: Json) -> Json:
     """Return what was measured before with what was measured now, as far as it still exists."""
     scripts = known.get('scripts', {}) | found['scripts']
     groups = known.get('asserted', {}) | found['asserted']
-    return {'scripts': {one.name: scripts[one.name] for one in scripted.entries()
+    return {'scripts': {one.name: scripts[one.name] for one in ENTRIES
                         if one.name in scripts},
             'asserted': {one.name: asserted.filled(one, groups.get(one.name, {}))
                          for one in asserted.groups()}}

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
@@ -16,16 +15,7 @@ from benchmarks.validation.entry import Validation
 
 Json = dict[str, Any]
 ROOT = Path(__file__).resolve().parents[2]
-_SCRIPTS = Path(__file__).parent / 'scripts'
 HEADS = ['what', 'against', 'measured (limit)', 'met', 'script, its sample']
-
-
-def entries() -> list[Validation]:
-    """Return all Validations, in the order of their files' names."""
-    names = sorted(path.stem for path in _SCRIPTS.glob('[a-z]*.py'))
-    found: list[Validation] = [import_module(f'benchmarks.validation.scripts.{name}').ENTRY
-                               for name in names]
-    return found
 
 
 def run(chosen: list[Validation], jobs: int, output: Path) -> dict[str, Json]:

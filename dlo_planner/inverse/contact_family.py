@@ -1,9 +1,14 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a function of one positive parameter is positive, and its minima there.
+"""All shapes with one contact: a curve, by the force of contact (paper, Fig. 16).
 
-A scan over the decades of the parameter finds intervals. Where the middle of three samples is the
-best, but not positive, a search looks for an interval between them. A root finder finds the ends.
+Arc length, place, direction and roll at the contact are given. The DLO beyond it is then a
+cantilever, whose force and moment are known there; only the force of contact is free. One
+integration from the free end to the gripper gives the shape for each force: a smooth curve, without
+a search. A shape is admissible if it is a minimum with the contact as a constraint and lies in no
+obstacle. These parts of the curve are intervals of the force: a scan over its decades finds them.
+Where the middle of three samples is the best, but not admissible, a search looks for an interval
+between them. A root finder finds the ends.
 """
 
 from collections.abc import Callable

@@ -449,21 +449,11 @@ def _distance(one: Floats, other: Floats) -> float:
 
 
 class Found(NamedTuple):
-    """What `follow` finds.
+    """What `follow` finds."""
 
-    Attributes
-    ----------
-    shape : Shape
-        In a gripper at the origin.
-    where : ndarray, shape (g,)
-        Arc lengths of the goals, m; beyond L where the DLO ends before.
-    axes, place : ndarray, shapes (3, 3) and (3,)
-        Axes and position of the DLO at the first goal, m.
-    """
-
-    shape: Shape
-    where: Floats
-    axes: Floats
+    shape: Shape  # in a gripper at the origin
+    where: Floats  # (g,) arc lengths of the goals, m; beyond L where the DLO ends before
+    axes: Floats  # (3, 3) and (3,) axes and position of the DLO at the first goal, m
     place: Floats
 
 

@@ -33,7 +33,7 @@ from dlo_planner.energy.gap import (
 from dlo_planner.energy.scene import FACE, NODE_FACE
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_table import with_contacts_of
+from dlo_planner.minimize.contact_table import with_contacts_of, with_springs
 
 _SAG = 2e-6      # of the length: an element that comes no nearer than its nodes by more is flat
 _MIDDLE, _BESIDE = 0.5, 0.01  # of an element
@@ -92,6 +92,38 @@ def update_active_set(system, state):
         np.concatenate((fixed, old.fraction[rubs])),
         np.concatenate((nothing, old.anchor[rubs])), np.concatenate((nothing, old.normal[rubs])),
         np.concatenate((nothing, old.shear[rubs]))), news
+
+
+@kernel
+def free_to_roll(system, state, old):
+    """Return the ContactSet `old` as a step begins in which points may roll far.
+
+    Those that have rolled to the same element are one. The middle of an element that bends as the
+    obstacle does, with nothing that bears beside it, is a point that rolls.
+    """
+    at, _ = _rolled_to(system, state)
+    node, multiplier, fraction = old.node.copy(), old.multiplier.copy(), old.fraction.copy()
+    kept, last = np.ones(at.size, dtype=np.bool_), system.lengths.size
+    for c in range(at.size):
+        o, e = old.obstacle[c], old.element[c]
+        if o < 0:
+            continue
+        if fraction[c] > 0.0 and 0 < e < last - 1:
+            alone = node[o, e - 1] <= 0.0 and node[o, e + 2] <= 0.0
+            for b in range(at.size):
+                alone = alone and (b == c or old.obstacle[b] != o or abs(at[b] - e) > 1)
+            if alone:
+                fraction[c] = 0.0
+                multiplier[c] += max(node[o, e], 0.0) + max(node[o, e + 1], 0.0)
+                node[o, e] = node[o, e + 1] = 0.0
+        for b in range(c):
+            if (kept[c] and kept[b] and fraction[c] == 0.0 and fraction[b] == 0.0
+                    and old.obstacle[b] == o and at[b] == at[c]):
+                kept[c] = False
+                multiplier[b] += multiplier[c]
+    return with_contacts_of(with_springs(old, old.stiffness, node, multiplier), old.element[kept],
+                            old.obstacle[kept], multiplier[kept], fraction[kept],
+                            old.anchor[kept], old.normal[kept], old.shear[kept])
 
 
 @kernel
@@ -219,19 +251,24 @@ def contact_candidates(system, state, places):
 def _hand_over(system, state, c):
     """Move the force of a point that is not watched any more to the nodes beside it that bear.
 
-    Or to the one that it has come to, if that is pressed in.
+    Or to the one that it has come to, if that is pressed in. That of the middle of an element which
+    does not bend as the obstacle any more goes to the nodes beside the nearest point, wherever that
+    is.
     """
     scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
-    attached = state.attached
-    o, e, fraction = contacts.obstacle[c], attached.element[c], attached.fraction[c]
-    node, force = contacts.node[o], contacts.multiplier[c]
-    if node[e] > 0.0 and node[e + 1] > 0.0:
+    o, e, fraction = contacts.obstacle[c], state.attached.element[c], state.attached.fraction[c]
+    node, force, normal, hessian = (contacts.node[o], contacts.multiplier[c], np.empty(3),
+                                    np.empty((3, 3)))
+    spreads = contacts.fraction[c] > 0.0
+    if spreads:
+        _, e, fraction = follow_closest_point(scene, o, e, system.lengths, state.strains,
+                                              state.rotations, state.positions, normal, hessian)
+    if node[e] > 0.0 and node[e + 1] > 0.0 or spreads and e > 0:
         node[e] += (1.0 - fraction) * force
         node[e + 1] += fraction * force
     elif not is_face(scene, o) and not _AT_NODE < fraction < 1.0 - _AT_NODE:
         k, offset, x = max(1, e + (fraction > 0.5)), np.zeros(2), np.empty(3)
-        gap = node_gap(scene, o, k, state.rotations, state.positions, offset, x, np.empty(3),
-                       np.empty((3, 3)))
+        gap = node_gap(scene, o, k, state.rotations, state.positions, offset, x, normal, hessian)
         if gap < 0.0:
             node[k] += force
 

@@ -20,9 +20,10 @@ from dlo_planner.energy.grip import constraint_violation, holds
 from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
 from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import point_inside
+from dlo_planner.geometry.record import copy
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.active_set import enlarge_active_set, update_active_set
+from dlo_planner.minimize.active_set import enlarge_active_set, free_to_roll, update_active_set
 from dlo_planner.minimize.contact_table import (
     kkt_residual,
     touching,
@@ -44,12 +45,13 @@ from dlo_planner.minimize.newton import (
     newton_descent,
     thorough,
 )
-from dlo_planner.minimize.semismooth import carried, semismooth_newton, update_multipliers
+from dlo_planner.minimize.semismooth import carried, place, semismooth_newton, update_multipliers
 from dlo_planner.model.arrays import Floats
 
 _FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
 COARSER = 10.0  # times the tolerance: the springs' rounding errors leave no more of it
 _FEW, _SOON = 12, 40  # rounds and steps in which a DLO that goes on bearing has to come to rest
+_EXCHANGES = 6      # of points that bear, with forces at once; then by turns
 _ON_A_WAY = 20      # steps: who allows no more wants no equilibrium
 _ROUNDS = 100
 _TURN = 12          # rounds in which points are chosen anew, then as many in which they are kept
@@ -153,7 +155,7 @@ def predictor_corrector(system, base, slid, strains, shift, tolerance, exact, ma
     twist = np.empty(6)
     put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
     twist[3:] = shift
-    follows, q = carried(system, base, slid, strains, twist)
+    follows, q, system = carried(system, base, slid, strains, twist)
     if follows:
         return _at_once(system, q, tolerance, exact, max_iterations, follows, previous)
     return False, new_configuration(system), np.inf, np.nan, 0, 0, system, np.inf
@@ -165,12 +167,25 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
 
     Arguments as of `constrained_newton`.
     """
-    bears, state, residual, violation, loaded, hessian, turned, steps = semismooth_newton(
-        system, q, tolerance, exact, previous)
-    stability, kicks, moves = np.nan, 0, 0
-    if bears and not _bears_there(loaded, state, exact):
+    steps = kicks = moves = 0
+    stability, start, contact = np.nan, new_configuration(system), system.effects.contact
+    copy(q, start.q)
+    place(system, start)
+    system = with_contacts(system, free_to_roll(system, start, contact.contacts), contact.scene)
+    for _ in range(_EXCHANGES):
+        bears, state, residual, violation, loaded, hessian, turned, moves = semismooth_newton(
+            system, q, tolerance, exact, previous)
+        steps += moves
+        if not bears:
+            break
+        same, contacts = _bears_there(loaded, state, exact)
+        if same:
+            break
+        system, q = with_contacts(loaded, contacts, loaded.effects.contact.scene), state.q
+    if bears and not same:
         state, residual, stability, moves, kicks, loaded, violation = augmented_lagrangian(
             loaded, state.q, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
+        steps += moves
         bears = kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
                                       exact)
     elif bears and check:
@@ -180,21 +195,21 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
         if not stability > WELL_STABLE:
             stability, _ = _judged(loaded, state, tolerance, exact)
         bears = stability > -HELD_NEUTRAL
-    return bears, state, residual, stability, steps + moves, kicks, loaded, violation
+    return bears, state, residual, stability, steps, kicks, loaded, violation
 
 
 @kernel
 def _bears_there(system, state, exact):
-    """Whether the points that bear are those that would be chosen now, multipliers and all.
+    """Whether the points that bear are those that would be chosen now, and the ContactSet of these.
 
-    And nothing else is deeper in an obstacle than `exact`, m. What is pushes from now on.
+    Multipliers and all; and nothing else is deeper in an obstacle than `exact`, m. What is pushes
+    from now on.
     """
     old = system.effects.contact.contacts
-    if _let_push(old) < -old.stiffness * exact:
-        return False
+    same = not _let_push(old) < -old.stiffness * exact
     node = old.node.copy()
     new, news = update_active_set(system, state)
-    same = not news and new.element.size == old.element.size
+    same = same and not news and new.element.size == old.element.size
     for c in range(old.element.size if same else 0):
         same = same and (new.element[c] == old.element[c] and new.obstacle[c] == old.obstacle[c]
                          and new.fraction[c] == old.fraction[c]
@@ -202,8 +217,9 @@ def _bears_there(system, state, exact):
     for o in range(node.shape[0]):
         for k in range(node.shape[1]):
             same = same and node[o, k] == old.node[o, k]
+    new = with_springs(new, new.stiffness, old.node.copy(), new.multiplier)
     old.node[:] = node
-    return same
+    return same, new
 
 
 @kernel

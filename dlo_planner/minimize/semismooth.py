@@ -24,8 +24,9 @@ from dlo_planner.energy.problem import hinged, new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import forbids, row_count
 from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
-from dlo_planner.geometry.record import put_sum
+from dlo_planner.geometry.record import copy, put_sum
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.active_set import free_to_roll
 from dlo_planner.minimize.contact_table import (
     kkt_residual,
     touching,
@@ -50,7 +51,7 @@ _CHANGES = 8      # times that contacts are let go or taken back
 _FARTHEST = 0.02  # of the length: a prediction that moves a contact farther is none
 _TOILS = 2        # rounds in vain, after which what is soft goes with its forces
 _FARTHEST_TURN = 0.3  # rad: the same, of what a node turns by
-_STEPS = 12
+_STEPS = 24
 _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is a guess
 _FALLS = 0.5         # of the error before: what falls less does not converge
 _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
@@ -151,22 +152,16 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, normal, 
     linearize_contact_law(system, state, table, first, axes, laws)
     loads, answers = _answers(system, state, hessian, table, first, axes)
     compliance = _products(loads, answers)
-    shift = np.zeros(size)  # of the limits, to those of the multipliers as they are
-    for a in range(count):
-        if table.rubbing[a] >= 0 and laws[first[a] + 1, 0] > 0.0:
-            shift[first[a] + 1] = laws[first[a] + 1, 2] * contacts.stiffness * table.gap[a]
-    gradient = state.gradient.copy().reshape(-1)
-    free = np.empty(size)
+    gradient, free = state.gradient.copy().reshape(-1), np.empty(size)
     for i in range(size):
-        free[i] = -np.sum(answers[i] * gradient) - np.sum(compliance[i] * shift)
-    reaction = _reaction(compliance, table, first, laws)
-    matrix, right, soft = _equations(system, table, first, laws, reaction, free)
-    known, change, bears = _pushing_only(system, table, first, normal, (matrix, right, soft))
+        free[i] = -np.sum(answers[i] * gradient)
+    known, change, bears = _pushing_only(system, table, first, laws, compliance, free, normal)
     if not known:
         return False  # what slides does so by itself: no multipliers hold it there
+    shift, moved, reaction = _linear_response(system, table, first, laws, compliance, free, bears)
     farthest = _FARTHEST * np.sum(system.lengths)
     for i in range(size):
-        if not abs(free[i] - np.sum(reaction[i] * change)) < farthest:
+        if not abs(moved[i] - np.sum(reaction[i] * change)) < farthest:
             return False
     for a in range(count):
         i = first[a]
@@ -174,9 +169,9 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, normal, 
         if table.rubbing[a] >= 0:
             for j in range(3):
                 shear[a, j] = (contacts.shear[table.rubbing[a], j] + change[i + 1] * axes[i + 1, j]
-                               + change[i + 2] * axes[i + 2, j])
+                               + change[i + 2] * axes[i + 2, j]) if bears[a] else 0.0
     solve(system, hessian, state.gradient, step)
-    _add_answers(table, first, laws, shift, change, answers, step)
+    _add_answers(table, first, laws, bears, shift, change, answers, step)
     return True
 
 
@@ -194,49 +189,37 @@ def _stands(system, hessian, neutral):
 
 
 @kernel
-def _pushing_only(system, table, first, normal, equations):
+def _pushing_only(system, table, first, laws, compliance, free, normal):
     """Return whether there are changes (K,) of the multipliers, these, and who bears (A,).
 
     Contacts side by side depend on each other: with no gap at any of them, some would pull as hard
     as others push. One that pulls is let go, one let go that is pressed in bears again (primal-dual
-    active set method: Hintermueller, Ito and Kunisch 2002): its spring has no force there.
+    active set method: Hintermueller, Ito and Kunisch 2002).
 
     Args:
-        normal: (A,) forces as they are; equations: `_equations` of contacts that all bear
+        free: (K,) displacements without changes; normal: (A,) forces as they are
     """
-    matrix, right, soft = equations
     k, times = system.effects.contact.contacts.stiffness, _refinements(system)
     bears = np.ones(table.gap.size, dtype=np.bool_)
-    known, change = softly_solved(matrix.copy(), right, soft, times)
-    # at rest a row of contacts shares its friction, which would leave with one let go; between two
-    # grips what begins deep inside obstacles would not come out
-    shares = (not is_drawn(system.effects.anchor)
-              and (np.max(table.rubbing) >= 0 or _refinements(system) == 0))
-    for turn in range(0 if shares else _CHANGES):
-        if not known:
+    # between two grips what begins deep inside obstacles would not come out
+    turns = _CHANGES if times > 0 or is_drawn(system.effects.anchor) else 0
+    for turn in range(turns + 1):
+        _, moved, reaction = _linear_response(system, table, first, laws, compliance, free, bears)
+        matrix, right, soft = _equations(system, table, first, laws, reaction, moved, bears)
+        known, change = softly_solved(matrix, right, soft, times)
+        if not known or turn == turns:
             break
         same = True
-        rows, sides, shared = matrix.copy(), right.copy(), soft.copy()
         for a in range(table.gap.size):
             i = first[a]
-            multiplier = normal[a] + k * table.gap[a]
-            pressed = right[i] + soft[i] * change[i]  # -k times the gap there
-            for j in range(change.size):
-                pressed -= matrix[i, j] * change[j]
+            gap = table.gap[a] + moved[i] - np.sum(reaction[i] * change)
             # after some turns nothing bears again: so they come to an end
-            stays = multiplier + change[i] >= 0.0 if bears[a] else (
-                pressed > 0.0 and turn < _CHANGES // 2)
+            stays = (normal[a] + k * table.gap[a] + change[i] >= 0.0 if bears[a]
+                     else gap < 0.0 and turn < turns // 2)
             same = same and stays == bears[a]
             bears[a] = stays
-            if not stays:
-                for j in range(change.size):
-                    rows[i, j] = -matrix[i, j]
-                rows[i, i] += 1.0 + soft[i]
-                sides[i] = -multiplier - right[i]
-                shared[i] = 0.0
         if same:
             break
-        known, change = softly_solved(rows, sides, shared, times)
     return known, change, bears
 
 
@@ -249,17 +232,98 @@ def _refinements(system):
 
 
 @kernel
-def _add_answers(table, first, laws, shift, change, answers, step):
+def _linear_response(system, table, first, laws, compliance, free, bears):
+    """Return what a change of the multipliers does, to first order.
+
+    That is: (K,) the fixed change of the forces, of limits to those of the multipliers as they are
+    or to none where nothing bears; (K,) the displacements by it and the gradient left over; and
+    (K, K) the displacements against changes of the multipliers.
+    """
+    contacts, size = system.effects.contact.contacts, free.size
+    shift, moved, reaction = np.zeros(size), free.copy(), np.empty((size, size))
+    for a in range(table.gap.size):
+        i, c = first[a], table.rubbing[a]
+        reaction[:, i] = -compliance[:, i]
+        if c < 0:
+            continue
+        slides = laws[i + 1, 0] > 0.0
+        if slides:
+            shift[i + 1] = (laws[i + 1, 2] * contacts.stiffness * table.gap[a] if bears[a]
+                            else -contacts.multiplier[c])
+            moved -= shift[i + 1] * compliance[:, i + 1]
+            if bears[a]:
+                reaction[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
+        reaction[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
+        reaction[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
+    return shift, moved, reaction
+
+
+@kernel
+def _equations(system, table, first, laws, reaction, moved, bears):
+    """Return matrix (K, K), right side (K,) for the changes of the multipliers, what is soft (K,).
+
+    What does not bear has multipliers with which neither its spring nor its friction has a force.
+    """
+    size, contacts = moved.size, system.effects.contact.contacts
+    matrix, right, soft = np.zeros((size, size)), np.empty(size), np.zeros(size)
+    for a in range(table.gap.size):
+        i, c = first[a], table.rubbing[a]
+        _put_law(matrix, right, soft, reaction, moved, i, -contacts.stiffness,
+                 -contacts.stiffness * table.gap[a], table.force[a], bears[a])
+        if c < 0:
+            continue
+        along, across, trial = laws[i + 2]
+        part = laws[i + 1, 1]
+        if laws[i + 1, 0] == 0.0:
+            _put_law(matrix, right, soft, reaction, moved, i + 1, contacts.grip, trial - along,
+                     trial, bears[a])
+            _put_law(matrix, right, soft, reaction, moved, i + 2, contacts.grip,
+                     laws[i + 1, 2] - across, laws[i + 1, 2], bears[a])
+        else:
+            matrix[i + 1, i + 1] = matrix[i + 2, i + 2] = 1.0
+            right[i + 1] = right[i + 2] = 0.0
+            if bears[a]:
+                matrix[i + 1, i] = -laws[i + 1, 2]
+                # the limit is that of the force here; the multiplier's change counts from m
+                right[i + 1] = (contacts.multiplier[c] - along
+                                + laws[i + 1, 2] * contacts.stiffness * table.gap[a])
+                matrix[i + 2] = contacts.grip * part * reaction[i + 2]
+                matrix[i + 2, i + 2] += 1.0 - part
+                right[i + 2] = -across + contacts.grip * part * moved[i + 2]
+    return matrix, right, soft
+
+
+@kernel
+def _put_law(matrix, right, soft, reaction, moved, i, spring, yielded, force, bears):
+    """Write row i: nothing moves there, or, where nothing bears, no force is left.
+
+    Args:
+        spring: N/m, with the sign of the force by the displacement there
+        yielded: N, what it has of its force by displacements; force: N, as it is
+    """
+    if bears:
+        matrix[i] = spring * reaction[i]
+        right[i] = yielded + spring * moved[i]
+        soft[i] = _SOFT
+        matrix[i, i] += _SOFT
+    else:
+        matrix[i] = -spring * reaction[i]
+        matrix[i, i] += 1.0
+        right[i] = -force - spring * moved[i]
+
+
+@kernel
+def _add_answers(table, first, laws, bears, shift, change, answers, step):
     """Complete the step (m, 3), negated so far, by what the changes of the multipliers do."""
     part = shift.copy()
     for a in range(table.gap.size):
         i = first[a]
         part[i] -= change[i]
         if table.rubbing[a] >= 0:
-            if laws[i + 1, 0] > 0.0:
-                part[i + 1] += laws[i + 1, 2] * change[i]
-            else:
+            if laws[i + 1, 0] == 0.0:
                 part[i + 1] += change[i + 1]
+            elif bears[a]:
+                part[i + 1] += laws[i + 1, 2] * change[i]
             part[i + 2] += laws[i + 1, 1] * change[i + 2]
     for e in range(step.shape[0]):
         for j in range(3):
@@ -371,63 +435,10 @@ def _products(loads, answers):
 
 
 @kernel
-def _reaction(compliance, table, first, laws):
-    """Return (K, K): the displacements at the contacts against changes of the multipliers."""
-    reaction = np.empty_like(compliance)
-    for a in range(table.gap.size):
-        i = first[a]
-        reaction[:, i] = -compliance[:, i]
-        if table.rubbing[a] >= 0:
-            slides = laws[i + 1, 0] > 0.0
-            if slides:
-                reaction[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
-            reaction[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
-            reaction[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
-    return reaction
-
-
-@kernel
-def _equations(system, table, first, laws, reaction, free):
-    """Return matrix (K, K), right side (K,) for the changes of the multipliers, what is soft (K,).
-
-    Args:
-        reaction: (K, K) displacement of the contacts against such changes
-        free: (K,) displacement that the gradient left over makes
-    """
-    size = free.size
-    k, grip = system.effects.contact.contacts.stiffness, system.effects.contact.contacts.grip
-    matrix, right, soft = np.zeros((size, size)), np.empty(size), np.zeros(size)
-    for a in range(table.gap.size):
-        i, c = first[a], table.rubbing[a]
-        matrix[i] = -k * reaction[i]
-        soft[i] = _SOFT
-        right[i] = -k * (table.gap[a] + free[i])
-        if c < 0:
-            continue
-        limit = system.effects.contact.contacts.multiplier[c]
-        along, across, trial = laws[i + 2]
-        part = laws[i + 1, 1]
-        if laws[i + 1, 0] > 0.0:
-            matrix[i + 1, i + 1] = 1.0
-            matrix[i + 1, i] = -laws[i + 1, 2]
-            # the limit is that of the force here; the multiplier's change counts from m
-            right[i + 1] = limit - along + laws[i + 1, 2] * k * table.gap[a]
-            matrix[i + 2] = grip * part * reaction[i + 2]
-            matrix[i + 2, i + 2] += 1.0 - part
-            right[i + 2] = -across + grip * part * free[i + 2]
-        else:
-            for j, slid in ((1, trial - along), (2, laws[i + 1, 2] - across)):
-                matrix[i + j] = grip * reaction[i + j]
-                soft[i + j] = _SOFT
-                right[i + j] = slid + grip * free[i + j]
-    for i in range(size):
-        matrix[i, i] += soft[i]
-    return matrix, right, soft
-
-
-@kernel
 def carried(system, base, slid, strains, twist):
-    """Return whether a DLO that goes on bearing follows its gripper, and its unknowns (m, 3) there.
+    """Return whether a DLO that goes on bearing follows its gripper, its unknowns (m, 3) there.
+
+    And the Problem, its contacts free to roll.
 
     To first order, and if nothing is in the way.
 
@@ -439,13 +450,19 @@ def carried(system, base, slid, strains, twist):
         twist: (6,) rotation in rad about the gripper and displacement in m, world
     """
     before, lengths = _before(system, base, slid, twist), system.lengths
-    state, after = new_configuration(before), new_configuration(system)
-    unknowns_of(system, strains, state.q)
+    start, after = new_configuration(before), new_configuration(system)
+    unknowns_of(system, strains, start.q)
+    place(before, start)
+    now, then = system.effects.contact, before.effects.contact
+    system = with_contacts(system, free_to_roll(before, start, now.contacts), now.scene)
+    before = with_contacts(before, free_to_roll(before, start, then.contacts), then.scene)
+    state = new_configuration(before)
+    copy(start.q, state.q)
     evaluate(before, state)
     hessian = new_hessian(before)
     assemble(before, state, hessian)
     if not _stands(before, hessian, strains.size > 0):
-        return False, state.q
+        return False, state.q, system
     loads, step, load = np.zeros_like(strains), np.empty_like(state.q), np.empty_like(state.q)
     for e in range(strains.shape[0]):
         for i in range(3):
@@ -454,15 +471,15 @@ def carried(system, base, slid, strains, twist):
     project(system.basis, loads, load)
     solve(before, hessian, load, step)
     if not largest_turn(before, hessian, step) < _LARGEST_TURN:
-        return False, state.q
+        return False, state.q, system
     put_sum(state.q, 1.0, step, after.q)
-    _place(system, after)
+    place(system, after)
     for k in range(state.positions.shape[0]):
         for i in range(3):
             state.positions[k, i] -= twist[3 + i]
     met = sweeps_through(system.effects.contact.scene, lengths, state.strains, state.rotations,
                          state.positions, after.rotations, after.positions)
-    return not met, after.q
+    return not met, after.q, system
 
 
 @kernel
@@ -494,7 +511,7 @@ def semismooth_newton(system, q, tolerance, exact, previous):
     neutral = turned > 0.0  # literals would be compiled for by themselves
     if not _bears(system.effects.contact.contacts):
         return False, begin, np.inf, np.inf, system, hessian, turned, 0
-    _place(system, begin)
+    place(system, begin)
     state, step = begin, np.empty_like(q)
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
@@ -522,17 +539,18 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         turned = turn if fresh else turned + turn
         _put_forces(loaded, table, normal, shear)
         put_sum(state.q, 1.0, step, state.q)
-        _place(loaded, state)
+        place(loaded, state)
     return False, state, np.inf, np.inf, system, hessian, turned, _STEPS
 
 
 @kernel
 def _same(table, other):
-    """Whether the same points bear."""
+    """Whether the same points bear, and rub."""
     same = table.gap.size == other.gap.size
     for a in range(table.gap.size if same else 0):
         same = same and (table.obstacle[a] == other.obstacle[a]
                          and table.inside[a] == other.inside[a]
+                         and (table.rubbing[a] >= 0) == (other.rubbing[a] >= 0)
                          and (table.inside[a] >= 0 or table.element[a] == other.element[a]))
     return same
 
@@ -550,7 +568,7 @@ def correction(system, strains, positions):
     for e in range(twice.shape[0]):
         twice[e] = strains[e // 2]
     unknowns_of(system, twice, state.q)
-    _place(system, state)
+    place(system, state)
     loaded = _loaded(system, state, np.zeros((0, 6)), np.inf)
     state, _, table, _ = kkt_residual(loaded, state.q)
     normal, shear = _forces(table, state)
@@ -562,7 +580,7 @@ def correction(system, strains, positions):
     if not np.min(normal) > 0.0:
         return np.inf
     state.q[:] += step
-    _place(loaded, state)
+    place(loaded, state)
     farthest = 0.0
     for k in range(positions.shape[0]):
         away = 0.0
@@ -573,7 +591,7 @@ def correction(system, strains, positions):
 
 
 @kernel
-def _place(system, state):
+def place(system, state):
     """Refill strains, rotations and positions of `state` for its q, and nothing else."""
     values = at_elements(system.basis, state.q)
     for e in range(system.lengths.size):

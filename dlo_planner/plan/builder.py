@@ -60,10 +60,24 @@ class PlanBuilder:
         return self.waypoints[-1].shape if self.waypoints else self._initial
 
     @property
+    def wanted(self) -> int:
+        """How many waypoints the plan shall have."""
+        return len(self._depths)
+
+    @property
+    def depth(self) -> float:
+        """Depth of the next waypoint, m."""
+        return float(self._depths[len(self.waypoints)])
+
+    @property
     def step(self) -> float:
         """How much deeper the next waypoint is than the one before, m; 0 at the first."""
         index = len(self.waypoints)
         return float(self._depths[index] - self._depths[index - 1]) if index else 0.0
+
+    def check(self) -> None:
+        """Raise DeadlineExceeded if the time is over."""
+        self._demands.progress.check()
 
     def add(self, waypoint: Waypoint) -> None:
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""

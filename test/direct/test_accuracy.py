@@ -196,6 +196,7 @@ def test_what_is_converged_is_within_its_accuracy_whatever_was_read():
     np.testing.assert_array_equal(shapes[0].s, shapes[1].s)
 
 
+@pytest.mark.sweep
 def test_a_dlo_around_a_bar_is_not_converged_where_another_mesh_bears_on_it_elsewhere():
     # one step on halved elements, with the same contacts, moves it by no more than the accuracy
     rod = Rod(1.0, 5.1466, 1.0, 0.5, radius=3e-3, natural_curvature=(-0.0466, 1.6898))

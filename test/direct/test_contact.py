@@ -111,6 +111,7 @@ def test_wire_laid_on_a_floor_against_the_beam(wire, basis):
     assert depth_everywhere(simulator, shape) < 1e-5
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('obstacle', [
     Capsule((0.35, -0.5, 0.7), (0.35, 0.5, 0.7), 0.03),
     Capsule((0.35, -0.5, 0.7), (0.35, 0.5, 0.7), 0.001),
@@ -194,6 +195,7 @@ def test_friction_holds_back_a_wire_drawn_over_the_floor(wire, basis):
     assert sum(contact.friction for contact in back.contacts)[0] > 0
 
 
+@pytest.mark.sweep
 def test_contact_in_motion_comes_to_rest_as_statics_say(wire):
     damped = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, damping=(8.0, 0.02))
     bar = Capsule((0.35, -0.5, 0.75), (0.35, 0.5, 0.75), 0.03)

@@ -101,6 +101,7 @@ def assert_same(one, other, within=1e-9):
     assert one.mesh.surroundings == other.mesh.surroundings
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize('around', IDLE.values(), ids=IDLE)
 @pytest.mark.parametrize('options', [{}, {'basis': 'chebyshev'}], ids=['local', 'chebyshev'])
 def test_steps_are_the_same(around, options, all_acts):

@@ -4,10 +4,10 @@
 
 import numpy as np
 import pytest
-from random_friction import HOW, random_scene, steps_of
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
+from sweeps.contact import DRAWN_ON, drawn, random_scene
 
 from dlo_planner import Box, Capsule, DirectSimulator, Plane, Pose, Rod
 from dlo_planner.direct.sensitivity import Sensitivity
@@ -77,6 +77,7 @@ def ratio_of(shape):
                default=0.0)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('step', [0.01, 0.002])
 @pytest.mark.parametrize('mu', [0.2, 0.3])
 def test_a_tip_that_sticks_slips_where_the_elastica_says(mu, step):
@@ -150,11 +151,12 @@ def test_each_contact_of_a_groove_has_its_own_friction(wire, basis):
         assert np.linalg.norm(contact.friction) == pytest.approx(mu * contact.force, rel=1e-5)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('scene', [67, 69, 112])
 def test_contacts_that_pass_from_element_to_element_keep_the_law(scene):
     # drawn over thin bars and balls: most steps carry the contact past nodes, all with friction
     rng = np.random.default_rng((0, scene))
-    found = [kind for kind, _ in steps_of(*random_scene(rng, HOW[scene % len(HOW)]), '')]
+    found = [one.what for one in drawn(*random_scene(rng, DRAWN_ON[scene % 4]))]
     assert found.count('converged') > 4
     assert set(found) <= {'converged', 'away'}
 

@@ -8,6 +8,7 @@ import pytest
 from kirchhoff import true_held_rod
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
+from sweeps.shapes import cable, poses
 
 from dlo_planner import DirectSimulator, FarEnd, InvalidTask, InverseSimulator, Pose, Rod
 from dlo_planner.direct import statics, step
@@ -16,27 +17,7 @@ from dlo_planner.minimize.convergence import as_rounded
 HERE = Pose.identity()
 
 
-def cable(load, torsion=None):
-    """Return a round rod of 1 m whose weight is `load` times EI / L^2."""
-    one = Rod.circular(1.0, 3e-3, 1200, 1e9, 0.4)
-    modulus = 1e9 * one.mass_per_length * 9.81 / one.bending_stiffness[0] / load
-    rod = Rod.circular(1.0, 3e-3, 1200, modulus, 0.4)
-    if torsion is None:
-        return rod
-    stiff = rod.bending_stiffness[0]
-    return Rod(1.0, rod.mass_per_length, stiff, torsion * stiff, radius=rod.radius)
-
-
-def poses(count, seed=1, spans=(0.65, 0.95)):
-    """Yield pairs of a gripper and a far end, both turned, as far apart as `spans` say, m."""
-    rng = np.random.default_rng(seed)
-    for _ in range(count):
-        distance = rng.uniform(*spans)
-        way = np.array([1, 0, rng.uniform(-0.3, 0.3)])
-        turns = [Rotation.from_rotvec(rng.uniform(-0.8, 0.8, 3)).as_quat() for _ in range(2)]
-        yield Pose((0, 0, 0), turns[0]), Pose(distance * way / np.linalg.norm(way), turns[1])
-
-
+@pytest.mark.every(3)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('load', [1e3, 1e5])
 def test_a_soft_cable_is_held(load, basis):

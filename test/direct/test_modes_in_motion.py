@@ -91,6 +91,7 @@ def test_a_simulated_swing_over_a_bar(mode):
     assert found[0] == pytest.approx(frequency, rel=4e-3)
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize('end', [None, FarEnd(Pose((0.5, 0.3, 0.5), (0, 0, 0, 1))),
                                  FarEnd(Pose((0.5, 0.3, 0.5), (0, 0, 0, 1)), 'pinned')])
 @pytest.mark.parametrize('case', ['curved', 'tip'])

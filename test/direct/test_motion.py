@@ -28,6 +28,7 @@ from dlo_planner.direct.stepper import Stepper
 from dlo_planner.results import Motion
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('case', CASES)
 def test_a_motion_is_right_within_its_estimate(case):
     motion = motion_of(case)
@@ -44,6 +45,7 @@ def test_a_motion_is_right_within_its_estimate(case):
     assert motion.numerical_loss.min() > -2e-3 * moved
 
 
+@pytest.mark.sweep
 def test_both_references_agree():
     angle, place, mass, _, _ = CASES['whirl']
     wire = Wire(1.0, DENSITY, STIFFNESS, angle, place, mass)

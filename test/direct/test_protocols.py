@@ -53,6 +53,7 @@ def test_cantilever_reference_is_that_of_the_table():
         assert level_cantilever(load)[1] == pytest.approx(drop, abs=1e-6)
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(('kind', 'closed'), [('tip', 4.0126), ('load', 12.854)])
 @pytest.mark.parametrize(('strong', 'torsion'), [(1e4, 1.0), (100.0, 2.0), (10.0, 0.7)])
 def test_lateral_buckling_of_a_strip(kind, closed, strong, torsion):
@@ -71,6 +72,7 @@ def test_lateral_buckling_of_a_strip(kind, closed, strong, torsion):
     assert beyond.converged and abs(beyond.positions[-1, 1]) > 0.05
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(('angle', 'curvature', 'between', 'factors'), [
     (np.pi / 2, 6.0, (12, 15), (0.95, 0.97, 0.99)), (np.pi / 2, 6.0, (25, 30), (1.01, 1.03, 1.05)),
     (0.0, -3.0, (7, 10), (0.95, 0.97, 0.99)), (0.0, -3.0, (13, 16), (1.01, 1.03, 1.05))],
@@ -195,6 +197,7 @@ def test_a_dlo_comes_to_lie_round_a_bar_without_a_gap():
         assert depth < 2e-6
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(('tension', 'friction', 'n_elements'), [
     (10, 0.1, 48), (10, 0.0, 64), (100, 0.1, 64), (1000, 0.0, 48), (1000, 0.3, 64)])
 def test_a_soft_dlo_comes_to_lie_round_a_bar_in_every_step(tension, friction, n_elements):

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from random_rods import random_rod
 from scipy.spatial.transform import Rotation
+from sweeps.shapes import random_hanging
 
 from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod
 
@@ -33,6 +33,7 @@ def test_benchmark_c(wire, basis):
         assert shape.error_estimate > error / 10
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('options', [
     {'method': 'dfp'}, {'method': 'dfp', 'basis': 'local', 'n_elements': 24},
     {'method': 'downhill_simplex', 'n_elements': 16, 'n_terms': 3}])
@@ -47,6 +48,7 @@ def test_benchmark_c_with_the_papers_methods(wire, options):
             np.testing.assert_allclose(shape.positions, newton.positions, atol=1e-7)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('rod', [
     Rod.circular(1.0, 0.7e-3, 8960.0, 110e9, 0.34), Rod.circular(1.0, 0.4e-3, 8960.0, 110e9, 0.34),
     Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, tip_mass=0.02), Rod(1.0, 0.1, (0.05, 50.0), 50.0)])
@@ -65,6 +67,7 @@ def test_the_papers_methods_follow_other_dlos_too(rod, options):
             assert shape.jumped == newton.jumped
 
 
+@pytest.mark.sweep
 def test_the_papers_description_of_strains_completes_benchmark_c(wire):
     grippers = [turned(angle) for angle in ANGLES]
     shapes = DirectSimulator(wire, method='dfp', strains='paper').track(grippers)
@@ -108,7 +111,7 @@ def test_smooth_motions_do_not_jump(rng):
     # any rods, any motions: what a motion in steps a tenth as large passes without a jump
     jumps = []
     for _ in range(20):
-        rod, gripper = random_rod(rng, 1e3)
+        rod, gripper = random_hanging(rng, 1e3)
         axis = rng.normal(size=3)
         axis *= 0.15 / np.linalg.norm(axis)
 

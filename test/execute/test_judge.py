@@ -23,7 +23,7 @@ from dlo_planner.execute.judge import (
 from dlo_planner.identify import Steered, correct
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import Made
+from dlo_planner.ros.state import PlanResult
 from dlo_planner.ros.streaming import room_of
 from dlo_planner.settings.parameters import PARAMETERS
 from dlo_planner.trajectory.dynamic_check import InMotion
@@ -212,4 +212,4 @@ def test_some_of_what_passes_is_looked_at():
 def test_the_room_in_a_cutout():
     for radius, room in ((5e-3, pytest.approx(ROOM)), (None, None)):
         task = Thread(CutOut(START, radius=radius))
-        assert room_of(Made(scene(), PLAN, None, None, task, None)) == room
+        assert room_of(PlanResult(scene(), PLAN, None, None, task, None)) == room

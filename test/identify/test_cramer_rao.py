@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from dlo_planner import DirectSimulator, Pose, Rod, fit_rod
 from dlo_planner.identify import Observation, ObservedMotion
-from dlo_planner.identify.misfit import seen_in
+from dlo_planner.identify.residuals import seen_in
 
 MESH = {'basis': 'local', 'n_elements': 12}
 NOISE, DRAWS = 1e-3, 20

@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Pose, Rod, Uncertainty, fit_rod
 from dlo_planner.direct.boundary_motion import Guide
 from dlo_planner.identify import Observation, ObservedMotion
-from dlo_planner.identify.misfit import seen_in
-from dlo_planner.identify.observed import Observed
+from dlo_planner.identify.residuals import MeasurementModel, seen_in
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.progress import Progress
 from dlo_planner.results import Motion
@@ -87,7 +86,7 @@ def test_slopes_against_differences(held, rng):
                                 'torsional_stiffness', 'natural_twist', 'mass_per_length',
                                 'tip_mass'), (0.2, 0.9))
     seen = list(at_rest(guess, rng, [LEVEL] * 3, ENDS) if held else at_rest(guess, rng))
-    here = Observed(unknowns, seen, (), np.zeros((0, 6)), MESH, Progress())
+    here = MeasurementModel(unknowns, seen, (), np.zeros((0, 6)), MESH, Progress())
     x = 0.2 * rng.normal(size=here.size)
     slopes = here.at(x).slopes
     for k, step in enumerate(3e-4 * np.eye(here.size)):
@@ -206,7 +205,7 @@ def test_a_motion_held_at_both_ends_tells_stiffness():
 
     def away(**more):
         seen = ObservedMotion(grippers, dt, times, points, s, **more)
-        here = Observed(Unknowns(rod, ('bending_stiffness',)), (), [seen], np.zeros((0, 6)),
+        here = MeasurementModel(Unknowns(rod, ('bending_stiffness',)), (), [seen], np.zeros((0, 6)),
                         COARSE, Progress())
         here.choose_steps(np.zeros(1))
         return here
@@ -226,7 +225,8 @@ def test_a_coarse_dt_is_cut():
     fine = [guide.at(k / 20) for k in range(20 * 6 + 1)]
     motion = DirectSimulator(rod, **COARSE).simulate(fine, 4 * STEP / 20, tolerance=np.inf)
     seen = ObservedMotion(SHAKEN[::4], 4 * STEP, times, seen_in(motion, times, s), s)
-    here = Observed(Unknowns(rod, ('damping',)), (), [seen], np.zeros((0, 6)), COARSE, Progress())
+    here = MeasurementModel(Unknowns(rod, ('damping',)), (), [seen], np.zeros((0, 6)), COARSE,
+                            Progress())
     off = np.abs(here.at(np.zeros(2)).away).max()
     here.choose_steps(np.zeros(2))
     assert np.abs(here.at(np.zeros(2)).away).max() < 2.5e-4 < 0.5 * off

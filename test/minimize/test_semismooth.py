@@ -57,7 +57,7 @@ def test_what_is_carried_along_is_the_derivative_of_the_shape(bearing):
         twist = np.array([0, 0.5, 0, 1, 0, -1]) * step
         gripper = Pose(position + twist[3:], (0, np.sin(twist[1] / 2), 0, np.cos(twist[1] / 2)))
         system = mesh.system(gripper.rotation, gripper.position, past)
-        follows, q = carried(system, np.array(shape.gripper.rotation), slid,
+        follows, q, _ = carried(system, np.array(shape.gripper.rotation), slid,
                              np.array(shape.element_strains), twist)
         true = simulator.solve(gripper, shape)
         assert follows and true.converged

@@ -44,8 +44,8 @@ ASKING = {
     'Plan.stops': lambda odd: replace(values()['Plan'], stops=odd),
     'Shape.energy': lambda odd: replace(values()['Shape'], energy=odd, state=values()[
         'Shape'].state.forgotten()),
-    's': values()['Shape'].at,
-    'Trajectory times': values()['Trajectory'].progress}
+    's': lambda odd: values()['Shape'].at(s=odd),
+    'Trajectory times': lambda odd: values()['Trajectory'].progress(times=odd)}
 
 
 @pytest.mark.parametrize('odd', ODD)

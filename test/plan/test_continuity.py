@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from hanging import no_pair
-from random_cutouts import MASS, random_task
 from scipy.spatial.transform import Rotation
-from steps import leaps, steps
+from sweeps import MASS
+from sweeps.cutouts import leaps, random_cutout, steps
 
 from dlo_planner import (
     CutOut,
@@ -56,7 +56,7 @@ def test_random_plans_do_not_leap(seed):
     rng, depths = np.random.default_rng(seed), np.linspace(0, 0.95, 100)
     refused = 0
     for index in range(20 if seed else 42):
-        rod, cutout = random_task(rng)
+        rod, cutout = random_cutout(rng)
         if not seed and index not in (8, 40):  # the rolls of these two have to change on the way
             continue
         try:
@@ -71,7 +71,7 @@ def test_random_plans_do_not_leap(seed):
 def test_pairs_do_not_leap_and_keep_their_directions():
     rng, refused = np.random.default_rng(0), 0
     for _ in range(9):
-        rod, first = random_task(rng)
+        rod, first = random_cutout(rng)
         way = first.normal + 0.6 * rng.normal(size=3)
         way /= np.linalg.norm(way)
         second = CutOut(Pose.looking_along(first.center + rng.uniform(0.1, 0.5) * way,

@@ -1,10 +1,15 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The penalties of a task as a function of the gripper's pose, with its derivatives.
+"""Any task (paper, section 5.1): a gripper pose that minimizes a penalty of the shape.
 
-A penalty is an object as in `plan.goals`, or a function of the shape: of (k,) numbers that
-it returns the sum of the squares counts, a single number counts itself. The slopes of a function
-are differences between shapes that the sensitivities predict.
+The paper's interlaced search: outside, the gripper's pose; inside, the direct simulation. The
+outer search is SciPy's: least squares where the penalty is a sum of squares, else BFGS. Its
+derivatives come from the sensitivities of the equilibrium, one factorization each instead of a
+dozen more equilibria.
+
+A penalty is an object as in `plan.goals`, or a function of the shape: of (k,) numbers that it
+returns the sum of the squares counts, a single number counts itself. The slopes of a function are
+differences between shapes that the sensitivities predict.
 """
 
 from collections.abc import Callable, Sequence

@@ -24,7 +24,7 @@ from dlo_planner import (
 )
 from dlo_planner.errors import DeadlineExceeded
 from dlo_planner.progress import Progress
-from dlo_planner.trajectory.calm_search import holes_passed
+from dlo_planner.trajectory.calm_search import CalmSearch, holes_passed
 from dlo_planner.trajectory.dynamic_check import in_motion, worst_miss
 from dlo_planner.trajectory.modal_response import Case, slowest_period
 from dlo_planner.trajectory.shaping import LegTask, calm_law, margin, predicted
@@ -250,6 +250,15 @@ def test_what_cannot_be_calm_is_refused_with_the_figure_that_fails(short, monkey
     error = caught.value
     assert error.constraint in ('miss', 'departure', 'clearance')
     assert error.amount > 0 and error.plan is plan
+
+
+def test_a_dlo_that_stands_nowhere_is_refused_before_a_law_is_made(short, monkeypatch):
+    direct, plan = short
+    monkeypatch.setattr(CalmSearch, '_timed', None)
+    yielding = direct.with_rod(replace(direct.rod, yield_curvature=0.1))
+    with pytest.raises(Infeasible, match='where the motion begins, .* plastic hinge') as caught:
+        Trajectory(plan, simulator=yielding)
+    assert caught.value.constraint == 'motion'
 
 
 def test_it_is_a_value(short, short_way):

@@ -23,9 +23,9 @@ from dlo_planner import (
 )
 from dlo_planner.direct.continuation import between
 from dlo_planner.model.rod import Surface
-from dlo_planner.plan.clearance import clearance, hole_clearances
+from dlo_planner.plan.clearance import Bodies, clearance, hole_clearances
 from dlo_planner.plan.plan import PlanStatus, truncate
-from dlo_planner.plan.swept import Nearness
+from dlo_planner.plan.swept import least_between
 from dlo_planner.trajectory.calm_search import CalmSearch
 from dlo_planner.trajectory.dynamic_check import InMotion
 
@@ -128,8 +128,8 @@ def swept(offset):
 @pytest.mark.parametrize('thin', [1e-3, 1e-5])
 def test_a_thin_body_between_two_instants_is_found(offset, thin):
     post = Capsule((0.2, 0, -1), (0.2, 0, 1), thin)
-    near = Nearness((), [post], Surface.of(ROD))
-    assert near.least_between(*swept(offset), 0.04) <= 0
+    near = Bodies((), [post], Surface.of(ROD))
+    assert least_between(near, *swept(offset), 0.04) <= 0
 
 
 def test_a_hop_between_two_instants_is_found():
@@ -138,7 +138,7 @@ def test_a_hop_between_two_instants_is_found():
     velocities[0, :, 2], velocities[1, :, 2] = 1.0, -1.0  # it rises by 0.01 m
     for height, touched in ((0.008, True), (0.013, False)):
         bar = Capsule((0.2, -1, height), (0.2, 1, height), 1e-3)
-        least = Nearness((), [bar], Surface.of(ROD)).least_between([still] * 2, velocities, 0.04)
+        least = least_between(Bodies((), [bar], Surface.of(ROD)), [still] * 2, velocities, 0.04)
         assert (least <= 0) == touched
 
 
@@ -147,17 +147,17 @@ def test_a_body_that_is_passed_closely_is_not_touched(room):
     over = 5e-4 + room + 1e-3
     bar = Capsule((0.2, 0, over), (0.4, 0, over), 1e-3)
     shapes, velocities = swept(0.017)
-    assert Nearness((), [bar], Surface.of(ROD)).least_between(
-        shapes, velocities, 0.04) == pytest.approx(room, rel=0.05)
+    least = least_between(Bodies((), [bar], Surface.of(ROD)), shapes, velocities, 0.04)
+    assert least == pytest.approx(room, rel=0.05)
 
 
 def test_the_least_of_many_is_the_least_of_each(way):
     ball = beside(way, 0.01, 0.02)
     shapes = DIRECT.track([*way.grippers, *way.grippers[::-1]])
-    near = Nearness((), [ball], Surface.of(ROD))
+    near = Bodies((), [ball], Surface.of(ROD))
     assert near.least(shapes) == min(near.exact(shape) for shape in shapes)
     assert near.exact(shapes[0]) == clearance([ball], Surface.of(ROD), shapes[0])
-    assert np.isnan(Nearness((), (), Surface.of(ROD)).least(shapes))
+    assert np.isnan(Bodies((), (), Surface.of(ROD)).least(shapes))
 
 
 def test_beside_a_sheet_other_bodies_count_as_well(way):
@@ -167,8 +167,8 @@ def test_beside_a_sheet_other_bodies_count_as_well(way):
     own = hole_clearances(sheet, HOLE.normal, surface, shape).min()
     room = clearance([ball], surface, shape)
     assert room < own
-    assert Nearness([(sheet, HOLE.normal)], [ball, sheet], surface).exact(shape) == room
-    assert Nearness([(sheet, HOLE.normal)], [far], surface).exact(shape) == own
+    assert Bodies([(sheet, HOLE.normal)], [ball, sheet], surface).exact(shape) == room
+    assert Bodies([(sheet, HOLE.normal)], [far], surface).exact(shape) == own
 
 
 def test_of_two_motions_the_worse_figures_count():

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from random_contacts import HOW, energies, family, outcome, random_task, scan
+from sweeps.contact import MESHES, energies, family, held_or_refused, random_contact, scan
 
 from dlo_planner import (
     Capsule,
@@ -204,7 +204,7 @@ def test_a_contact_that_curves_inwards_is_refused():
 def test_random_contacts_are_held_or_refused_rightly():
     rng = np.random.default_rng(11)
     for index in range(6):
-        what, _ = outcome(*random_task(rng), HOW[index % 2])
+        what = held_or_refused(*random_contact(rng), MESHES[index % 2]).what
         assert what in ('held', 'confirmed')
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_insertions import HOW, outcome, random_task, steps
+from sweeps.cutouts import MESHES, inserted, largest_step, random_bore
 
 from dlo_planner import (
     CutOut,
@@ -121,10 +121,10 @@ def test_the_mouth_takes_over_a_mass_part_by_part(basis):
         assert len(bears) >= 3 and (np.diff(bears[:, 2]) > 0).all()
         assert bears[-1, 2] == pytest.approx(9.81 * mass, rel=1e-4)  # in the end all of it
         assert np.abs(bears[:, [0, 1, 3, 4, 5]]).max() < 1e-3 * 9.81 * mass
-    assert steps(plan).max() < 0.3  # the depths asked for are 0.14 m apart
+    assert largest_step(plan) < 0.3  # the depths asked for are 0.14 m apart
     closer = InverseSimulator(DirectSimulator(rod, basis=basis)).insert(
         BORE, depths=np.linspace(0, 0.95, 57))
-    assert steps(closer).max() < 0.11
+    assert largest_step(closer) < 0.11
 
 
 def test_reasons_are_true():
@@ -150,8 +150,8 @@ def test_reasons_are_true():
 
 def test_random_insertions_do_not_leap():
     rng = np.random.default_rng(5)
-    for how in HOW[:2]:
-        what, _ = outcome(*random_task(rng), how)
+    for how in MESHES[:2]:
+        what = inserted(*random_bore(rng), how).what
         assert what == 'inserted' or what.startswith('refused')
 
 

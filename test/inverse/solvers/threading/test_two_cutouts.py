@@ -4,8 +4,8 @@
 
 import numpy as np
 import pytest
-from random_pairs import outcome, random_pair
 from scipy.spatial.transform import Rotation
+from sweeps.cutouts import random_pair, threaded_two
 
 from dlo_planner import (
     CutOut,
@@ -108,7 +108,7 @@ def test_a_roll_is_made_along_the_way_whatever_the_step():
     rng = np.random.default_rng(0)
     pairs = [random_pair(rng) for _ in range(155)]
     for index in (132, 154):  # rolled alone, without the way, these would fall over
-        assert outcome(*pairs[index], 'local')[0] == 'replayed'
+        assert threaded_two(*pairs[index], 'local').what == 'replayed'
 
 
 @pytest.mark.parametrize(('seed', 'index', 'basis', 'depths'), [
@@ -118,4 +118,4 @@ def test_a_roll_is_made_along_the_way_whatever_the_step():
 def test_a_replay_is_on_the_meshes_of_the_plan_and_does_not_fall(seed, index, basis, depths):
     rng = np.random.default_rng(seed)
     pair = [random_pair(rng) for _ in range(index + 1)][-1]
-    assert outcome(*pair, basis, depths)[0] == 'replayed'
+    assert threaded_two(*pair, basis, depths).what == 'replayed'

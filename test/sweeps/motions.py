@@ -2,33 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random motions, many of them extreme: how many cannot be simulated, and how long that takes.
 
-python test/random_motions.py COUNT SEED [KIND ...] [--estimate]
-
-Kinds: 'soft' rods of w L^3/EI from 100 to 3e4, 'whip' (10 to 1e4, moved four times as fast),
-'held' (both ends moved, 3 to 1e4), 'contact' (1 to 1e3, above a plane, sphere, bar or box),
-'held contact' (3 to 300). Half have no damping, some a tip mass or are naturally bent.
+Half have no damping, some a tip mass or are naturally bent.
 """
-
-import argparse
-import sys
-from collections import Counter
-from pathlib import Path
-from time import process_time
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-sys.path[:0] = [str(Path(__file__).parent.parent)]
+from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, Plane, Pose, Rod, Sphere
+from sweeps import Outcome, timed
 
-from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, Plane, Pose, Rod, Sphere  # noqa: E402
-
+# decimal logarithms of w L^3 / EI; a whip is moved four times as fast
 SOFTNESS = {'soft': (2, 4.5), 'whip': (1, 4), 'held': (0.5, 4), 'contact': (0, 3),
             'held contact': (0.5, 2.5)}  # decimal logarithms
 SPEED = {'soft': 0.6, 'whip': 2.0, 'held': 0.5, 'contact': 0.3, 'held contact': 0.25}
 INSTANTS = 25
 
 
-def thing(kind, rng):
+def random_rod(kind, rng):
     """Return a random Rod of a kind."""
     length, weight = 10 ** rng.uniform(-1, 1), 0.05
     stiffness = weight * 9.81 * length**3 / 10 ** rng.uniform(*SOFTNESS[kind])
@@ -66,10 +56,10 @@ def below(along, length, rng):
         lambda: Box(Pose(center, (0, 0, 0, 1)), (2 * r, 2 * r, 2 * r), mu)])()
 
 
-def motion(kind, seed):
-    """Return the Motion of a kind and seed, and its rod."""
+def random_motion(kind, seed):
+    """Return a simulator, Poses of the gripper, the time between them, s, and of far ends."""
     rng = np.random.default_rng([seed, list(SOFTNESS).index(kind)])
-    rod = thing(kind, rng)
+    rod = random_rod(kind, rng)
     length, speed = rod.length, SPEED[kind] * 10 ** rng.uniform(-0.5, 0.3)
     step = 0.04 if kind == 'whip' else 0.08  # of the time of a free fall
     t = step * np.arange(INSTANTS)
@@ -89,33 +79,15 @@ def motion(kind, seed):
                                                     strict=True)]
     around = [below(along, length, rng)] if 'contact' in kind else []
     direct = DirectSimulator(rod, n_elements=24, basis='local', obstacles=around)
-    return direct.simulate(grippers, step * np.sqrt(length / 9.81), far_ends=ends), rod
+    return direct, grippers, step * np.sqrt(length / 9.81), ends
 
 
-def main():
-    """Print a line for each kind, and one for each motion that is not complete."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('count', type=int)
-    parser.add_argument('seed', type=int)
-    parser.add_argument('kinds', nargs='*', default=list(SOFTNESS))
-    parser.add_argument('--estimate', action='store_true')
-    given = parser.parse_args()
-    for kind in given.kinds:
-        tally, seconds, estimates = Counter(), [], []
-        for seed in range(given.seed, given.seed + given.count):
-            begun = process_time()
-            found, rod = motion(kind, seed)
-            seconds.append(process_time() - begun)
-            tally[found.status] += 1
-            if not found.converged:
-                print(kind, seed, found.status, found.message, flush=True)
-            elif given.estimate:
-                estimates.append(found.error_estimate[-1] / rod.length)
-        told = (f'; estimates: {np.isinf(estimates).sum()} infinite, median '
-                f'{np.median(estimates):.2g} L' if estimates else '')
-        print(f'{kind}: {dict(tally)}, CPU time {np.median(seconds):.2f} s (median), at most '
-              f'{max(seconds):.1f} s{told}', flush=True)
-
-
-if __name__ == '__main__':
-    main()
+def motions(number, seed):
+    """Yield the Outcomes of a number of motions of each kind."""
+    for kind in SOFTNESS:
+        for one in range(seed, seed + number):
+            direct, grippers, dt, ends = random_motion(kind, one)
+            found, seconds = timed(direct.simulate, grippers, dt, far_ends=ends)
+            what = str(found.status)
+            yield Outcome(what if what == 'complete' else f'{what}: {kind} {one}: {found.message}',
+                          seconds)

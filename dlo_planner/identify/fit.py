@@ -7,7 +7,7 @@ the gripper's pose is known but for a normal error, another one at each observat
 may be known beforehand, within a normal error too, and so are other causes that displace points of
 a motion. The most likely values are found by least squares, the noise (unless known) from what is
 left, by the number of residuals that nothing was fitted to. To first order, deviations are those of
-repeated experiments; in a motion, residuals that go together widen them (`identify.together`).
+repeated experiments; in a motion, residuals that go together widen them (`identify.noise_model`).
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ from scipy.optimize import OptimizeResult
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.identify.likelihood import LOSSES, Errors, Statistics
+from dlo_planner.identify.noise_model import LOSSES, MEstimator, Statistics
 from dlo_planner.identify.observation import Observation, ObservedMotion, judge_points
-from dlo_planner.identify.observed import ROUGHLY, Observed
+from dlo_planner.identify.parameters import Uncertainty
+from dlo_planner.identify.residuals import ROUGHLY, MeasurementModel
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
@@ -35,7 +36,6 @@ from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import FrozenDict, brief, figures, put
 from dlo_planner.pictured import Answer
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.verify.uncertainty import Uncertainty
 
 _Seen: TypeAlias = tuple[tuple[Observation, ...], tuple[ObservedMotion, ...]]
 _STARTS = (0.0, -0.7, 0.7)  # logarithms of stiffness from which the search begins
@@ -200,10 +200,11 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     meshes = _MESHES if not {'n_elements', 'n_terms', 'accuracy'} & {*options} else ({},)
     begin = None
     for mesh in meshes[_first_mesh(rod, observations, motions, options, meshes):]:
-        observed = Observed(unknowns, observations, motions, pose, {**mesh, **options}, steps)
+        observed = MeasurementModel(unknowns, observations, motions, pose, {**mesh, **options},
+                                    steps)
         free = np.zeros(observed.size - unknowns.size)
         observed.choose_steps(np.append(unknowns.begin, free), ROUGHLY)
-        errors = Errors(observed, unknowns.prior(prior), noise, rho, scale)
+        errors = MEstimator(observed, unknowns.prior(prior), noise, rho, scale)
         found, statistics = _found(observed, errors, steps, begin)
         if _exact(observed.at(found.x).shapes[:len(observations)], rod):
             break
@@ -211,7 +212,7 @@ def fit_rod(rod: Rod, observations: Iterable[Observation] = (),
     return _fit(observed, statistics, found)
 
 
-def _found(observed: Observed, errors: Errors, steps: Progress,
+def _found(observed: MeasurementModel, errors: MEstimator, steps: Progress,
            begin: Floats | None) -> tuple[OptimizeResult, Statistics]:
     """Return SciPy's result and the Statistics; from `begin` (n,), or None: several starts."""
     unknowns = observed.unknowns
@@ -281,7 +282,7 @@ def _judge_prior(prior: Uncertainty, unknowns: Unknowns) -> None:
                               'as known')
 
 
-def _fit(observed: Observed, statistics: Statistics, found: OptimizeResult) -> Fit:
+def _fit(observed: MeasurementModel, statistics: Statistics, found: OptimizeResult) -> Fit:
     """Return the Fit of SciPy's result."""
     unknowns, x = observed.unknowns, found.x[:observed.n_parameters]
     correlations = statistics.correlations[np.ix_(unknowns.columns, unknowns.columns)]

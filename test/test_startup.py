@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a process loads and sets when it starts: little for a first shape, one thread for BLAS."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import dlo_planner
+from dlo_planner import blas
+from dlo_planner.cli.main import main as command
+
+NAME = 'OPENBLAS_NUM_THREADS'
+FIRST_SHAPE = """
+import sys
+from dlo_planner import DirectSimulator, Pose, Rod
+DirectSimulator(Rod(1.0, 0.1, 0.05, 0.04), n_elements=8).solve(Pose((0, 0, 1), (0, 0, 0, 1)))
+print(*sys.modules)
+"""
+THREADS = """
+import numpy, scipy.linalg
+from dlo_planner.blas import _controls, one_thread
+def threads(): return [get() for get, _ in _controls()]
+print(*threads())
+with one_thread():
+    print(*threads())
+    with one_thread():
+        pass
+    print(*threads())
+print(*threads())
+"""
+
+
+def printed(code, **environment):
+    ran = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True,
+                         env={**os.environ, **environment})
+    return ran.stdout
+
+
+def test_a_first_shape_imports_no_ros_nothing_of_plans_and_little_of_scipy():
+    loaded = set(printed(FIRST_SHAPE).split())
+    assert 'dlo_planner.direct.simulator' in loaded
+    for package in ('identify', 'inverse', 'parallel', 'plan', 'public', 'verify'):
+        assert f'dlo_planner.{package}' not in loaded
+    needed = set(printed('import scipy.linalg, sys; print(*sys.modules)').split())
+    for package in ('interpolate', 'optimize', 'sparse', 'spatial'):
+        assert f'scipy.{package}' not in loaded - needed  # SciPy 1.11's linalg brings sparse along
+    assert 'rclpy' not in loaded
+
+
+def test_it_is_known_where_every_public_name_is():
+    assert set(dlo_planner._homes()) == set(dlo_planner.__all__)
+
+
+def test_subpackages_are_found_after_a_name_is():
+    assert printed(
+        'import dlo_planner as d; d.Pose; print(d.parallel.__name__); import dlo_planner\n'
+        'from dlo_planner import settings; print(hasattr(d, "nobody"), settings.__name__)'
+    ).split() == ['dlo_planner.parallel', 'False', 'dlo_planner.settings']
+
+
+def test_where_there_is_no_source_all_are_imported():
+    assert printed('import dlo_planner as d; d._homes = dict; print(d.Rod.__name__)\n'
+                   'import sys; print("dlo_planner.public" in sys.modules)'
+                   ).split() == ['Rod', 'True']
+
+
+def _by_command(_):
+    CliRunner().invoke(command, ['shape', '--help'])
+
+
+def _by_node(monkeypatch):
+    pytest.importorskip('rclpy')
+    from dlo_planner.ros import main as node  # noqa: PLC0415
+    monkeypatch.setattr(node.Process, 'run', lambda self: 0)
+    node.main([])
+
+
+@pytest.mark.parametrize('start', [_by_command, _by_node])
+@pytest.mark.parametrize(('before', 'after'), [({}, '1'), ({NAME: '3'}, '3')])
+def test_a_process_of_ours_has_one_thread_of_blas(monkeypatch, start, before, after):
+    environment = dict(before)
+    monkeypatch.setattr(blas.os, 'environ', environment)
+    start(monkeypatch)
+    assert environment[NAME] == after
+
+
+def test_that_is_set_before_numpy_is_loaded():
+    assert printed('import sys, dlo_planner.cli.main, dlo_planner.ros.main; '
+                   'print("numpy" in sys.modules)').split() == ['False']
+
+
+@pytest.mark.skipif(not Path('/proc/self/maps').exists(), reason='threads are limited on Linux')
+def test_where_a_matrix_is_decomposed_it_has_one_thread():
+    lines = printed(THREADS, **{NAME: '2'}).splitlines()
+    if not lines[0]:
+        pytest.skip('NumPy has another BLAS')
+    before, inside, still, after = ([*map(int, one.split())] for one in lines)
+    assert {*inside} == {*still} == {1} and before == after and max(before) == 2
