@@ -23,7 +23,6 @@ from dlo_planner.energy.problem import (
     Problem,
     new_configuration,
     unknown_count,
-    with_gripper,
 )
 from dlo_planner.energy.terms import constraint_jacobian, constraint_value, row_count
 from dlo_planner.errors import InvalidTask
@@ -72,13 +71,9 @@ class Sensitivity:
             raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         self.shape = shape
         here, gripper = shape.state.mesh, shape.gripper
-        if here.hangs and shape.far_end is None:
-            self._system, self._state, self._answers, self._hessian = _hanging_answers(
-                here.static, gripper.rotation, here.start_from(shape))
-            return
         # the past before the step: what yields in it, yields along with the gripper
-        past = shape.state.held
-        system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
+        system = here.system(gripper.rotation, gripper.position, shape.state.held, shape.far_end,
+                             culled=shape.state.culled)
         q = here.unknowns(shape.element_strains)
         if shape.contacts:
             state = new_configuration(system)
@@ -111,8 +106,7 @@ class Sensitivity:
 
     @cached_property
     def _columns(self) -> int:
-        free = self.shape.far_end is None and self.shape.state.made_on.hangs
-        result: int = 3 if free else self._hessian.cross.shape[2]
+        result: int = self._hessian.cross.shape[2]
         return result
 
     @property
@@ -178,8 +172,8 @@ class Sensitivity:
     def predicted_on(self, other: Discretization) -> Shape:
         """Return `predicted` for a rod whose Discretization, with as many elements, is known."""
         shape, gripper = self.shape, self.shape.gripper
-        system = other.system(gripper.rotation, gripper.position,
-                              shape.state.held, shape.far_end)
+        system = other.system(gripper.rotation, gripper.position, shape.state.held, shape.far_end,
+                              culled=shape.state.culled)
         known = self._system
         # in the unknowns, and with the springs of constraints, of which the known Hessian is
         system = system._replace(scale=known.scale, contact=known.contact, hold=known.hold)
@@ -224,22 +218,6 @@ def _strains_by(system: Problem, hessian: Hessian, slopes: Floats) -> Floats:
             for i in range(3):
                 out[k, e, i] = scale[e, i] * at_element(basis, answer, e, i)
     return out
-
-
-@kernel
-def _hanging_answers(system: Problem, base: Floats,
-                     strains: Floats) -> tuple[Problem, Configuration, Floats, Hessian]:
-    """Return a Problem that hangs freely in a gripper, and there what `gripper_answers` returns.
-
-    Args:
-        base: (3, 3), read-only, rotation of the gripper
-        strains: (N, 3), read-only, in equilibrium, 1/m
-    """
-    here = with_gripper(system, base.copy(), system.origin)
-    q = np.empty((unknown_count(system), 3))
-    unknowns_of(here, strains.copy(), q)
-    state, answers, hessian = gripper_answers(here, q)
-    return here, state, answers, hessian
 
 
 @kernel

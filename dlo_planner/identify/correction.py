@@ -342,11 +342,11 @@ class _Aim:
         rod = parameters.at(straight)  # one whose natural curvature is a series is slow to mesh
         outside = replace(part_before(rod, rod.length - (whole - planned.rod.length)),
                           tip_mass=parameters.factors(x, MASSES)[2] * planned.rod.tip_mass)
-        mesh = planned.of(outside).free
+        mesh = planned.within(planned.surroundings.of_rod(outside).free)
         # the series of the whole DLO, of which this is a part
         means = parameters.means(np.append(mesh.s, rod.length))[:mesh.s.size - 1]
         result: Discretization = mesh.varied(
-            natural=mesh.static.natural + means @ parameters.coefficients(x))
+            natural=mesh.natural + means @ parameters.coefficients(x))
         return result
 
 

@@ -53,7 +53,7 @@ def point_residuals(shape: Shape, points: Floats, s: Floats | None = None,
 
     `bent` (k, 3), m: by how much the DLO is off the shape at even arc lengths.
     """
-    nodes, kernels = np.array(shape.s), kernel_arrays(shape)  # copies: see `Shape.for_kernels`
+    nodes, kernels = np.array(shape.s), kernel_arrays(shape)  # copies: see `kernel_arrays`
     even = np.linspace(0, nodes[-1], 0 if bent is None else len(bent))
 
     def off_shape(at: Floats) -> Floats:

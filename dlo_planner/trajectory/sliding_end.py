@@ -21,9 +21,8 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.boundary_motion import Grips, Guide
 from dlo_planner.direct.continuation import between
-from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.discretization import Discretization, with_breaks
 from dlo_planner.direct.dynamics import first_shape, run
-from dlo_planner.direct.mesh import with_breaks
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
