@@ -60,14 +60,14 @@ from dlo_planner.minimize.newton import led, newton_descent
 from dlo_planner.minimize.semismooth import update_multipliers
 from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_free_rods
 from dlo_planner.penalties import PositionAt, Through
-from dlo_planner.plan import swept, workspace
+from dlo_planner.plan import clearance, swept, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
 
 _KINDS = 3
 KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
            update_active_set, update_friction, led, gradient_noise, touching, kkt_residual,
-           update_multipliers, gripper_answers, swept.element_rooms,
+           update_multipliers, gripper_answers, clearance.element_rooms,
            swept._distances, workspace._distances, _strains_by, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free_rods, solve_contact,
            predictor_corrector, solve_between_grips, foresee, equidistribute, node_twists,
@@ -164,6 +164,7 @@ def signatures():
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('index', range(len(KERNELS)), ids=lambda k: KERNELS[k].__name__)
 def test_one_signature_for_each_kind_of_dlo(index, signatures):
     number, kinds = signatures[index]

@@ -6,13 +6,11 @@ Whether an accuracy that was asked for is kept, `Shape.error_estimate` alone say
 are chosen by less on the way there: `basis.truncation_error` bounds the error of most shapes
 (`surely_within`), and its leading order tells which mesh will be fine enough (`foreseen`).
 
-`test/sweeps/shapes.py` looks how large the estimate is beside `truncation_error`, for
-random DLOs that hang freely, are held at both ends, or touch something: below what is taken as
-certain here. For DLOs that may yield it was 0.5 times (97) as long as they have not, 4.1 times (33)
-where they had. That chooses their meshes, on which a set stays: on another one it is averaged, and
-nothing tells of that error. Of point loads, more than half a turn of natural twist, and what
-varies along the length it says nothing. It also looks how large the estimate is beside
-what is expected of a DLO that hangs freely.
+Beside `truncation_error` the estimate of random DLOs that hang freely, are held at both ends, or
+touch something, was below what is taken as certain here. For DLOs that may yield it was 0.5 times
+(97) as long as they have not, 4.1 times (33) where they had. That chooses their meshes, on which a
+set stays: on another one it is averaged, and nothing tells of that error. Of point loads, more than
+half a turn of natural twist, and what varies along the length it says nothing.
 """
 
 from dataclasses import replace

@@ -85,11 +85,11 @@ def _hidden(merit: Callable[[float], float], xs: list[float]) -> list[float]:
 
 def _end(merit: Callable[[float], float], good: float, bad: float) -> float:
     """Return the last x of positive merit on the way from `good` to `bad`."""
-    root = brentq(lambda log: _finite(merit(float(np.exp(log)))), np.log(good), np.log(bad),
-                  xtol=_END)
+    # by x itself: the logarithm's rounding could carry an end over a leap of the merit
+    root = brentq(lambda x: _finite(merit(x)), good, bad, xtol=_END * min(good, bad))
     back = _END if good > bad else -_END
     for steps in (0, 1, 2, 4):
-        x = float(np.exp(root + steps * back))
+        x = float(root * (1 + steps * back))
         if merit(x) > 0:
             return x
     return good

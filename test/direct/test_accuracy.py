@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kirchhoff import true_held_rod, true_rod
+from references.kirchhoff import true_held_rod, true_rod
 
 from dlo_planner import Box, Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod
 from dlo_planner.direct import accuracy as accuracy_module

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from friction_limits import column
+from references.friction import column
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation

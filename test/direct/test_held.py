@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kirchhoff import true_held_rod
+from references.kirchhoff import true_held_rod
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from sweeps.shapes import cable, poses

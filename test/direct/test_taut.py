@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from kirchhoff import true_held_rod
+from references.kirchhoff import true_held_rod
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, PointLoad, Pose, Rod

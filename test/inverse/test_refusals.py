@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from hanging import hanging_and_stable
+from references.hanging import hanging_and_stable
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from kirchhoff import true_rod
+from references.kirchhoff import true_rod
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.discretization import Discretization

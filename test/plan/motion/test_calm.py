@@ -51,6 +51,7 @@ def missed(name, rod, trajectory):
                      for k, shape in zip(last, motion.shapes, strict=True)])
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('name', list(PROMISED))
 def test_from_a_start_pose_of_its_own_it_threads_calmly(name):
     miss, seconds = PROMISED[name]
@@ -321,6 +322,7 @@ def test_a_plan_in_contact_with_friction_has_no_modes_and_is_slowed_down():
     assert way.motion.departure <= 5e-3 and way.motion.contact_force > 0
 
 
+@pytest.mark.sweep
 def test_a_contact_is_held_and_a_sequence_threaded_in_motion():
     bar = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
     over = InverseSimulator(DirectSimulator(damped_wire(), basis='local', n_elements=24,

@@ -83,6 +83,7 @@ def differences(way, times, step):
     return tuple((4 * fine - coarse) / 3 for coarse, fine in (velocities, accelerations))
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('turn', [0.3, 2.9])
 def test_velocities_and_accelerations_are_those_of_the_poses_in_world_axes(rng, turn):
     for _ in range(8):

@@ -16,7 +16,7 @@ from dlo_planner import (
     Pose,
     Rod,
 )
-from dlo_planner.inverse.contact_family import STABLE, ContactFamily
+from dlo_planner.inverse.contact_family import STABLE, ContactFamily, intervals
 from dlo_planner.inverse.tasks.contact import LEAST_FORCE, MOST_FORCE, PRESSED
 from dlo_planner.plan.clearance import clearance
 
@@ -247,3 +247,11 @@ def test_nonsense_is_named(change, named):
         planner().hold_contact(**{'contact': TOP, 's': 0.6, **change})
     with pytest.raises(InvalidTask, match='obstacles'):
         InverseSimulator(DirectSimulator(WIRE)).hold_contact(TOP, 0.6)
+
+
+def test_the_end_of_an_interval_may_be_a_leap_at_a_sample():
+    for x in np.geomspace(1e-2, 1.0, 18)[2:-2]:  # the samples
+        found, = intervals(lambda force, x=x: 1.0 if force < x else -1.0, 1e-2, 1.0)
+        assert x * (1 - 3e-6) < found[-1] < x
+        found, = intervals(lambda force, x=x: 1.0 if force > x else -1.0, 1e-2, 1.0)
+        assert x < found[0] < x * (1 + 3e-6)

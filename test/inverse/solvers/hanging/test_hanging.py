@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from hanging import hanging_and_stable
+from references.hanging import hanging_and_stable
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
 from dlo_planner.inverse.continuation import Aligned, TwoPoints

@@ -143,6 +143,7 @@ def short():
     return inverse, hole, inverse.thread(hole, start=NOW, depths=np.linspace(0, 0.25, 8))
 
 
+@pytest.mark.sweep
 def test_without_a_standoff_it_is_the_one_of_the_quickest_calm_motion(short):
     inverse, hole, through = short
     parts = (0.05, 0.1, 0.15)

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from hanging import ends_with_gravity_at, hanging_and_stable, sphere
+from references.hanging import ends_with_gravity_at, hanging_and_stable, sphere
 from sweeps import MASS
 from sweeps.cutouts import BASES, random_cutout, threaded
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from kirchhoff import true_rod
+from references.kirchhoff import true_rod
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """When does friction give way? Column, ring and capstan by steps of the gripper and by meshes.
 
-python test/friction_limits.py [largest step in thousandths of the length] [smallest]
+python test/references/friction.py [largest step in thousandths of the length] [smallest]
 
 A column and a ring (three quarters of a circle, naturally) are pressed on a floor; the ring is
 drawn ahead then. Both stick until the elastica's force leaves the cone: the last step that sticks
@@ -19,8 +19,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
 
-sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parent.parent))
+sys.path[:0] = [str(Path(__file__).parents[2])]
 
 from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod  # noqa: E402
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Master curves of two protocols: aspect of a level cantilever, lateral buckling of a strip.
 
-python test/protocol_curves.py docs/pictures/protocols.png
+python test/references/protocol_curves.py docs/pictures/protocols.png
 """
 
 import sys
@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
-from planar_rods import Planar, critical, level_cantilever  # noqa: E402
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]
 
 from dlo_planner import DirectSimulator, Pose, Rod  # noqa: E402
+from references.buckling import Planar, critical, level_cantilever  # noqa: E402
 
 G, STRONG = 9.81, 1e4
 EDGE = Pose((0, 0, 0), Rotation.from_euler('x', 90, degrees=True).as_quat())
