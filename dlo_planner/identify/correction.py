@@ -21,7 +21,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate, miss_of
-from dlo_planner.identify.parameters import MASSES, stretched
+from dlo_planner.identify.parameters import stretched
 from dlo_planner.identify.predicted_miss import PredictedMiss
 from dlo_planner.inverse.nearest_goals import nearest_on
 from dlo_planner.inverse.simulator import InverseSimulator
@@ -341,7 +341,7 @@ class _Aim:
         straight[parameters.columns('natural_curvature')[0]] = 0.0
         rod = parameters.at(straight)  # one whose natural curvature is a series is slow to mesh
         outside = replace(part_before(rod, rod.length - (whole - planned.rod.length)),
-                          tip_mass=parameters.factors(x, MASSES)[2] * planned.rod.tip_mass)
+                          tip_mass=parameters.mass_factors(x)[2] * planned.rod.tip_mass)
         mesh = planned.within(planned.surroundings.of_rod(outside).free)
         # the series of the whole DLO, of which this is a part
         means = parameters.means(np.append(mesh.s, rod.length))[:mesh.s.size - 1]

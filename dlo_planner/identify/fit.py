@@ -24,7 +24,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.noise_model import LOSSES, MEstimator, Statistics
-from dlo_planner.identify.observation import Observation, ObservedMotion, judge_points
+from dlo_planner.identify.observation import Observation, ObservedMotion, check_points
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.identify.residuals import ROUGHLY, MeasurementModel
 from dlo_planner.identify.unknowns import Unknowns
@@ -219,8 +219,8 @@ def _found(observed: MeasurementModel, errors: MEstimator, steps: Progress,
     poses = np.zeros(observed.size - unknowns.size)
     stiff, first = np.append(unknowns.stiff, poses), np.append(unknowns.begin, poses)
     if begin is not None:
-        observed.choose_steps(begin, errors.of_steps)
-        return errors.settled(errors.minimum(begin))
+        observed.choose_steps(begin, errors.step_tolerance)
+        return errors.with_noise(errors.minimum(begin))
     if not observed.at(first).any:
         raise NotConverged('rod: no equilibrium was found for any observation with the first guess')
     starts = [first + shift * stiff for shift in (_STARTS if stiff.any() else _STARTS[:1])]
@@ -231,8 +231,8 @@ def _found(observed: MeasurementModel, errors: MEstimator, steps: Progress,
         searches.append(errors.minimum(start))
         steps.done(len(searches), len(starts) + 1)
     best = min(searches, key=lambda search: search.cost)
-    found, statistics = errors.settled(
-        errors.minimum(best.x) if observed.choose_steps(best.x, errors.of_steps) else best)
+    found, statistics = errors.with_noise(
+        errors.minimum(best.x) if observed.choose_steps(best.x, errors.step_tolerance) else best)
     steps.done(len(starts) + 1, len(starts) + 1)
     return found, statistics
 
@@ -265,7 +265,7 @@ def _judged(unknowns: Unknowns, observations: Iterable[Observation],
     length = unknowns.rod.length
     for kind, seen in both.items():
         for index, one in enumerate(seen):
-            judge_points(f'{kind}[{index}]', one, length)
+            check_points(f'{kind}[{index}]', one, length)
     if 'damping' in unknowns.names and not motions:
         raise InvalidTask('parameters: expected motions where damping is to be found')
     known_options(options)

@@ -72,7 +72,10 @@ class _Information(NamedTuple):
     plain: Floats     # (n, n) J^T J of the residuals in standard deviations, without the loss
     stiffness: float  # mean slope of the force that a point exerts, by the loss
     force: float      # sum of the squares of these forces
+    inverse: Floats   # (n, n) covariance, by the loss and the prior, where it is known
+    unknown: Floats   # (n, j) basis of what nothing is known of
     size: int         # how many numbers were seen
+    left: float       # how many of them nothing was fitted to
 
 
 class MEstimator:
@@ -91,21 +94,21 @@ class MEstimator:
         self._weighed = bool(self._prior.any()) or loss is not LOSSES['linear']
 
     @property
-    def of_steps(self) -> float:
+    def step_tolerance(self) -> float:
         """Error that steps of motions may have, of the length: what the noise hides."""
         return max(EXACTLY, _HIDDEN * (self._given or 0.0) / self._observed.rod.length)
 
-    def settled(self, found: OptimizeResult) -> tuple[OptimizeResult, Statistics]:
+    def with_noise(self, found: OptimizeResult) -> tuple[OptimizeResult, Statistics]:
         """Return SciPy's result and the Statistics where noise and unknowns fit each other."""
         length = self._observed.rod.length
         noise = self._first
         # the noise decides only where there is something else to weigh it against
         for _ in range(_ROUNDS if self._weighed and not self._given else 0):
-            before, noise = noise, max(self._left(found.x, noise), _NO_NOISE * length)
+            before, noise = noise, max(self._noise_left(found.x, noise), _NO_NOISE * length)
             if abs(noise - before) <= _SETTLED * before:
                 break
             found = self.minimum(found.x, noise)
-        self._observed.differ_centrally()
+        self._observed.use_central_differences()
         return found, self._statistics(found.x, noise)
 
     def cost(self, x: Floats) -> float:
@@ -115,7 +118,7 @@ class MEstimator:
     def minimum(self, x: Floats, noise: float | None = None) -> OptimizeResult:
         """Return SciPy's result from x (n,) on, for a noise in m; None: the first guess."""
         size = noise or self._first
-        self._observed.begin()
+        self._observed.forget()
         # what the derivatives cannot tell, or is far less than the errors, is not sought: motions
         # are costly
         small = max(_SMALL, self._observed.precision**2)
@@ -132,17 +135,17 @@ class MEstimator:
     def _residuals(self, x: Floats, noise: float) -> Floats:
         """Return the residuals, whose squares add up to what is minimized."""
         here = self._observed.at(x)
-        return np.append((self._roots(here, noise)[0] * here.away / noise).ravel(),
+        return np.append((self._weights(here, noise)[0] * here.away / noise).ravel(),
                          self._prior * x)
 
     def _slopes(self, x: Floats, noise: float) -> Floats:
         """Return the derivatives of the residuals; of motions they cost far more."""
         here = self._observed.at(x)
-        root, first = self._roots(here, noise)
+        root, first = self._weights(here, noise)
         slopes = (first / root)[:, :, None] * here.slopes / noise
         return np.vstack([slopes.reshape(-1, x.size), np.diag(self._prior)])
 
-    def _roots(self, here: StackedResiduals, noise: float) -> tuple[Floats, Floats]:
+    def _weights(self, here: StackedResiduals, noise: float) -> tuple[Floats, Floats]:
         """Return (m, 1) each: how a distance counts relative to its square, and rho'."""
         z = np.sum(here.away**2, axis=1) / (noise * self._scale) ** 2
         value, first, _ = self._loss(z)
@@ -151,53 +154,48 @@ class MEstimator:
 
     def _information(self, x: Floats, noise: float) -> _Information:
         here = self._observed.at(x)
-        z = np.sum(here.away**2, axis=1) / (noise * self._scale) ** 2
-        _, first, second = self._loss(z)
+        square = np.sum(here.away**2, axis=1)
+        _, first, second = self._loss(square / (noise * self._scale) ** 2)
         counts = here.counts.sum(axis=1)
         # Huber's: mean slope and mean square of the force that a point exerts, along each axis
-        stiff = np.sum(counts * first + 2 * z * second) / counts.sum()
+        stiff = np.sum(counts * first + 2 * square / (noise * self._scale) ** 2 * second
+                       ) / counts.sum()
         slopes = here.slopes.reshape(-1, x.size) / noise
         plain = slopes.T @ slopes
-        force = np.sum(first**2 * np.sum(here.away**2, axis=1)) / noise**2
-        return _Information(plain, stiff, force, counts.sum())
-
-    def _left(self, x: Floats, noise: float) -> float:
-        """Return the noise (m) that the misfit tells, with what was fitted to it accounted for."""
-        here = self._observed.at(x)
-        plain, stiff, _, count = self._information(x, noise)
-        inverse, _ = self._inverse(stiff * plain + np.diag(self._prior**2))
+        inverse, unknown = _inverse(stiff * plain + np.diag(self._prior**2),
+                                    self._observed.precision**2)
         fitted = np.trace(inverse @ (stiff * plain))
-        left = max(count - fitted, 1.0)
+        return _Information(plain, stiff, np.sum(first**2 * square) / noise**2, inverse, unknown,
+                            counts.sum(), max(counts.sum() - fitted, 1.0))
+
+    def _noise_left(self, x: Floats, noise: float) -> float:
+        """Return the noise (m) that the misfit tells, with what was fitted to it accounted for."""
+        here, known = self._observed.at(x), self._information(x, noise)
         if self._loss is LOSSES['linear']:
-            return float(np.sqrt(np.sum(here.away**2) / left))
+            return float(np.sqrt(np.sum(here.away**2) / known.left))
         # outliers do not move the median
         distances = np.abs(here.away[here.counts])
-        return float(np.median(distances) / _MEDIAN * np.sqrt(count / left))
+        return float(np.median(distances) / _MEDIAN * np.sqrt(known.size / known.left))
 
     def _statistics(self, x: Floats, noise: float) -> Statistics:
         if self._given is None and not self._weighed:
-            noise = max(self._left(x, noise), _NO_NOISE * self._observed.rod.length)
-        plain, stiff, force, count = self._information(x, noise)
-        prior = np.diag(self._prior**2)
-        inverse, unknown = self._inverse(stiff * plain + prior)
-        fitted = np.trace(inverse @ (stiff * plain))
-        spread = 1.0 if self._loss is LOSSES['linear'] else force / max(count - fitted, 1.0)
+            noise = max(self._noise_left(x, noise), _NO_NOISE * self._observed.rod.length)
+        known = self._information(x, noise)
+        spread = 1.0 if self._loss is LOSSES['linear'] else known.force / known.left
         # only of the parameters: instants are too few to tell how all else goes together
-        to = inverse[:self._observed.n_parameters]
-        pulls = long_run_covariance([one @ to.T for one in self._pulls(x, noise)],
-                                spread * to @ plain @ to.T)
-        return Statistics(*_told(pulls + to @ prior @ to.T, unknown[:len(to)]), float(noise))
+        to = known.inverse[:self._observed.n_parameters]
+        scatter = long_run_covariance([one @ to.T for one in self._scores(x, noise)],
+                                      spread * to @ known.plain @ to.T)
+        return Statistics(*_spreads(scatter + to * self._prior**2 @ to.T,
+                                    known.unknown[:len(to)]), float(noise))
 
-    def _pulls(self, x: Floats, noise: float) -> list[Floats]:
+    def _scores(self, x: Floats, noise: float) -> list[Floats]:
         """Return (k, n) of each motion: by what its instants pull the unknowns."""
         here = self._observed.at(x)
-        away = self._roots(here, noise)[1] * here.away / noise
+        away = self._weights(here, noise)[1] * here.away / noise
         return [np.einsum('kmi,kmij->kj', one, slopes) for one, slopes in zip(
-            self._observed.of_motions(away), self._observed.of_motions(here.slopes / noise),
+            self._observed.by_motion(away), self._observed.by_motion(here.slopes / noise),
             strict=True)]
-
-    def _inverse(self, information: Floats) -> tuple[Floats, Floats]:
-        return _inverse(information, self._observed.precision**2)
 
 
 def _inverse(information: Floats, least: float) -> tuple[Floats, Floats]:
@@ -215,7 +213,7 @@ def _inverse(information: Floats, least: float) -> tuple[Floats, Floats]:
     return inverse, unknown
 
 
-def _told(covariance: Floats, unknown: Floats) -> tuple[Floats, Floats]:
+def _spreads(covariance: Floats, unknown: Floats) -> tuple[Floats, Floats]:
     """Return deviations (n,) and correlations (n, n), those of what is not known infinite."""
     nothing = unknown.any(axis=1)
     deviations = np.where(nothing, np.inf, np.sqrt(np.diag(covariance)))

@@ -23,10 +23,9 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.estimate import Estimate, way_between
-from dlo_planner.identify.observation import Observation
+from dlo_planner.identify.observation import Observation, gripper_at
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
-from dlo_planner.identify.stamped import gripper_at
 from dlo_planner.identify.vibration import STATED, FreeVibration, enough, nearest_on_line
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between

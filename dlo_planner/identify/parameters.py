@@ -49,6 +49,8 @@ MASSES: dict[str, tuple[float, ...]] = {
 STRAINS: dict[str, tuple[int, ...]] = {'natural_twist': (0,), 'natural_curvature': (1, 2)}
 VARIATION = 5  # Legendre polynomials by which the natural curvature of a sample varies
 _STEP = 1e-4   # of the length: of difference quotients of what depends on the length
+_TURN = 1e-4   # rad along the length: of those by strains
+_TOLD = 1e-9   # of a strain: a series tells it but for so little
 _KEPT = 8      # meshes that are remembered
 _SAME = 1e-9   # of the length: nodes closer than this are the same
 
@@ -166,12 +168,22 @@ class RodParameters(Value):
         which, components = self.columns(name)[1], np.array(STRAINS[name])
         return which // components.size, components[which % components.size]
 
-    def factors(self, x: Floats, table: dict[str, tuple[float, ...]]) -> Floats:
-        """Return the factors (3,) of STIFFNESS or MASSES at x."""
-        logarithms = np.zeros(3)
-        for name, part in table.items():
-            logarithms += x[self.columns(name)[0]].sum() * np.array(part)
-        return np.exp(logarithms)
+    @cached_property
+    def _logarithms(self) -> tuple[Floats, Floats]:
+        """(3, n) each: which entries of x STIFFNESS and MASSES add up."""
+        stiffness, masses = (np.array([table.get(name, (0.0,) * 3) for name in self.quantities]
+                                      ).reshape(-1, 3).T for table in (STIFFNESS, MASSES))
+        return stiffness, masses
+
+    def stiffness_factors(self, x: Floats) -> Floats:
+        """Return the factors (3,) of GJ, EI_n, EI_b at x."""
+        result: Floats = np.exp(self._logarithms[0] @ x)
+        return result
+
+    def mass_factors(self, x: Floats) -> Floats:
+        """Return the factors (3,) of the masses along the DLO, at points, at its tip, at x."""
+        result: Floats = np.exp(self._logarithms[1] @ x)
+        return result
 
     def coefficients(self, x: Floats) -> Floats:
         """Return (k, 3): of each function of s what is added to the natural strains, 1/m."""
@@ -201,8 +213,8 @@ class RodParameters(Value):
     def at(self, x: Floats) -> Rod:
         """Return the Rod at x (n,)."""
         rod, changes = self.rod, dict[str, Any]()
-        twist, *bend = self.factors(x, STIFFNESS).tolist()
-        spread, points, tip = self.factors(x, MASSES).tolist()
+        twist, *bend = self.stiffness_factors(x).tolist()
+        spread, points, tip = self.mass_factors(x).tolist()
         length = rod.length + self.lengthened(x)
         alone = any(self.columns(f'bending_stiffness_{axis}')[0].size for axis in 'nb')
         changes |= {'bending_stiffness': _scaled(rod.bending_stiffness, np.array(bend)),
@@ -273,12 +285,12 @@ class ParameterizedMesh:
         more = parameters.lengthened(x)
         fields = {name: getattr(system, name) + more * change
                   for name, change in self.by_length.items()}
-        heavier = parameters.factors(x, MASSES) - 1
+        heavier = parameters.mass_factors(x) - 1
         result: Discretization = self.mesh.varied(**{
             **fields, 'natural': fields.get('natural', system.natural)
             + self.means @ parameters.coefficients(x),
-            'stiffness': (parameters.factors(x, STIFFNESS)
-                          * fields.get('stiffness', system.stiffness)),
+            'stiffness': parameters.stiffness_factors(x) * fields.get('stiffness',
+                                                                      system.stiffness),
             'pull': fields.get('pull', system.pull) + np.tensordot(heavier, self._weights, 1)})
         return result
 
@@ -318,31 +330,44 @@ class ParameterizedMesh:
         system = shape.state.made_on.static
         stiff = np.diff(shape.s)[:, None] * system.stiffness
         bent = shape.bent if shape.state.made_on.yields else shape.element_strains - system.natural
-        gradients = np.zeros((parameters.size, *bent.shape))
+        gradients, natural = np.zeros((2, parameters.size, *bent.shape))
         for name, part in STIFFNESS.items():
             gradients[parameters.columns(name)[0]] = stiff * bent * np.array(part)
         for name in STRAINS:
             for column, function, axis in zip(parameters.columns(name)[0],
                                               *parameters.functions(name), strict=True):
-                gradients[column, :, axis] = -stiff[:, axis] * self.means[:, function]
-        weights = parameters.factors(x, MASSES)[:, None, None] * self._weights
+                natural[column, :, axis] = self.means[:, function]
+        gradients -= stiff * natural
+        weights = parameters.mass_factors(x)[:, None, None] * self._weights
         for name, part in MASSES.items():
             for column in parameters.columns(name)[0]:
-                heavier, _ = sensitivity.slope_of(
-                    pull=system.pull + np.tensordot(part, weights, 1))
-                gradients[column] = heavier - sensitivity.slope_of()[0]
+                gradients[column] = sensitivity.slope_of(pull=system.pull + np.tensordot(
+                    part, weights, 1)) - sensitivity.slope_of()
         stretch = np.zeros((parameters.size, len(bent)))
         for column in parameters.columns('length')[0]:
-            step = 0.1 * _STEP * shape.s[-1] * np.eye(x.size)[column]
-            sides = [self.at(x + sign * step).static for sign in (-1, 1)]
-            less, more = (sensitivity.slope_of(**{name: getattr(side, name)
-                                                  for name in self.by_length})[0]
-                          for side in sides)
-            gradients[column] = (more - less) / (2 * step[column])
+            by_length = {**self.by_length, 'stiffness': parameters.stiffness_factors(x)
+                         * self.by_length['stiffness']}
+            step = 0.1 * _STEP * shape.s[-1]
+            less, more = (sensitivity.slope_of(**{
+                name: getattr(system, name) + side * step * change
+                for name, change in by_length.items()}) for side in (-1, 1))
+            gradients[column] = (more - less) / (2 * step)
             stretch[column] = self.by_length['lengths'] / np.diff(shape.s)
+        own = np.zeros_like(natural)
+        # what a series cannot tell of a natural strain stays in it (by how little that moves a held
+        # end is left out)
+        if system.basis.shape[1]:
+            lengths = np.diff(shape.s)[:, None]
+            own = natural - system.scale * (system.basis @ (
+                system.basis.T @ (natural / system.scale * lengths)))
+            step = _TURN / shape.s[-1]
+            for k in np.flatnonzero(np.abs(own).max(axis=(1, 2)) > _TOLD):
+                less, more = (sensitivity.slope_of(side * step * own[k], natural=system.natural
+                                                   + side * step * own[k]) for side in (-1, 1))
+                gradients[k] += (more - less) / (2 * step)
         acts = np.flatnonzero(gradients.any(axis=(1, 2)))
-        strains = np.zeros_like(gradients)
-        strains[acts] = sensitivity.strains_by(gradients[acts])
+        strains = own
+        strains[acts] += sensitivity.strains_by(gradients[acts])
         return strains, stretch
 
     def _by_length(self) -> dict[str, Floats]:

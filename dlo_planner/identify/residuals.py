@@ -228,7 +228,7 @@ class MeasurementModel:
         self.precision = _IN_MOTION if motions else _AT_REST
         self._parts = [1] * len(motions)  # steps in each dt
         self._central = False
-        self.begin()
+        self.forget()
 
     def choose_steps(self, x: Floats, tolerance: float = EXACTLY) -> bool:
         """Halve the steps of the motions until that changed little at x (n,).
@@ -246,15 +246,15 @@ class MeasurementModel:
                         np.abs(fine - coarse).max() <= tolerance * self.rod.length):
                     break
                 coarse = fine
-        self.begin()
+        self.forget()
         return before != self._parts
 
-    def differ_centrally(self) -> None:
+    def use_central_differences(self) -> None:
         """Take central differences of motions from now on: twice the cost, hardly an error."""
         self._central = True
-        self.begin()
+        self.forget()
 
-    def of_motions(self, rows: Floats) -> list[Floats]:
+    def by_motion(self, rows: Floats) -> list[Floats]:
         """Return of each motion (k, points, ...): the rows (m, ...) of its k instants."""
         sizes = [one.points.shape[:2] for one in self.motions]
         first = len(rows) - sum(k * m for k, m in sizes)
@@ -262,18 +262,18 @@ class MeasurementModel:
         return [rows[begin:begin + k * m].reshape(k, m, *rows.shape[1:])
                 for begin, (k, m) in zip(ends[:-1], sizes, strict=True)]
 
-    def begin(self) -> None:
+    def forget(self) -> None:
         """Forget the shapes from which the search for the next ones begins."""
-        self._known: dict[bytes, StackedResiduals] = {}
-        self._held: dict[int, Shape] = {}
-        self._begins: dict[int, Shape] = {}
+        self._cache: dict[bytes, StackedResiduals] = {}
+        self._known_shapes: dict[int, Shape] = {}
+        self._initials: dict[int, Shape] = {}
 
     def at(self, x: Floats) -> StackedResiduals:
         """Return the StackedResiduals at unknowns x (n,)."""
         key = x.tobytes()
-        if key not in self._known:
-            self._known = {**dict(list(self._known.items())[1 - _KEPT:]), key: self._at(x)}
-        return self._known[key]
+        if key not in self._cache:
+            self._cache = {**dict(list(self._cache.items())[1 - _KEPT:]), key: self._at(x)}
+        return self._cache[key]
 
     def errors(self, index: int, x: Floats) -> PoseErrors:
         """Return the PoseErrors of an observation (motions come after what is at rest)."""
@@ -308,12 +308,12 @@ class MeasurementModel:
         A DLO held at both ends, which takes long to get there, stays where it was led once.
         """
         gripper = errors.applied(one.gripper)
-        before = self._held.get(index)
+        before = self._known_shapes.get(index)
         shape = direct.solve(gripper, before, far_end=one.far_end)
         if before is not None and not shape.converged:
             shape = direct.solve(gripper, far_end=one.far_end)
         if one.far_end is not None and shape.converged:
-            self._held[index] = shape
+            self._known_shapes[index] = shape
         return shape
 
     def _motion(self, index: int, one: ObservedMotion, x: Floats) -> Residuals:
@@ -338,23 +338,24 @@ class MeasurementModel:
             ends = [FarEnd(pose, given[0].grip)
                     for pose in _refined([end.pose for end in given], one.dt, parts)]
         direct = self._simulator(x)
-        initial = self._begun(direct, index, grippers[0], ends) if one.initial is None else (
+        initial = self._initial(direct, index, grippers[0], ends) if one.initial is None else (
             one.initial)
         motion = direct.simulate(grippers, one.dt / parts, initial, far_ends=ends,
                                  tolerance=np.inf)
         self._progress.check()
         solved = motion.converged and len(motion) == len(grippers)
-        return (seen_in(motion, one.times, one.s) if solved else None), motion.shapes[-1]
+        seen = positions_in_motion(motion, one.times, one.s) if solved else None
+        return seen, motion.shapes[-1]
 
-    def _begun(self, direct: DirectSimulator, index: int, gripper: Pose,
+    def _initial(self, direct: DirectSimulator, index: int, gripper: Pose,
                ends: list[FarEnd] | None) -> Shape | None:
         """Return the static Shape in which a DLO held at both ends begins; None: it is free."""
         if ends is None:
             return None
-        shape = direct.solve(gripper, self._begins.get(index), far_end=ends[0])
+        shape = direct.solve(gripper, self._initials.get(index), far_end=ends[0])
         if not shape.converged:
             return None
-        self._begins.setdefault(index, shape)
+        self._initials.setdefault(index, shape)
         return shape
 
 
@@ -366,7 +367,7 @@ def _refined(given: list[Pose], dt: float, parts: int) -> list[Pose]:
     return [guide.at(k / parts) for k in range((len(given) - 1) * parts + 1)]
 
 
-def seen_in(motion: Motion, times: Floats, s: Floats) -> Floats:
+def positions_in_motion(motion: Motion, times: Floats, s: Floats) -> Floats:
     """Return positions (k, m, 3) of the points at arc lengths `s` (m,) in a Motion at `times` (k,).
 
     Between the instants of the motion they go on cubics with its velocities.

@@ -159,6 +159,16 @@ def _weakness(crossings: Crossings) -> Floats:
     return _DEAR * np.clip(1 - crossings.stability / _WEAK, 0, 1) ** 2
 
 
+def with_certificate(planned: Callable[[], Plan], prove: Callable[[], str]) -> Plan:
+    """Return a Plan, or raise Infeasible with a certificate where there is no way for the DLO."""
+    try:
+        return planned()
+    except Infeasible as error:
+        if error.constraint in NO_WAY:
+            error.prove = prove
+        raise
+
+
 class Thinned(Protocol):
     """A task at some depths, which may be tried at fewer."""
 

@@ -126,8 +126,10 @@ def _refusal(what: str, index: int, depths: Floats, broken: tuple[str, float, st
              plan: Plan) -> Infeasible:
     """Return Infeasible for the waypoint `index`; broken: constraint, amount and words."""
     constraint, amount, why = broken
-    depth = f' (depth {depths[index]:g} m)' if np.any(depths) else ''
-    return Infeasible(f'{what} {index}{depth}: {why}', index, constraint, amount, plan)
+    deep = bool(np.any(depths))
+    depth = f' (depth {depths[index]:g} m)' if deep else ''
+    kept = f'; all is kept to depth {depths[index - 1]:g} m' if deep and index else ''
+    return Infeasible(f'{what} {index}{depth}: {why}{kept}', index, constraint, amount, plan)
 
 
 def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[float, float],

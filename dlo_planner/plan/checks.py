@@ -69,7 +69,8 @@ class PlanRequirements:
         if waypoint.clearance < 0:
             return ('clearance', -waypoint.clearance,
                     f'the DLO is {-waypoint.clearance:.3g} m in the sheet around a cut-out '
-                    '(infinite, if no Sheet among the obstacles has this hole)')
+                    '(infinite, if no Sheet among the obstacles has this hole): it would need as '
+                    'much more room')
         for index, obstacle in enumerate(self.obstacles):
             room = clearance([obstacle], self.surface, shape)
             if room < 0:

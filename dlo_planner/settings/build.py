@@ -15,7 +15,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.fit import Fit
-from dlo_planner.identify.parameters import MASSES, STIFFNESS, Uncertainty
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, vector
@@ -308,8 +308,8 @@ def parameters_of_estimate(estimate: Estimate, values: Mapping[str, Any]) -> dic
     """
     parameters = estimate.uncertain.parameters
     x = estimate.mean[:parameters.size]
-    (twist, bend, _), (mass, *_) = (parameters.factors(x, table).tolist()
-                                    for table in (STIFFNESS, MASSES))
+    (twist, bend, _), (mass, *_) = (factors(x).tolist() for factors in (
+        parameters.stiffness_factors, parameters.mass_factors))
     terms = parameters.coefficients(x)[:, 1:]
     sized = values['rod.section'] != 'stiffness'
     stiffness, weight = (f'rod.{name}' for name in (_SECTIONS if sized else _STIFFNESSES))

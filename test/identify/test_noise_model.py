@@ -46,13 +46,13 @@ class Places:
         return SimpleNamespace(away=self.UNIT * x - self.points, slopes=slopes,
                                counts=np.ones(self.points.shape, bool), any=True)
 
-    def begin(self):
+    def forget(self):
         pass
 
-    def differ_centrally(self):
+    def use_central_differences(self):
         pass
 
-    def of_motions(self, values):
+    def by_motion(self, values):
         return []
 
 
@@ -85,7 +85,7 @@ def test_deviations_of_a_place_are_those_of_repeated_draws(loss, known):
         away = NOISE * rng.normal(size=(40, 3)) * np.where(
             (loss != 'linear') & (rng.random((40, 1)) < 0.125), 4.0, 1.0)
         errors = errors_of(away, loss, NOISE if known else None)
-        found, told = errors.settled(errors.minimum(np.array([0.3, -0.2, 0.1])))
+        found, told = errors.with_noise(errors.minimum(np.array([0.3, -0.2, 0.1])))
         off.append(found.x / told.deviations)
     # 180 independent numbers: within four deviations of their root mean square
     assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1, abs=4 / np.sqrt(2 * 180))

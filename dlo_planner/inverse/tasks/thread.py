@@ -50,6 +50,7 @@ from dlo_planner.inverse.route import (
     quick_simulator,
     sweep,
     thinned,
+    with_certificate,
 )
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.model.arrays import Floats
@@ -355,14 +356,11 @@ class Thread(Task):
         depths, demands = depths_on(context.rod.length, self.depths), context.demands
 
         def planned(depths: Floats) -> Plan:
-            try:
-                return thread(context.without_obstacles, Threading(
-                    (self.cutout,), depths, context.start, demands, context.initial, self.method))
-            except Infeasible as error:
-                if error.constraint in NO_WAY:
-                    error.prove = partial(certificate, context.without_obstacles, self.cutout,
-                                          depths)
-                raise
+            free = context.without_obstacles
+            return with_certificate(
+                partial(thread, free, Threading((self.cutout,), depths, context.start, demands,
+                                                context.initial, self.method)),
+                partial(certificate, free, self.cutout, depths))
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:

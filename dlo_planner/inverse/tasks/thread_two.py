@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,6 +46,7 @@ from dlo_planner.inverse.route import (
     plan_family,
     quick_simulator,
     sweep,
+    with_certificate,
 )
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.inverse.tasks.thread import Threading, first_choice
@@ -177,6 +178,23 @@ def _unreached(simulator: DirectSimulator, task: Threading,
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
                       'their directions as the free end reaches the second one', waypoint, 'reach',
                       missing, builder.partial())
+
+
+def certificate(simulator: DirectSimulator, task: Threading) -> str:
+    """Return in words how many stable shapes pass both centers at once, as `Infeasible` does."""
+    quick = quick_simulator(simulator)
+    shapes = hanging_shapes(quick.surroundings, grid_nodes(quick))
+    if shapes is None:
+        return ''
+    _, depths, _ = at_the_second(quick, task, shapes)
+    begin = f'of {len(shapes.stability)} shapes in which the DLO hangs, '
+    if depths.size:
+        return (f'{begin}about {depths.size} stable ones pass both centers in their directions as '
+                f'the free end comes to the second, {depths.min():.4g} to {depths.max():.4g} m '
+                'deep in the first')
+    least = TwoPoints(quick, _chord(task)).least_miss(shapes)
+    return (f'{begin}no stable one passes both centers in their directions as the free end comes '
+            f'to the second; it is missed by {least:.3g} m at least')
 
 
 def _no_beginning(simulator: DirectSimulator, task: Threading,
@@ -361,6 +379,7 @@ class ThreadTwo(Task):
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""
         instance('context', context, PlanContext)
-        return thread_two(context.without_obstacles, Threading(
-            (self.first, self.second), depths_on(context.rod.length, self.depths), context.start,
-            context.demands))
+        task = Threading((self.first, self.second), depths_on(context.rod.length, self.depths),
+                         context.start, context.demands)
+        free = context.without_obstacles
+        return with_certificate(partial(thread_two, free, task), partial(certificate, free, task))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Paths and trajectories against differences of their poses, dense samples and limits."""
+"""A plan as a motion in time."""
 
 import pickle
 from dataclasses import FrozenInstanceError, replace

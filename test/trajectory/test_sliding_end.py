@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Insertions in motion: inertia as it must be, calm and safe from a start pose of their own."""
+"""A motion into a bore: what is outside gets shorter."""
 
 from dataclasses import replace
 from functools import cache

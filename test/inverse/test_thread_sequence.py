@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""More than two cut-outs: nowhere near a better pose, misses told, continuous."""
+"""Threading near the centers of more cut-outs."""
 
 import numpy as np
 import pytest

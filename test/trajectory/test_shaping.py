@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions that arrive calm: misses, durations, what may be wrong, limits, refusals."""
+"""Motions that arrive calm, and how they are found."""
 
 import pickle
 from dataclasses import replace
+from itertools import pairwise
+from time import process_time
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,23 +15,29 @@ from calm_cases import RODS, calm, cell, tasks
 from dlo_planner import (
     Capsule,
     CutOut,
+    DeadlineExceeded,
     DirectSimulator,
     Infeasible,
     InvalidTask,
     InverseSimulator,
+    Limits,
     Pose,
     Rod,
     Sphere,
     Trajectory,
+    replay,
 )
-from dlo_planner.errors import DeadlineExceeded
+from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.plan import PlanStatus, truncate
 from dlo_planner.progress import Progress
+from dlo_planner.results import ValidationReport
+from dlo_planner.trajectory import calm_search
 from dlo_planner.trajectory.calm_search import CalmSearch, holes_passed
 from dlo_planner.trajectory.dynamic_check import in_motion, worst_miss
-from dlo_planner.trajectory.modal_response import Case, slowest_period
-from dlo_planner.trajectory.shaping import LegTask, calm_law, margin, predicted
+from dlo_planner.trajectory.modal_response import Case, Response, slowest_period
+from dlo_planner.trajectory.shaping import LegTask, calm_law, compensated, margin, predicted
 from dlo_planner.trajectory.time_law import TimeLaw
-from dlo_planner.trajectory.timed_path import TimedPath
+from dlo_planner.trajectory.timed_path import TimedPath, smoothed
 from dlo_planner.trajectory.topp import fastest_rates
 from dlo_planner.trajectory.trajectory import _tolerance
 
@@ -352,3 +360,197 @@ def test_nonsense_is_refused_by_name(short):
                         ({'progress': 3}, 'progress')):
         with pytest.raises(InvalidTask, match=named):
             Trajectory(plan, **more)
+
+
+SHORT = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
+LEAF = Rod.rectangular(0.8, 0.020, 0.0005, 7850.0, 206e9, 0.29)
+# on the way there the leaf spring comes near to falling aside: 0.85 to 0.35 Hz
+ASIDE = CutOut(Pose.looking_along((0, 0, 1), (0.3268, -0.8378, 0.4373)), radius=0.0136)
+ABOVE = Pose.looking_along((-0.34008, 0.88092, 0.77364), (0.3813, -0.8164, 0.4337))
+
+
+def approach(rod, hole, start, depth):
+    inverse = InverseSimulator(DirectSimulator(rod))
+    through = inverse.thread(hole, start=start, depths=[0, depth])
+    way = inverse.approach(hole, through, start, standoff=0.05)
+    return truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE)
+
+
+def test_a_way_that_comes_to_no_rim_has_no_room_to_lose_there():
+    hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
+    way = approach(SHORT, hole, Pose.looking_along((-0.36, -0.1, 1.02), (1, 0, 0)), 0.1)
+    assert np.isinf(way.clearances[:, :, 0]).all()
+    motion = Trajectory(way, Limits(0.2, 1.0), tolerance=1e-3).motion
+    assert motion.departure < 1e-3
+    assert motion.clearance > 0
+
+
+def test_modes_are_known_densely_where_they_change_fast():
+    way = approach(LEAF, ASIDE, ABOVE, 0.1)
+    leg = GripperPath.of(way).legs[0]
+    quick = DirectSimulator(LEAF, n_elements=32, basis='local')
+    response = Response.of(quick, leg, quick.solve(way.grippers[0]))
+    slow = response.rates[:, :2]
+    assert np.abs(np.diff(np.log(slow), axis=0)).max() < 0.07
+    middle = 0.5 * (response.parameters[-2] + response.parameters[-1])
+    shape = quick.track([Pose.from_rotation(*(part[0] for part in leg.poses(np.array([middle]))))],
+                        initial=response.shapes[-2])[0]
+    assert 2 * np.pi * shape.modes(1).frequencies[0] == pytest.approx(
+        response.between(slow, np.array([middle]))[0, 0], rel=5e-3)
+
+
+def test_a_plan_that_comes_nearer_between_its_waypoints_than_at_them():
+    hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
+    way = approach(SHORT, hole, Pose.looking_along((-0.5, -0.1, 1.02), (1, 0, 0)), 0.1)
+    plan = truncate(way, 2, PlanStatus.COMPLETE)
+    before, after = (shape.positions[-1] for shape in plan.shapes)
+    beside = np.cross(after - before, (0, 0, 1))
+    beside *= 0.012 / np.linalg.norm(beside)
+    ball = Sphere(0.5 * (before + after) + beside, 0.01)
+    at_waypoints = min(np.linalg.norm(tip - ball.center) for tip in (before, after)) - ball.radius
+    motion = Trajectory(plan, Limits(0.2, 1.0), tolerance=1e-3, obstacles=[ball]).motion
+    assert motion.calm_clearance < 0.5 * at_waypoints
+    assert motion.clearance > 0
+    assert motion.clearance == pytest.approx(motion.calm_clearance, abs=1e-3)
+
+
+def shaped(task, slower=1.0):
+    """Return a law with windows of the two slowest modes at the end, and with its Shift."""
+    u, rates = fastest_rates(task.leg, task.limits)
+    windows = 2 * np.pi / task.response.rates[-1, :2]
+    law = smoothed(task.leg, task.limits, u, rates / slower, windows)
+    return law, replace(law, shift=compensated(task, law))
+
+
+def left(task, law):
+    """Return by how much the DLO still vibrates where the law ends, m."""
+    place, speed = task.response.excited(law, task.response.rest)[2][:, -1]
+    return float((task.response.sizes[-1] * np.hypot(place, speed)).sum())
+
+
+@pytest.mark.parametrize('name', ['wire', 'hose', 'leaf spring'])
+def test_the_miss_and_the_vibration_left_fall(name):
+    task = tasks(name)[-1]
+    plain, helped = shaped(task, 1.5)
+    assert predicted(task, plain) > 3 * predicted(task, helped)
+    assert left(task, plain) > 3 * left(task, helped)
+    # the shift is small beside the deviation that it mends, some millimeters
+    assert helped.shift.most[0] < 5 * predicted(task, plain)
+
+
+def test_the_simulation_agrees():
+    task = tasks('wire')[-1]
+    direct, plan = cell('wire')
+    first = int(np.searchsorted(plan.times, task.leg.knots[0]))
+    part = replace(plan, stops=(), **{name: getattr(plan, name)[first:] for name in (
+        'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times', 'via_points',
+        'clearances', 'insertion_force')})
+    path = GripperPath(part.times, (task.leg,))
+    shape = direct.solve(part.grippers[0], part.shapes[0])
+    laws = shaped(task, 0.7)
+    found = [in_motion(direct, part, TimedPath(path, (law,), task.limits), shape, (),
+                       Progress(None, None)) for law in laws]
+    # coarser waypoints and a second mesh are in both
+    assert found[0].position_error > 2 * found[1].position_error
+    # the response is right to a part of the largest deviation
+    for one, law in zip(found, laws, strict=True):
+        known = task.cases[0].deviation(law, task.rest[0])[0]
+        assert abs(one.position_error - known) < 0.1 * one.swing
+
+
+def test_a_leg_shorter_than_a_spline_has_no_shift():
+    task = tasks('wire')[-1]
+    law, _ = shaped(task)
+    quick = replace(law, rates=20 * law.rates, windows=np.array([0.01]))
+    assert compensated(task, quick) is None
+
+
+def test_a_leg_of_very_many_periods_has_no_shift():
+    task = tasks('wire')[-1]
+    law, helped = shaped(task)
+    assert helped.shift is not None
+    slow = law.slower(60 * 2 * np.pi / task.response.rates.min() / law.duration)
+    assert compensated(task, slow) is None
+
+
+ROD = Rod(0.3, 0.05, 5e-3, 4e-3, radius=2e-3)
+DIRECT = DirectSimulator(ROD)
+HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
+
+
+@pytest.fixture(scope='module')
+def plan():
+    return InverseSimulator(DIRECT).thread(HOLE, depths=np.linspace(0, 0.25, 8))
+
+
+def late(*_, **__):
+    raise DeadlineExceeded('deadline = 1 s: not finished after 1 s', 1.0, 1.0)
+
+
+def test_a_deadline_is_looked_at_often(plan, monkeypatch):
+    looks, check = [], Progress.check
+
+    def looked(self):
+        looks.append(process_time())
+        check(self)
+
+    below = Sphere(plan.shapes[0].positions[-1] - (0, 0, 0.06), 0.05)
+    amid = DirectSimulator(ROD, obstacles=[below])
+    replay(amid, plan, limits=Limits())  # kernels and modules are there now
+    monkeypatch.setattr(Progress, 'check', looked)
+    begun = process_time()
+    assert replay(amid, plan, limits=Limits()).safe
+    seconds = process_time() - begun
+    assert max(after - before for before, after in pairwise(
+        [begun, *looks, process_time()])) < 0.1 * seconds + 0.1
+
+
+def test_a_calm_motion_is_returned_though_not_all_is_known_of_it(plan, tmp_path, monkeypatch):
+    whole = Trajectory(plan)
+    assert whole.status == 'complete' and np.isfinite(whole.motion.error_estimate)
+    assert Trajectory(plan, tolerance=np.inf).status == 'not simulated'
+    with monkeypatch.context() as patched:
+        patched.setattr(CalmSearch, '_margin', late)
+        without_margin = Trajectory(plan)
+        patched.setattr(calm_search, 'step_error', late)
+        neither = Trajectory(plan)
+        report = replay(DIRECT, plan, limits=Limits())
+    for way, error in ((without_margin, whole.motion.error_estimate), (neither, np.inf)):
+        assert 'the deadline came first' in way.status and np.isnan(way.mode_margin)
+        assert way.duration == whole.duration and way.motion.error_estimate == error
+        assert pickle.loads(pickle.dumps(way)).status == way.status
+    assert report.safe and 'mode_margin' in report.not_looked_at
+    report.save(tmp_path / 'report.npz')
+    assert ValidationReport.load(tmp_path / 'report.npz').trajectory.status == neither.status
+
+
+def test_a_deadline_before_a_calm_motion_says_what_was_reached(plan, monkeypatch):
+    timed, rounds = CalmSearch._timed, []
+
+    def once(self, *given):
+        rounds.append(given)
+        return timed(self, *given) if len(rounds) == 1 else late()
+
+    with pytest.raises(DeadlineExceeded, match='not finished') as caught:
+        Trajectory(plan, deadline=1e-3)
+    assert caught.value.seconds == 1e-3
+    monkeypatch.setattr(CalmSearch, '_timed', once)
+    with pytest.raises(DeadlineExceeded, match='in motion, .* m at best, in .* s') as caught:
+        Trajectory(plan, tolerance=1e-5)
+    assert caught.value.elapsed == 1.0
+
+
+def test_the_deadline_of_a_replay_is_said_as_it_was_given(plan):
+    with pytest.raises(DeadlineExceeded, match=r'deadline = 0\.4 s: not finished') as caught:
+        replay(DIRECT, plan, limits=Limits(), tolerance=1e-9, deadline=0.4)
+    assert caught.value.seconds == 0.4
+
+
+def test_a_refusal_is_an_answer_though_the_deadline_comes(plan, monkeypatch):
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
+    monkeypatch.setattr('dlo_planner.verify.replay.in_motion', late)
+    report = replay(DIRECT, plan, limits=Limits(), tolerance=1e-5)
+    assert not report.safe and 'the DLO is not calm' in report.reason
+    assert 'swing' in report.not_looked_at
+    with pytest.raises(DeadlineExceeded):
+        replay(DIRECT, plan, trajectory=Trajectory(plan, tolerance=np.inf))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A DLO that is not meant to touch anything: as if alone, and whatever it would touch is found."""
+"""What a DLO comes near to in motion."""
 
 from dataclasses import fields, replace
 

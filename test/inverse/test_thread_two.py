@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Two cut-outs: replayed by the direct simulator, continuous, refused with a reason."""
+"""Threading through two cut-outs."""
 
 import numpy as np
 import pytest

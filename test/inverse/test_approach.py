@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The way to the hole stays behind the sheet, and the gripper stays before it."""
+"""From the present pose to the beginning of a threading."""
 
 from dataclasses import replace
 

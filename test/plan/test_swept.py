@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is checked is the path that moves: between all waypoints, against dense samples of it."""
+"""What is looked at between the waypoints of a plan."""
 
 from dataclasses import replace
 

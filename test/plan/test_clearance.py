@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Room of rectangular and of stepped DLOs, against dense samples of their outside."""
+"""Room in holes and beside bodies."""
 
 import numpy as np
 import pytest

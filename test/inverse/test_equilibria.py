@@ -1,14 +1,22 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All ways to hang, against Runge-Kutta; where the curve of a task crosses the grid."""
+"""All ways to hang, and where threadings can begin."""
 
 import numpy as np
 import pytest
 from references.hanging import hanging_and_stable
+from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.problem import new_configuration
 from dlo_planner.inverse.continuation import Aligned, TwoPoints
-from dlo_planner.inverse.equilibria import hanging_shapes
+from dlo_planner.inverse.equilibria import (
+    hanging_shapes,
+    integrate_from_tip,
+    is_axisymmetric,
+    least_turn,
+)
 
 ROD = Rod(1.0, 0.1, (0.1, 0.3), 0.1, natural_curvature=(0.6, -0.4), natural_twist=0.3)
 WEIGHT = np.array([0, 0, -9.81 * 0.1])
@@ -81,3 +89,42 @@ def test_a_way_with_sharp_turns_is_found_as_well():
         assert shape.converged and not shape.jumped
         np.testing.assert_allclose(position, cutout.center, atol=1e-9)
         np.testing.assert_allclose(axes[:, 0], cutout.normal, atol=1e-6)
+
+
+START_ROD = Rod(1.0, 0.1, (0.5, 1.0), 0.4, natural_curvature=(0.6, -0.3), natural_twist=0.5,
+          tip_mass=0.02)
+
+
+def test_the_march_from_the_end_is_an_equilibrium(rng):
+    end = Rotation.from_quat(rng.normal(size=4)).as_matrix()
+    direct = DirectSimulator(START_ROD, basis='local', n_elements=12)
+    system = direct.mesh.system(np.eye(3))
+    strains, base = integrate_from_tip(system, np.ascontiguousarray(end))
+    turned = system._replace(base=base)
+    state = new_configuration(turned)
+    state.q[:] = (strains - turned.natural) / turned.scale
+    evaluate(turned, state)
+    np.testing.assert_allclose(state.gradient, 0, atol=1e-13)
+    np.testing.assert_allclose(state.rotations[-1], end, atol=1e-13)
+
+
+def test_the_least_turn_is_about_the_axis_across(rng):
+    for _ in range(20):
+        one, other = rng.normal(size=(2, 3))
+        one, other = one / np.linalg.norm(one), other / np.linalg.norm(other)
+        turn = least_turn(one, other)
+        np.testing.assert_allclose(turn @ one, other, atol=1e-12)
+        angle = Rotation.from_matrix(turn).magnitude()
+        assert angle == pytest.approx(np.arccos(np.clip(one @ other, -1, 1)))
+        np.testing.assert_allclose(least_turn(one, one), np.eye(3), atol=1e-15)
+        np.testing.assert_allclose(least_turn(one, -one) @ one, -one, atol=1e-12)
+
+
+@pytest.mark.parametrize(('more', 'alike'), [
+    ({}, True), ({'natural_curvature': (0.3, 0.0)}, False), ({'natural_twist': 0.5}, False),
+    ({'natural_curvature': lambda s: (0.0, max(0.0, s - 0.9))}, False),
+    ({'bending_stiffness': (0.5, 0.6)}, False), ({'tip_mass': 0.1}, True)])
+def test_rolls_are_alike_where_the_dlo_is_straight_and_round(more, alike):
+    rod = Rod(**{'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 0.5,
+                 'torsional_stiffness': 0.4, **more})
+    assert is_axisymmetric(rod) == alike

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What every plan has to keep: workspace, clearance, sharpest bend, yield; or is refused."""
+"""What a plan has to keep."""
 
 import numpy as np
 import pytest
