@@ -3,8 +3,7 @@
 """What simulations and proofs return: for annotations, and to load them from files."""
 
 from dlo_planner.direct.contact import Contact
-from dlo_planner.direct.mode_tracking import modes_along
-from dlo_planner.direct.modes import Modes
+from dlo_planner.direct.modes import Modes, modes_along
 from dlo_planner.direct.motion import Motion
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.verify.report import ValidationReport
