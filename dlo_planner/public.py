@@ -9,12 +9,12 @@ The rest is in `dlo_planner.tasks`, `.penalties`, `.rods`, `.results`, `.identif
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import (
-           DeadlineExceeded,
-           DloPlannerError,
-           Infeasible,
-           InvalidRod,
-           InvalidTask,
-           NotConverged,
+    DeadlineExceeded,
+    DloPlannerError,
+    Infeasible,
+    InvalidRod,
+    InvalidTask,
+    NotConverged,
 )
 from dlo_planner.identify.closed_loop import ClosedLoop
 from dlo_planner.identify.fit import fit_rod
@@ -22,13 +22,13 @@ from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks import (
-           HoldContact,
-           Insert,
-           Minimize,
-           SlideContact,
-           Thread,
-           ThreadSequence,
-           ThreadTwo,
+    HoldContact,
+    Insert,
+    Minimize,
+    SlideContact,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
 )
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Plane, Sheet, Sphere
