@@ -64,7 +64,7 @@ bench-check: $(VENV)/compiled
 	$(RUN) -m benchmarks check
 
 cell: $(VENV)/compiled
-	$(RUN) -m dlo_planner.cell
+	$(RUN) -m benchmarks.cell
 
 soak: $(VENV)/compiled
 	$(RUN) test/soak --minutes 10 --output soak_output

@@ -15,7 +15,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.step import corrected_by, past_of
 from dlo_planner.execute.judge import aimed_anew
-from dlo_planner.execute.threading_loop import Threading, way_back, way_in, way_to_standoff
+from dlo_planner.execute.threading_motions import Threading, way_back, way_in, way_to_standoff
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observation import Observation

@@ -15,8 +15,8 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
-from dlo_planner.execute.beginning import blending_as
 from dlo_planner.execute.causes import Cause, Refused
+from dlo_planner.execute.execution import blending_as
 from dlo_planner.execute.judge import (
     aimed_anew,
     disagreement,

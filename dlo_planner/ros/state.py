@@ -13,9 +13,8 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.execute.beginning import from_where_it_is
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.execution import EXACT, Execution
+from dlo_planner.execute.execution import EXACT, Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import used
 from dlo_planner.identify.steering import Steered
@@ -204,10 +203,11 @@ class State:
         proved = ready(self, now, wanted)
         assert self.planned is not None and self.feedback is not None  # `ready` looks at both
         scene = self.planned.scene
-        way, begin = from_where_it_is(proved, self.feedback.pose.compose(scene.tool),
-                                      self.planned.plan.shapes[0], scene.limits, scene.period)
+        way, begin = blend_from_current_pose(
+            proved, self.feedback.pose.compose(scene.tool), self.planned.plan.shapes[0],
+            scene.limits, scene.period)
         times = np.arange(-_SEEN, proved.duration / scene.period + _SEEN) * scene.period
-        part = used(proved.poses(times), scene.limits, scene.period)
+        part = used(proved.frames(times), scene.limits, scene.period)
         if part > EXACT:
             raise Refused(Cause.LIMITS, f'the motion of the plan uses {part:.3g} of its limits of '
                           'speed, acceleration and jerk (threading.*): plan again')

@@ -22,11 +22,11 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError
-from dlo_planner.execute.ahead import Ahead
 from dlo_planner.execute.causes import Cause, Refused, cause_of
-from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.execution import Ahead, Execution
 from dlo_planner.execute.guards import Enabled
-from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
+from dlo_planner.execute.threading_loop import ThreadingLoop
+from dlo_planner.execute.threading_motions import Threading
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing
 from dlo_planner.inverse.tasks import Thread

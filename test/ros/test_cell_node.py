@@ -23,8 +23,10 @@ pytest.importorskip('mujoco')
 from dlo_planner import DloPlannerError, Pose  # noqa: E402
 from dlo_planner.cell.cases import NOMINAL, case  # noqa: E402
 from dlo_planner.cell.node import CellNode  # noqa: E402
-from dlo_planner.cell.passage import Passage  # noqa: E402
-from dlo_planner.cell.plant import Plant  # noqa: E402
+from dlo_planner.cell.plant import (
+    Passage,  # noqa: E402
+    Plant,  # noqa: E402
+)
 from dlo_planner.ros.lifecycle import CHANGES, LATCHED, REQUEST  # noqa: E402
 from msg_helpers.poses import pose_stamped_msg  # noqa: E402
 from msg_helpers.trajectories import poses_ahead  # noqa: E402

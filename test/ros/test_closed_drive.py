@@ -23,7 +23,7 @@ from dlo_planner import (
 )
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Enabled, Heard
-from dlo_planner.execute.limiter import used
+from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.identify.observing import Observing
 from dlo_planner.identify.predicted_miss import crossing
 from dlo_planner.ros.plan import make_plan, through
@@ -118,7 +118,7 @@ class Cell:
             here = here if sent is None else sent
             poses.append(here)
         scene = self.state.scene
-        return used([*poses, here, here, here], scene.limits, scene.period)
+        return used(frames_of([*poses, here, here, here]), scene.limits, scene.period)
 
 
 def ended(execution):

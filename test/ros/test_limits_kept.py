@@ -10,13 +10,11 @@ from scipy.spatial.transform import Rotation
 from streams import ROUNDED, largest, shares
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
-from dlo_planner.execute.beginning import from_where_it_is
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.execution import Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.limiter import Limiter, shortest_stop, used
-from dlo_planner.identify.blending import Change
-from dlo_planner.identify.steering import Steered
+from dlo_planner.execute.limiter import Limiter, frames_of, shortest_stop, used
+from dlo_planner.identify.steering import Change, Steered
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.settings.parameters import PARAMETERS
 
@@ -104,7 +102,7 @@ def test_the_measure_is_that_of_closed_forms():
         for k, size in ((0, r * w**n), (1, 0.2 * w**n)):
             name = [['linear', 'angular'][k], ['speed', 'acceleration', 'jerk'][n - 1]]
             one = replace(free, **{'_'.join(name): 2 * size})
-            assert used(poses, one, period) == pytest.approx(0.5, rel=1e-3)
+            assert used(frames_of(poses), one, period) == pytest.approx(0.5, rel=1e-3)
             assert largest(poses, one, period, rests=(False, False)) == pytest.approx(
                 0.5, rel=1e-3)
 
@@ -115,7 +113,7 @@ def test_the_measure_is_that_of_closed_forms():
     (STIFF, SHORT, 0.0, 0.006, 0.0), (STIFF, SHORT, 0.0011, 0.0, 0.0)])
 def test_a_start_from_elsewhere_keeps_the_limits(plan, way, meters, radians, horizon):
     here = displaced(plan.grippers[0], meters, radians)
-    start, begin = from_where_it_is(way, here, plan.shapes[0], LIMITS, PERIOD)
+    start, begin = blend_from_current_pose(way, here, plan.shapes[0], LIMITS, PERIOD)
     robot = Robot(begun(start, horizon, begin)).run(regular(way.duration - begin + 1))
     assert robot.execution.phase == 'succeeded'
     assert len(robot.streams) == 1 + bool(horizon)
@@ -134,7 +132,7 @@ def test_a_start_that_the_limits_do_not_allow_is_refused():
     here = displaced(STIFF.grippers[0], 0.3, 0.0)
     slow = replace(LIMITS, linear_speed=0.02)
     with pytest.raises(Refused, match=r'0\.3 m and .* rad from where the plan begins') as refused:
-        from_where_it_is(SHORT, here, STIFF.shapes[0], slow, PERIOD)
+        blend_from_current_pose(SHORT, here, STIFF.shapes[0], slow, PERIOD)
     assert refused.value.cause == Cause.NOT_AT_START
 
 
@@ -162,7 +160,7 @@ def test_a_stop_keeps_a_limit_of_jerk_that_it_depends_on(index):
 
 def test_a_stop_on_the_way_to_the_beginning_keeps_the_limits():
     here = displaced(STIFF.grippers[0], 0.019, 0.09)
-    start, begin = from_where_it_is(SHORT, here, STIFF.shapes[0], LIMITS, PERIOD)
+    start, begin = blend_from_current_pose(SHORT, here, STIFF.shapes[0], LIMITS, PERIOD)
     for index in range(4, round(-begin / PERIOD), 7):
         robot = Robot(begun(start, 0.0, begin)).run(regular(5), {index: Execution.canceled})
         assert robot.execution.phase == 'stopped' and robot.execution.done < 0.5

@@ -12,7 +12,7 @@ from planner_process import PATIENCE, drain
 from visualization_msgs.msg import Marker
 
 from dlo_planner import Pose
-from dlo_planner.execute.causes import MEANINGS, Cause
+from dlo_planner.execute.causes import Cause
 from msg_helpers.poses import pose_msg, pose_stamped_msg
 
 
@@ -163,6 +163,6 @@ def test_table_and_page_of_causes_agree():
     page = (Path(__file__).parents[2] / 'docs' / 'ros_interface.md').read_text()
     rows = [line for line in page.splitlines() if line.startswith('| ')]
     for cause in Cause:
-        assert f'| {cause.value} | `{cause.name}` | {MEANINGS[cause]} |' in rows
+        assert f'| {cause.value} | `{cause.name}` | {cause.meaning} |' in rows
     named = [row for row in rows if row.split('|')[1].strip().isdigit()]
     assert len(named) == len(Cause)

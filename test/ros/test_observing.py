@@ -79,6 +79,8 @@ def test_clouds_are_thinned_out_by_time_and_points(rng):
     assert not out.due(0.25)
     assert out.due(0.31)
     assert out.due(-60.0)  # the clock was set back
+    out.closely = True
+    assert [out.due(stamp) for stamp in (0.15, 0.17)] == [False, True]
 
 
 def test_gripper_poses_that_come_late_are_left_out():

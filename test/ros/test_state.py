@@ -11,9 +11,8 @@ from builtin_interfaces.msg import Time
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Pose, Sphere, replay
-from dlo_planner.execute.beginning import blending_as
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.execution import Heard
+from dlo_planner.execute.execution import Heard, blending_as
 from dlo_planner.execute.guards import Enabled, Guards
 from dlo_planner.identify.observing import Seeing
 from dlo_planner.plan.plan import PlanStatus, truncate
