@@ -75,7 +75,9 @@ class Discretization(Value):
         else:
             self._compute()
         if variation is not None:
-            fields = dict(variation)
+            freeze(list(variation.values()))
+            # copies: kernels are compiled for arrays that may be written
+            fields = {name: np.array(values) for name, values in variation.items()}
             if nominal is not None and 'lengths' in fields:
                 # a series is orthonormal on its elements: strains are projected by their lengths
                 fields['basis'] = nominal.free.basis / np.sqrt(s[-1] / nominal.s[-1])

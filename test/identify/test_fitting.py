@@ -58,6 +58,7 @@ def test_a_section_goes_with_the_stiffness_that_is_fitted():
     assert other.section.torsional_stiffness == pytest.approx(0.8 * rod.torsional_stiffness)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(('case', 'repeats'), [('without s', 16),
                                                ('with s, gripper, noise known', 8)])
 def test_coverage(case, repeats):

@@ -95,6 +95,7 @@ def test_slopes_against_differences(held, mesh, rng):
         np.testing.assert_allclose(slopes[:, :, k], (ahead - back) / 6e-4, atol=1e-6)
 
 
+@pytest.mark.sweep
 def test_deviations_are_those_of_repeated_experiments():
     rng, off = np.random.default_rng(5), []
     rod = Rod(1.0, 0.07, (0.02, 0.03), 0.015, tip_mass=0.02, natural_twist=0.3)

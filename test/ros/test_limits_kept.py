@@ -107,6 +107,7 @@ def test_the_measure_is_that_of_closed_forms():
                 0.5, rel=1e-3)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('plan', 'way', 'meters', 'radians', 'horizon'), [
     (STIFF, SHORT, 0.019, 0.09, 0.0), (STIFF, SHORT, 0.019, 0.09, 1.0),
     (STIFF, SHORT, 0.3, 1.0, 0.0), (WIRE, WAY, 0.019, 0.09, 1.0),
@@ -136,6 +137,7 @@ def test_a_start_that_the_limits_do_not_allow_is_refused():
     assert refused.value.cause == Cause.NOT_AT_START
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('horizon', [0.0, 1.0])
 @pytest.mark.parametrize('index', [2, 9, 20, 60, 140, 220, 300, 380, 455])
 def test_a_stop_keeps_all_limits_and_is_soon_at_rest(index, horizon):
@@ -176,6 +178,7 @@ def test_a_robot_whose_planner_dies_comes_to_rest_within_the_limits(index):
     assert steps[-1] < 1e-6
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('late', [0.08, 0.2, 0.45])
 @pytest.mark.parametrize('at', [40, 250])
 def test_after_a_pause_commands_begin_again_where_the_gripper_stands(late, at):

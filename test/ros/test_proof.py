@@ -97,6 +97,7 @@ def test_what_goes_wrong_is_the_reason(kind):
     assert 'has ended' in last.reason and last.report is slowly.report
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('losses', 'state'), [(1, 'held'), (3, 'held'), (4, 'refused')])
 def test_a_proof_whose_process_dies_is_made_again_three_times(losses, state):
     calls = []
