@@ -36,13 +36,13 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.clearance import Bodies, SheetSide
 from dlo_planner.plan.path import GripperPath, Leg
 
@@ -65,7 +65,7 @@ class Broken:
 
 
 def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
-                      demands: PlanRequirements,
+                      demands: Judge,
                       known: Sequence[float | None] | None = None) -> Broken | None:
     """Return the first violation between the waypoints of a plan, or None."""
     outside = None
@@ -201,8 +201,8 @@ def curve_distances(this: Shape, that: Shape) -> Floats:
     """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
     ends = this.positions[[0, -1]] - that.positions[[0, -1]]
     reach = float(np.sqrt((ends**2).sum(axis=1).max()))
-    result: Floats = _distances(np.array(this.s), this.for_kernels[3], np.array(that.s),
-                                *that.for_kernels[1:], reach)
+    result: Floats = _distances(np.array(this.s), kernel_arrays(this)[3], np.array(that.s),
+                                *kernel_arrays(that)[1:], reach)
     return result
 
 

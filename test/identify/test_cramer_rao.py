@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from dlo_planner import DirectSimulator, Observation, Pose, Rod, fit_rod
-from dlo_planner.identify import ObservedMotion
+from dlo_planner import DirectSimulator, Pose, Rod, fit_rod
+from dlo_planner.identify import Observation, ObservedMotion
 from dlo_planner.identify.residuals import positions_in_motion
 
 MESH = {'basis': 'local', 'n_elements': 12}

@@ -11,13 +11,12 @@ from dlo_planner import (
     DeadlineExceeded,
     DirectSimulator,
     InvalidTask,
-    Observation,
     Pose,
     Rod,
     Uncertainty,
     fit_rod,
 )
-from dlo_planner.identify import ObservedMotion
+from dlo_planner.identify import Observation, ObservedMotion
 from dlo_planner.identify.residuals import MeasurementModel
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.progress import Progress

@@ -27,7 +27,7 @@ from dlo_planner.cell.plant import (
     Passage,  # noqa: E402
     Plant,  # noqa: E402
 )
-from dlo_planner.ros.managed import CHANGES, LATCHED, REQUEST  # noqa: E402
+from dlo_planner.ros.lifecycle import CHANGES, LATCHED, REQUEST  # noqa: E402
 from msg_helpers.poses import pose_stamped_msg  # noqa: E402
 from msg_helpers.trajectories import poses_ahead  # noqa: E402
 

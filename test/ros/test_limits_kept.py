@@ -15,8 +15,8 @@ from dlo_planner.execute.execution import Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Guards, Heard
 from dlo_planner.execute.limiter import Limiter, frames_of, shortest_stop, used
 from dlo_planner.identify.steering import Change, Steered
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
+from dlo_planner.settings.parameters import PARAMETERS
 
 PERIOD, LIMITS = 0.02, Limits()
 FULL = Limits(*(0.95 * LIMITS.sizes).ravel())  # what a motion is made for
@@ -353,7 +353,7 @@ def test_a_stop_in_a_correction_keeps_the_limits():
 
 
 def test_a_motion_is_made_for_a_part_of_the_limits():
-    values = {name: entry.default for name, entry in ENTRIES.items()}
+    values = {name: entry.default for name, entry in PARAMETERS.items()}
     scene = build_scene({**values, 'threading.linear_jerk': float('inf')})
     np.testing.assert_allclose(scene.motion_limits.sizes, 0.95 * scene.limits.sizes)
     assert scene.horizon == 1.0

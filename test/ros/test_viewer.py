@@ -31,7 +31,8 @@ from msg_helpers.poses import pose_from_msg, pose_stamped_msg
 from msg_helpers.trajectories import plan_path
 
 pytest.importorskip('viser', reason='extra [view] is not installed')
-from dlo_planner.ros.viewer import _LATCHED, _RELIABLE, Viewer  # noqa: E402
+from dlo_planner.cell.node import _LATCHED, _RELIABLE  # noqa: E402
+from dlo_planner.ros.viewer import Viewer  # noqa: E402
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 PLANNER = '/cell/planner'
