@@ -36,9 +36,9 @@ def seconds_of(stamp: Time | Duration) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
-def time_msg(seconds: float, since: Time | None = None) -> Time:
+def time_msg(seconds: float, stamp: Time | None = None) -> Time:
     """Return builtin_interfaces/Time of seconds on its clock, or after another one."""
-    begin = Time() if since is None else instance('since', since, Time)
+    begin = Time() if stamp is None else instance('stamp', stamp, Time)
     whole, rest = _parts(seconds, begin.sec * _NANOSECONDS + begin.nanosec)
     return Time(sec=whole, nanosec=rest)
 
