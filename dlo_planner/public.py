@@ -35,7 +35,7 @@ from dlo_planner.inverse.tasks import (
     ThreadTwo,
 )
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Ellipsoid, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, with_plug
 from dlo_planner.model.section import Section
@@ -53,10 +53,10 @@ from dlo_planner.verify.robustness import Robustness, robustness
 from dlo_planner.verify.uncertainty import Uncertainty
 
 __all__ = ['Box', 'Capsule', 'ClosedLoop', 'Contact', 'CutOut', 'Cylinder', 'DeadlineExceeded',
-           'DirectSimulator', 'DloPlannerError', 'FarEnd', 'GraspedInside', 'HoldContact',
-           'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits',
-           'Minimize', 'Modes', 'Motion', 'NotConverged', 'Observation', 'Observer', 'Piecewise',
-           'Plan', 'Plane', 'PointLoad', 'Pose', 'Robustness', 'Rod', 'Section', 'Shape', 'Shapes',
-           'Sheet', 'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Trajectory',
-           'Uncertainty', 'ValidationReport', 'Workspace', 'fit_rod', 'modes_along', 'replay',
-           'robustness', 'solve_many', 'with_plug']
+           'DirectSimulator', 'DloPlannerError', 'Ellipsoid', 'FarEnd', 'GraspedInside',
+           'HoldContact', 'Infeasible', 'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator',
+           'Limits', 'Minimize', 'Modes', 'Motion', 'NotConverged', 'Observation', 'Observer',
+           'Piecewise', 'Plan', 'Plane', 'PointLoad', 'Pose', 'Robustness', 'Rod', 'Section',
+           'Shape', 'Shapes', 'Sheet', 'SlideContact', 'Sphere', 'Thread', 'ThreadSequence',
+           'ThreadTwo', 'Trajectory', 'Uncertainty', 'ValidationReport', 'Workspace', 'fit_rod',
+           'modes_along', 'replay', 'robustness', 'solve_many', 'with_plug']

@@ -55,11 +55,11 @@ from dlo_planner.geometry.so3 import partway
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import (
     COARSER,
-    carried_newton,
+    follow_contact,
     predictor_corrector,
 )
 from dlo_planner.minimize.convergence import TOUCHING, as_rounded
-from dlo_planner.minimize.newton import HELD_NEUTRAL, led
+from dlo_planner.minimize.newton import HELD_NEUTRAL, follow_homotopy
 from dlo_planner.minimize.semismooth import correction
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
@@ -100,13 +100,13 @@ def lead(discretization: Discretization, strains: Floats, grippers: tuple[Pose, 
         q = discretization.unknowns(strains)
         if discretization.surroundings.pinned:
             bases[:] = system.base
-            q, gone = led(with_hinge(system), hinge_unknowns(system, q), bases, held_at - gripped,
-                          axes, rows)
+            q, gone = follow_homotopy(with_hinge(system), hinge_unknowns(system, q), bases,
+                                      held_at - gripped, axes, rows)
             begin, end = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
                           for pose in (begin, end))
             q = own_unknowns(system, q)
         else:
-            q, gone = led(system, q, bases, held_at - gripped, axes, rows)
+            q, gone = follow_homotopy(system, q, bases, held_at - gripped, axes, rows)
         strains = discretization.strains_of(q)
         history = history.leaving(hold=system.hold.multiplier)
         if gone == len(shares):
@@ -374,7 +374,7 @@ def bearing_on(discretization: Discretization, gripper: Pose, initial: Shape | N
     np.subtract(past.positions, gripper.position, out=before[:, :3])
     before[:, 3:] = past.tangents
     system = discretization.system(gripper.rotation, gripper.position, past)
-    found = carried_newton(system, start, TOLERANCE, MAX_ITERATIONS,
+    found = follow_contact(system, start, TOLERANCE, MAX_ITERATIONS,
                            EXACT * discretization.s[-1], before)
     if found is None:
         return None

@@ -8,8 +8,8 @@ import pytest
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
 from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, shape_of
 from dlo_planner.direct.step import bearing_on, corrected_by, past_of
-from dlo_planner.minimize.contact_solver import carried_newton
-from dlo_planner.minimize.semismooth import carried
+from dlo_planner.minimize.contact_solver import follow_contact
+from dlo_planner.minimize.semismooth import tangent_predictor
 
 LEVEL = (0, 0, 0, 1)
 ROUGH = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02, friction=0.3)
@@ -57,7 +57,7 @@ def test_what_is_carried_along_is_the_derivative_of_the_shape(bearing):
         twist = np.array([0, 0.5, 0, 1, 0, -1]) * step
         gripper = Pose(position + twist[3:], (0, np.sin(twist[1] / 2), 0, np.cos(twist[1] / 2)))
         system = mesh.system(gripper.rotation, gripper.position, past)
-        follows, q, _ = carried(system, np.array(shape.gripper.rotation), slid,
+        follows, q, _ = tangent_predictor(system, np.array(shape.gripper.rotation), slid,
                              np.array(shape.element_strains), twist)
         true = simulator.solve(gripper, shape)
         assert follows and true.converged
@@ -112,7 +112,7 @@ def test_a_step_by_one_kernel_is_that_by_many(obstacle):
     begin = (np.array(shape.gripper.rotation), past.left['point_slid'],
              np.array(shape.element_strains), gripper.position - shape.gripper.position)
     before = np.hstack([past.positions - gripper.position, past.tangents])
-    found = carried_newton(mesh.system(gripper.rotation, gripper.position, past), begin, TOLERANCE,
+    found = follow_contact(mesh.system(gripper.rotation, gripper.position, past), begin, TOLERANCE,
                            MAX_ITERATIONS, EXACT * wire.length, before)
     parts = shape_of(mesh, gripper, found, past)
     assert whole.converged and parts.converged and whole.contacts and kicks == found.kicks == 0
