@@ -45,7 +45,7 @@ def test_an_ellipsoid_that_is_round_in_the_plane_of_the_dlo_is_a_bar():
 
 
 def test_nothing_enters_an_ellipsoid():
-    body = Ellipsoid(Pose((0.45, 0.01, 0.8), (0.1, 0.2, 0.3, 0.9)), (0.1, 0.05, 0.2), 0.5)
+    body = Ellipsoid(Pose((0.4, 0.01, 0.4), (0.1, 0.2, 0.3, 0.9)), (0.1, 0.08, 0.12), 0.5)
     places = solved(body).positions_at(np.linspace(0, 1, 20_001))
     local = (places - body.pose.position) @ body.pose.rotation
     surface = body.half_axes + WIRE.radius
