@@ -83,8 +83,9 @@ class Infeasible(DloPlannerError):
     def certificate(self) -> str:
         """At which depths of a cut-out the DLO has stable shapes, and where their chain breaks.
 
-        Of a threading through one cut-out that no shape does: all shapes in which the DLO hangs are
-        looked at, about 0.2 s; '' of another refusal, which nobody has looked at so.
+        Of a threading through one cut-out that no shape does, or how many pass both of two: all
+        shapes in which the DLO hangs are looked at, about 0.2 s; '' of another refusal, which
+        nobody has looked at so.
         """
         return '' if self.prove is None else self.prove()
 

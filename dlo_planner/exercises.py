@@ -15,9 +15,10 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.step import corrected_by, past_of
 from dlo_planner.identify.correction import correct
-from dlo_planner.identify.fitting import fit_rod
+from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.equilibria import hanging_shapes
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
@@ -29,7 +30,6 @@ from dlo_planner.parallel.batch import solve_many
 from dlo_planner.plan.goals import AwayFrom, Through
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.warm_up import warm_up, warm_up_loop, warm_up_proofs
-from dlo_planner.verify.uncertainty import Uncertainty
 
 _ROD = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))
 _YIELDING = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)

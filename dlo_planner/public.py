@@ -21,9 +21,10 @@ from dlo_planner.errors import (
     NotConverged,
 )
 from dlo_planner.identify.closed_loop import ClosedLoop
-from dlo_planner.identify.fitting import fit_rod
+from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks import (
     HoldContact,
@@ -50,7 +51,6 @@ from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness, robustness
-from dlo_planner.verify.uncertainty import Uncertainty
 
 __all__ = ['Box', 'Capsule', 'ClosedLoop', 'Contact', 'CutOut', 'Cylinder', 'DeadlineExceeded',
            'DirectSimulator', 'DloPlannerError', 'Ellipsoid', 'FarEnd', 'GraspedInside',

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parent.parent
 USED = """
 import json
@@ -25,6 +27,7 @@ print(json.dumps([len(kernels), [f'{f.__module__}.{f.__qualname__}' for f in ker
 """
 
 
+@pytest.mark.sweep
 def test_the_exercises_use_every_kernel():
     done = subprocess.run([sys.executable, '-c', USED], cwd=ROOT, text=True, capture_output=True,
                           check=True, env={**os.environ, 'NUMBA_DISABLE_JIT': '0'})

@@ -201,11 +201,13 @@ def test_an_edit_of_a_kernel_that_others_call_compiles_those_and_no_others(copie
     assert run(copied)[:3] == [[3.5, 0.0], KEPT, []]  # still known
 
 
+@pytest.mark.sweep
 def test_an_edit_of_a_unit_compiles_its_callers(used):
     edit(used, 'deep', '+ 1.0', '+ 2.0')
     assert run(used)[:3] == [[5.5, 0.0], ['alone.for_python'], sorted([*OF_FIRST, 'wide'])]
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('name, compiled', [
     ('wide', ['wide']), ('first.for_python', OF_FIRST), ('alone.for_python', [
         'alone', 'alone.for_python'])])
@@ -224,6 +226,7 @@ def _copied_anew():
         yield folder
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('calls, code, compiled', [
     (False, USE, []), (True, USE, ['wide']), (True, ALL_COPIED + USE, sorted([*OF_FIRST, 'wide']))])
 def test_what_is_a_unit_in_one_process_may_be_none_in_another(used, _copied_anew, calls, code,
@@ -236,6 +239,7 @@ def test_what_is_a_unit_in_one_process_may_be_none_in_another(used, _copied_anew
         assert (values, missed) == ([3.5, 0.0], compiled)
 
 
+@pytest.mark.sweep
 def test_what_changes_numba_counts(used):
     edit(used, 'kernels/dispatcher', '\n\n\n', '\n# another way\n\n\n')
     assert run(used)[:3] == [[3.5, 0.0], [], ALL]
@@ -246,6 +250,7 @@ def test_the_contents_of_a_constant_count(used):
     assert run(used)[:2] == [[4.0, 0.0], ['alone.for_python', 'wide']]
 
 
+@pytest.mark.sweep
 def test_neither_place_nor_time_nor_line_nor_wording_counts(used):
     edit(used, 'deep', '@kernel\ndef last(x):\n', '# Lines\n\n@kernel\ndef last(x):\n    # two\n')
     edit(used, 'chain', 'def aside(x):', 'def aside(x):\n    """Return half."""')
@@ -257,6 +262,7 @@ def test_neither_place_nor_time_nor_line_nor_wording_counts(used):
     assert run(moved, HOME=str(used / 'home'))[1:3] == [KEPT, []]
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('temporary', [True, False])
 def test_where_nothing_can_be_written_it_works(copied, temporary):
     make_read_only(copied)
@@ -275,6 +281,7 @@ def test_where_nothing_can_be_written_it_works(copied, temporary):
         assert answers[0][3] == 'None'
 
 
+@pytest.mark.sweep
 def test_what_was_compiled_at_installation_is_used_on_this_processor(copied):
     assert len(prebuilt(copied)) == len(KEPT)
     make_read_only(copied)
@@ -293,6 +300,7 @@ def test_what_was_compiled_at_installation_is_used_on_this_processor(copied):
                NUMBA_CPU_NAME='generic')[1:3] == [[], ALL]
 
 
+@pytest.mark.sweep
 def test_a_build_contains_what_was_compiled(copied):
     pytest.importorskip('setuptools')
     for name in ('setup.py', 'README.md', 'package.xml'):
@@ -308,6 +316,7 @@ def test_a_build_contains_what_was_compiled(copied):
     assert run(built, HOME='/dev/null')[:3] == [[3.5, 0.0], KEPT, []]
 
 
+@pytest.mark.sweep
 def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
     before = {path.name: path.stat().st_mtime_ns for path in prebuilt(copied)}
     edit(copied, 'chain', 'x - 1.0', 'x - 2.0')
@@ -318,6 +327,7 @@ def test_a_second_installation_compiles_and_keeps_what_has_changed(copied):
     assert run(copied)[:3] == [[3.5, -1.0], KEPT, []]
 
 
+@pytest.mark.sweep
 def test_a_file_that_is_not_whole_is_not_used(used):
     files = sorted(kept(used).iterdir())
     assert len(files) == len(KEPT)
@@ -330,6 +340,7 @@ def test_a_file_that_is_not_whole_is_not_used(used):
     assert run(used)[:3] == [[3.5, 0.0], KEPT, []]
 
 
+@pytest.mark.sweep
 def test_several_processes_at_once(copied):
     processes = [started(copied, USE) for _ in range(3)]
     assert [result(process)[0] for process in processes] == [[3.5, 0.0]] * 3
@@ -338,6 +349,7 @@ def test_several_processes_at_once(copied):
     assert len(list(Path(where).iterdir())) == len(KEPT)
 
 
+@pytest.mark.sweep
 def test_what_a_kernel_reads_unseen_is_not_kept(copied):
     edit(copied, 'deep', 'x * FACTORS[0]', 'x * constants.FACTOR')
     edit(copied, 'deep', 'import numpy as np', 'from dlo_planner import constants')
@@ -350,6 +362,7 @@ def test_what_a_kernel_reads_unseen_is_not_kept(copied):
     assert found == ['alone.for_python', 'wide']
 
 
+@pytest.mark.sweep
 def test_a_kernel_that_is_handed_over_is_not_taken_for_another(copied):
     code = ('import json\nfrom dlo_planner.deep import last, third\n'
             'from dlo_planner.kernels import kernel\n@kernel\ndef apply(g, x):\n    return g(x)\n'
@@ -359,6 +372,7 @@ def test_a_kernel_that_is_handed_over_is_not_taken_for_another(copied):
     assert run(copied, code.format('last')) == [3.0, 0]
 
 
+@pytest.mark.sweep
 def test_a_folder_that_somebody_else_could_fill_is_not_used(copied):
     with tempfile.TemporaryDirectory() as free:
         Path(free, f'dlo_planner-{os.getuid()}').mkdir()

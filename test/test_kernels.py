@@ -45,8 +45,8 @@ from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
-from dlo_planner.identify import correct, looking
-from dlo_planner.identify.misfit import nearest
+from dlo_planner.identify import correct, parameters, residuals
+from dlo_planner.identify.residuals import nearest
 from dlo_planner.inverse.equilibria import integrate_from_tip
 from dlo_planner.inverse.nearest_goals import _nearest_goals
 from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
@@ -61,17 +61,16 @@ from dlo_planner.minimize.newton import follow_homotopy, newton_descent
 from dlo_planner.minimize.semismooth import update_multipliers
 from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_free_rods
 from dlo_planner.penalties import PositionAt, Through
-from dlo_planner.plan import swept, workspace
+from dlo_planner.plan import clearance, swept, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
-from dlo_planner.verify import response
 
 _KINDS = 3
 KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
            update_active_set, update_friction, follow_homotopy, gradient_noise, touching,
-           kkt_residual, update_multipliers, gripper_answers, swept.element_rooms,
-           swept._distances, workspace._distances, _strains_by, response._moved,
-           looking._points_at, nearest_place, follow_goals, solve_free_rods, solve_contact,
+           kkt_residual, update_multipliers, gripper_answers, clearance.element_rooms,
+           swept._distances, workspace._distances, _strains_by, parameters._moved_points,
+           residuals._points_at, nearest_place, follow_goals, solve_free_rods, solve_contact,
            predictor_corrector, solve_between_grips, discretization_errors,
            equidistribute, node_twists,
            twists_inside, fill_residuals, fill_rows, _nearest_goals]
@@ -167,6 +166,7 @@ def signatures():
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('index', range(len(KERNELS)), ids=lambda k: KERNELS[k].__name__)
 def test_one_signature_for_each_kind_of_dlo(index, signatures):
     number, kinds = signatures[index]

@@ -59,6 +59,7 @@ def compiled():
     return found
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('code, changes, warned', [
     (WITHOUT + JOBS, {}, 1), (OLDER + JOBS, {}, 1), (JOBS, {'NUMBA_DISABLE_JIT': '1'}, 0)],
     ids=['missing', 'too old', 'asked for'])

@@ -56,7 +56,7 @@ ENTRIES = [
         shows='swing, turn of 180 degrees in 1 s, tip mass, 20 Hz shake, benchmark C in 2 s '
               'without damping: true error of the tip until 1.5 s',
         against='chains of bars (SciPy, Runge-Kutta), known to 0.2 to 2.1 mm',
-        script='test/motion_cases.py', arguments=(),
+        script='test/references/planar_motions.py', arguments=(),
         measures=(Measure('largest true error of the four',
                           largest('^(?:swing|whirl|tip|shake).*true error {} mm'), 5.0, 'mm'),
                   Measure('of benchmark C', largest('^C to 1.5 s.*true error {} mm'), 1.0, 'mm'),
@@ -65,7 +65,7 @@ ENTRIES = [
         name='master curves of the protocols',
         shows='level cantilever over five decades, lateral buckling of a strip',
         against='shooting and linearized Kirchhoff equations (SciPy)',
-        script='test/protocol_curves.py', arguments=('{output}/protocols.png',),
+        script='test/references/protocol_curves.py', arguments=('{output}/protocols.png',),
         extra='matplotlib',
         measures=(Measure('width, height, default accuracy',
                           largest('default: width off by {}, height by {} L'), 1e-3, 'L'),

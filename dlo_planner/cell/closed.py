@@ -21,11 +21,11 @@ from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.requirements import Limits
-from dlo_planner.verify.uncertainty import Uncertainty
 
 _STANDOFF = 0.05    # of the length
 _WAYPOINTS = 40     # of a threading

@@ -35,7 +35,7 @@ from dlo_planner.cli.io import (
 from dlo_planner.cli.main import NO_SOLUTION
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.fitting import fit_rod
+from dlo_planner.identify.fit import fit_rod
 from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks import threading_of
 from dlo_planner.model.arrays import Floats

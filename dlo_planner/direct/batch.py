@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlo_planner.direct.accuracy import hanging_surely_within
-from dlo_planner.direct.culling import acting_on
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hangs_still
+from dlo_planner.direct.step import acting
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def hangs_in_a_loop(simulator: DirectSimulator) -> bool:
     """Return whether shapes of a DirectSimulator come from the compiled loop."""
     mesh, newton = simulator.mesh, simulator.method == 'newton'
-    return newton and (mesh.hangs or simulator.history is None and mesh.free.hangs)
+    return newton and (mesh.hangs or simulator.history is None and mesh.may_hang)
 
 
 def hanging_shapes(simulator: DirectSimulator, positions: Floats, rotations: Floats,
@@ -41,7 +41,7 @@ def hanging_shapes(simulator: DirectSimulator, positions: Floats, rotations: Flo
     Shapes: positions (n, 3), rotations (n, 3, 3).
     """
     mesh = simulator.mesh
-    solve_free_many(mesh.free.static, read_only(rotations), read_only(positions), mesh.relaxed,
+    solve_free_many(mesh.free, read_only(rotations), read_only(positions), read_only(mesh.natural),
                     TOLERANCE, MAX_ITERATIONS, *filled.arrays)
     filled.told()
     good = ~_acting(mesh, positions, rotations, filled)
@@ -58,12 +58,12 @@ def _acting(mesh: Discretization, positions: Floats, rotations: Floats,
     """Return (n,) whether something acts on the shapes, or on the way of a DLO that is set down."""
     if mesh.hangs:
         return np.zeros(len(positions), dtype=bool)
-    local = configuration_at(mesh.free.system(np.eye(3)), np.array(mesh.natural)).positions
+    local = configuration_at(mesh.system(np.eye(3), culled=True), np.array(mesh.natural)).positions
     before = positions[:, None] + np.einsum('nij,kj->nki', rotations, local)
     strains, _, there = filled.stored[:3]
-    acting: NDArray[np.bool_] = (acting_on(mesh, strains[:], there[:], before)
-                                 | ~filled.columns['converged'])
-    return acting
+    found: NDArray[np.bool_] = (acting(mesh, strains[:], there[:], before)
+                                | ~filled.columns['converged'])
+    return found
 
 
 def read_only(given: Floats) -> Floats:
@@ -138,7 +138,7 @@ def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
     if not even(simulator, simulator.rod):
         mesh = simulator.with_rod(rods[0]).mesh
     filled = Filled.new(len(rods), mesh.s.size - 1)
-    own = mesh.static
+    own = mesh.free
     system = own._replace(**{name: getattr(own, name).copy() for name in (
         'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')})
     table = _table(mesh, simulator.mesh.s, rods)

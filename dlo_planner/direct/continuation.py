@@ -16,7 +16,6 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from dlo_planner.direct.contact import friction_work
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.ccd import sweeps_through
@@ -109,8 +108,8 @@ def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: 
     if not rest.converged and shape is not None and shape.converged:
         return _jumped(shape)  # the whole step has an end, which its parts do not reach
     jumped = rest.jumped or middle.jumped
-    if (shape is not None and shape.converged and shape.mesh is not None and shape.mesh.hangs
-            and goal.far_end is None and shape_change(rest, shape) <= _SAME):
+    if (shape is not None and shape.converged and shape.state.culled and goal.far_end is None
+            and shape_change(rest, shape) <= _SAME):
         rest = shape  # what hangs freely does not remember its way, nor shall its mesh
     return _jumped(rest) if jumped else rest
 
@@ -230,10 +229,10 @@ def _lost(previous: Shape, shape: Shape) -> bool:
         return False
     mesh, past = shape.mesh, shape.history
     if mesh is not None:
-        stiffness = float(mesh.static.stiffness[:, 1:].min())
+        stiffness = float(mesh.free.stiffness[:, 1:].min())
         least += 0.5 * _LEAP_ON**2 * stiffness / float(shape.s[-1])
     if past is not None and shape.contacts:
-        lost -= friction_work(past.left)
+        lost -= past.friction_work
     # of two meshes one may be far too stiff for a DLO that clamps bend sharply: energies of both
     # tell a fall only where it is seen
     return lost > least and (np.array_equal(previous.s, shape.s)
@@ -315,7 +314,7 @@ def _passes(previous: Shape, shape: Shape) -> bool:
         return False
     arrays = (previous.element_strains, previous.frames, previous.positions, shape.frames,
               shape.positions)
-    return bool(sweeps_through(mesh.given('contact'), mesh.full.lengths,
+    return bool(sweeps_through(mesh.scene, mesh.free.lengths,
                                *(np.array(array) for array in arrays)))
 
 

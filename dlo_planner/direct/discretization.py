@@ -4,28 +4,37 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.memory import ACTING, Memory, always, changing, others, past_on
-from dlo_planner.direct.mesh import mapped, with_breaks
+from dlo_planner.direct.memory import NO_POINTS, Memory, mapped
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.direct.terms import Held, Part
-from dlo_planner.energy.loads import node_forces, node_masses, node_moments
-from dlo_planner.energy.problem import Problem
-from dlo_planner.energy.terms import structure_of
-from dlo_planner.geometry.basis import orthonormal_basis, very_twisted
+from dlo_planner.energy.contact import Contact, ContactSet
+from dlo_planner.energy.elastic import purely_elastic
+from dlo_planner.energy.grip import GripConstraint
+from dlo_planner.energy.inertia import no_inertia
+from dlo_planner.energy.loads import Load, node_forces, node_masses, node_moments
+from dlo_planner.energy.plastic import (
+    PlasticSection,
+    elastic_part,
+    set_strains,
+    yielding_layers,
+)
+from dlo_planner.energy.problem import Problem, with_gripper
+from dlo_planner.energy.scene import Scene, build_scene, translated
+from dlo_planner.energy.terms import KKTBorder, Structure, Terms, structure_of
+from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_twisted
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_table import with_contacts
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.rod import Rod
+from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.supports import FarEnd
-from dlo_planner.model.value import Value, freeze, put
-
-if TYPE_CHECKING:  # it imports this file
-    from dlo_planner.direct.shape import Shape
+from dlo_planner.model.value import FrozenDict, Value, freeze, put, same
 
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces: those of
 # contacts cost iterations the stiffer they are, tension between two grips multiplies what they
@@ -38,75 +47,162 @@ _LEVER = 0.1  # of the length
 class Discretization(Value):
     """A rod on a mesh, in a basis, with all that acts on it but the grippers (immutable).
 
-    Attributes
-    ----------
-    surroundings : Surroundings
-        The rod and what acts on it.
-    s : ndarray, shape (N + 1,)
-        Arc lengths of the nodes, m.
-    basis : str
-        'chebyshev', 'fourier' or 'local'.
-    n_terms : int
-        N_c, number of terms of the series; unused by 'local'.
-    spring, held_spring : float
-        Stiffness of contacts, N/m: where one end is held, where both are.
-    hold_spring : float
-        Stiffness of a grip of the far end, N/m.
-    bare : Problem
-        The Problem with what acts on every DLO.
-    start : Memory
-        The Memory of a DLO without a past, on this mesh.
+    Its Problems: `free`, without what acts only where it is touched or reached (obstacles, a yield
+    stress) and without a grip of the far end; `held`, the same with such a grip; `full`, with all.
     """
 
-    PARTS = ('surroundings', 's', 'basis', 'n_terms')
+    PARTS = ('surroundings', 's', 'basis', 'n_terms', 'variation')
 
     surroundings: Surroundings
-    s: Floats
-    basis: str
-    n_terms: int
-    spring: float
-    held_spring: float
-    hold_spring: float
-    bare: Problem
-    start: Memory
-    _given: dict[str, Any]
+    s: Floats           # (N + 1,) nodes, m
+    basis: str          # 'chebyshev', 'fourier' or 'local'
+    n_terms: int        # of the series; unused by 'local'
+    variation: Mapping[str, Floats] | None  # what `varied` was called with
+    spring: float       # N/m, of contacts where one end is held,
+    held_spring: float  # where both are
+    hold_spring: float  # of a grip of the far end
+    free: Problem
+    _nominal: Discretization | None
 
-    def __init__(self, surroundings: Surroundings, s: Floats, basis: str, n_terms: int) -> None:
-        put(self, surroundings=surroundings, s=s, basis=basis, n_terms=n_terms)
+    def __init__(self, surroundings: Surroundings, s: Floats, basis: str, n_terms: int,
+                 variation: Mapping[str, Floats] | None = None,
+                 nominal: Discretization | None = None) -> None:
+        put(self, surroundings=surroundings, s=s, basis=basis, n_terms=n_terms, variation=variation,
+            _nominal=nominal)
         freeze(s)
-        rod = surroundings.rod
+        if nominal is not None:
+            put(self, free=nominal.free, **{name: getattr(nominal, name) for name, *_ in _SPRINGS})
+        else:
+            self._compute()
+        if variation is not None:
+            fields = dict(variation)
+            if nominal is not None and 'lengths' in fields:
+                # a series is orthonormal on its elements: strains are projected by their lengths
+                fields['basis'] = nominal.free.basis / np.sqrt(s[-1] / nominal.s[-1])
+            put(self, free=self.free._replace(**fields))
+
+    def _compute(self) -> None:
+        rod, around, s = self.surroundings.rod, self.surroundings, self.s
         lengths = s[1:] - s[:-1]
         stiffness = rod.mean_stiffnesses(s)
-        if basis == 'local':
+        if self.basis == 'local':
             scale = 1 / np.sqrt(stiffness * lengths[:, None])
         else:  # series describe moments, which do not jump where the stiffness does
             scale = np.sqrt(rod.stiffness) / stiffness
-        pull = (-node_masses(rod, s)[:, None] * surroundings.gravity
-                - node_forces(surroundings, s))
+        pull = -node_masses(rod, s)[:, None] * around.gravity - node_forces(around, s)
         weight = np.sqrt(np.einsum('ki,ki->k', pull, pull)).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
         for name, stiff, most in _SPRINGS:
             put(self, **{name: min(stiff * (weight + bend), most * bend) / rod.length})
-        effects = always(rod, pull)
-        put(self, bare=Problem(
+        effects = Terms(purely_elastic(), None, Load(pull), None, None, None)
+        put(self, free=Problem(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
-            orthonormal_basis(basis, n_terms, s), np.eye(3), np.zeros(3), effects,
-            structure_of(effects, s.size), np.zeros((0, 3)), 0.0), _given={})
-        put(self, start=Memory.empty(self))
-
-    @cached_property
-    def full(self) -> Problem:
-        """The Problem with all effects that a simulator may bring."""
-        return self.bare._replace(**others(self, self.start.left))
-
-    def given(self, name: str) -> Any:
-        """Return what an effect of this name has that depends on neither grips nor past."""
-        if name not in self._given:
-            self._given[name] = next(part for part in ACTING if part.name == name).given(self)
-        return self._given[name]
+            orthonormal_basis(self.basis, self.n_terms, s), np.eye(3), np.zeros(3), effects,
+            structure_of(effects, s.size), np.zeros((0, 3)), 0.0))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, name) for name in self.PARTS)
+
+    # ---- the Problem ----------------------------------------------------------------------------
+
+    @cached_property
+    def full(self) -> Problem:
+        """The Problem with all that may act."""
+        return self._with_terms(self.rod, self.surroundings.obstacles, self.section)
+
+    @cached_property
+    def held(self) -> Problem:
+        """The Problem with a grip of the far end, without what may act; of the type of `full`."""
+        around = self.surroundings
+        if not around.obstacles and not self.yields:
+            return self.full
+        rod = around.free.rod
+        return self._with_terms(rod, (), yielding_layers(rod, self.free.stiffness))
+
+    def _with_terms(self, rod: Rod, obstacles: tuple[Obstacle, ...],
+                    section: PlasticSection) -> Problem:
+        scene = self.scene if obstacles else build_scene((), Surface.of(rod), self.s)
+        none = np.zeros((scene.kind.size, self.s.size))
+        contacts = ContactSet(self.spring, none, *(one.copy() for one in NO_POINTS[:-1]),
+                              self.spring)
+        return self.free._replace(elastic=elastic_part(rod), plastic=section, anchor=no_inertia(),
+                                  hold=self._grip(None, None, None, True),
+                                  contact=Contact(scene, contacts))
+
+    @property
+    def static(self) -> Problem:
+        """The Problem at rest: kernels are compiled for one that hangs freely, and for others."""
+        return self.free if self.hangs else self.full
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The obstacles, for a gripper at the origin."""
+        around = self.surroundings
+        return build_scene(around.obstacles, Surface.of(around.rod), self.s)
+
+    @cached_property
+    def section(self) -> PlasticSection:
+        """The springs that yield, without plastic strain; none if nothing yields."""
+        if self._nominal is not None:
+            return self._nominal.section  # an estimate is of a DLO that is about as strong
+        return yielding_layers(self.rod, self.free.stiffness)
+
+    @cached_property
+    def start(self) -> Memory:
+        """The Memory of a DLO without a past, on this mesh."""
+        springs = self.section.set.shape[1] if self.yields else 0
+        bodies = self.scene.kind.size if self.surroundings.obstacles else 0
+        return Memory.empty(self.s, springs, bodies, self.surroundings)
+
+    @cached_property
+    def _nothing(self) -> tuple[Any, ...]:
+        """What a Memory holds of a DLO on which nothing acts that may."""
+        past = Memory.empty(self.s, 0, 0, self.surroundings)
+        return past.plastic, past.node_force, *past.points[:-1]
+
+    def system(self, rotation: Floats, origin: ArrayLike | None = None,
+               memory: Memory | None = None, far_end: FarEnd | None = None, *,
+               culled: bool = False, springs: bool = True) -> Problem:
+        """Return the kernel's Problem in a gripper, its multipliers fresh copies.
+
+        `culled`: without what may act; `springs`: whether a grip has some beside its forces.
+        Shapes: rotation (3, 3), origin (3,).
+        """
+        base = np.array(rotation, dtype=float, order='C')
+        place = np.zeros(3) if origin is None else np.array(origin, dtype=float)
+        if far_end is None and (culled or self.hangs):
+            free: Problem = with_gripper(self.free, base, place)
+            return free
+        past = self.start if memory is None else memory
+        left: tuple[Any, ...] = (
+            self._nothing if culled else (past.plastic, past.node_force, *past.points[:-1]))
+        result: Problem = placed(
+            self.held if culled else self.full, base, place,
+            self._grip(far_end, place, past.hold, springs),
+            self.spring if far_end is None else self.held_spring, *left)
+        return result
+
+    def _grip(self, far_end: FarEnd | None, origin: Any, force: Any,
+              springs: bool) -> GripConstraint:
+        """Return the GripConstraint of the far end, with the forces (K,) that are known, N."""
+        stiffness = self.hold_spring if springs else 0.0
+        more = stiffness, stiffness * self.lever**2
+        if far_end is None:
+            return GripConstraint(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)),
+                                  np.zeros(0), *more)
+        rows = far_end.held
+        rows[:, :3] *= self.lever
+        return GripConstraint(
+            far_end.pose.position - origin, np.array(far_end.pose.rotation, order='C'),
+            np.array(far_end.share), rows,
+            np.array(force) if force.shape == (len(rows),) else np.zeros(len(rows)), *more)
+
+    @property
+    def lever(self) -> float:
+        """A grip that is turned by 1 rad is missed by so much, m."""
+        return float(_LEVER * self.s[-1])
+
+    # ---- what is known of it --------------------------------------------------------------------
 
     @property
     def rod(self) -> Rod:
@@ -114,39 +210,35 @@ class Discretization(Value):
         return self.surroundings.rod
 
     @property
-    def lever(self) -> float:
-        """A grip that is turned by 1 rad is missed by so much, m."""
-        return float(_LEVER * self.s[-1])
+    def yields(self) -> bool:
+        """Whether the DLO yields anywhere."""
+        return self.rod.yields
 
-    def system(self, rotation: Floats, origin: ArrayLike | None = None,
-               history: Memory | None = None, far_end: FarEnd | None = None) -> Problem:
-        """Return the kernel's Problem, its multipliers fresh copies.
+    @property
+    def obstructed(self) -> bool:
+        """Whether there are obstacles."""
+        return bool(self.surroundings.obstacles)
 
-        Shapes: rotation (3, 3).
-        """
-        system = self.static if far_end is None else self.full
-        left = (self.start if history is None else history).left
-        base: Any = np.array(rotation, dtype=float, order='C')
-        fields = {'base': base}
-        if origin is not None:
-            fields['origin'] = origin = np.array(origin, dtype=float)
-        held = Held(origin, far_end)
-        parts = changing(self, held)
-        if len(parts) == 1 and (quick := parts[0].placed(self, base, left, held)) is not None:
-            return quick
-        return system._replace(**fields, **{part.name: part.record(self, left, held)
-                                            for part in parts})
+    @cached_property
+    def may_hang(self) -> bool:
+        """Whether nothing but dead forces acts where nothing is touched and nothing yields."""
+        return not (self.surroundings.has_moments or self.surroundings.pinned)
+
+    @cached_property
+    def hangs(self) -> bool:
+        """Whether nothing but dead forces ever acts, and nothing that happened matters."""
+        return self.may_hang and not self.obstructed and not self.yields
 
     @cached_property
     def load(self) -> Floats:
         """(3,) sum of the dead loads' `pull`, N."""
-        result: Floats = self.bare.load.pull.sum(axis=0)
+        result: Floats = self.free.load.pull.sum(axis=0)
         return result
 
     @cached_property
     def loaded(self) -> bool:
         """Whether any dead load acts."""
-        return bool(self.bare.load.pull.any())
+        return bool(self.free.load.pull.any())
 
     @cached_property
     def moments(self) -> Floats:
@@ -154,93 +246,35 @@ class Discretization(Value):
         return node_moments(self.surroundings, self.s)
 
     @cached_property
-    def hangs(self) -> bool:
-        """Whether nothing but dead forces acts, and nothing that happened to the DLO matters."""
-        around = self.surroundings
-        return not (any(part.acts(around) for part in ACTING) or around.has_moments
-                    or around.pinned)
-
-    @cached_property
-    def free(self) -> Discretization:
-        """The mesh without what may act and may not, see `direct.culling`; itself if it `hangs`.
-
-        It does not hang freely where anything else acts than that.
-        """
-        if self.hangs:
-            return self
-        return Discretization(self.surroundings.free, self.s, self.basis, self.n_terms)
-
-    def on(self, free: Discretization) -> Discretization:
-        """Return the Discretization, with all that may act here, whose `free` is that."""
-        mesh = Discretization(self.surroundings, free.s, free.basis, free.n_terms)
-        put(mesh, free=free)
-        return mesh
-
-    @cached_property
-    def left_anyway(self) -> tuple[str, ...]:
-        """Names of what those effects leave to the next step that act on `free`, too."""
-        return tuple(name for part in ACTING if not part.acts(self.surroundings)
-                     for name in part.cleared(self.start.left))
-
-    @cached_property
-    def stores(self) -> tuple[Part, ...]:
-        """The Parts that store energy, besides elasticity."""
-        return tuple(part for part in ACTING if part.stores and part.acts(self.surroundings))
-
-    @cached_property
-    def only_touches(self) -> bool:
-        """Whether obstacles act, and no other effect has a say in what a step leaves."""
-        return all(part.rests and part.acts(self.surroundings) == (part.name == 'contact')
-                   for part in ACTING)
-
-    @property
-    def obstructed(self) -> bool:
-        """Whether there are obstacles."""
-        return bool(self.surroundings.obstacles)
-
-    @property
-    def yields(self) -> bool:
-        """Whether the DLO yields anywhere."""
-        return self.rod.yields
-
-    @cached_property
     def told_by_truncation(self) -> bool:
         """Whether `truncation` bounds the error: nothing varies, little natural twist."""
         around = self.surroundings
         return not (around.rod.varies or around.point_loads or callable(around.load)
-                    or bool(very_twisted(np.abs(self.natural[:, 0]) @ self.bare.lengths)))
+                    or bool(very_twisted(np.abs(self.natural[:, 0]) @ self.free.lengths)))
 
-    def has_nodes(self, s: Floats) -> bool:
-        """Whether its nodes are at `s` (n,), m."""
-        return s is self.s or np.array_equal(s, self.s)
+    @property
+    def natural(self) -> Floats:
+        """(N, 3) stress-free strains of the elements, 1/m."""
+        return self.free.natural
 
-    @cached_property
-    def relaxed(self) -> Floats:
-        """(N, 3), read-only: `natural`."""
-        relaxed = self.natural.copy()
-        freeze(relaxed)
-        return relaxed
+    def stress_free(self, memory: Memory | None) -> Floats:
+        """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
+        strains = np.array(self.natural)
+        if self.yields:
+            section = self.section._replace(set=self.past(memory).plastic.copy())
+            strains += set_strains(self.free.stiffness, section)
+        return strains
 
-    @cached_property
-    def isometric(self) -> bool:
-        """Whether half the square of the unknowns is the elastic energy."""
-        system = self.bare
-        return not system.basis.shape[1] or bool((system.stiffness == system.stiffness[0]).all())
+    # ---- strains and unknowns -------------------------------------------------------------------
 
-    @cached_property
-    def sampled(self) -> Ints:
-        """(n,) nodes by which two shapes on this mesh are compared, see SAMPLES."""
-        at: Ints = np.searchsorted(self.s, SAMPLES * self.s[-1])
-        return at
-
-    @cached_property
-    def static(self) -> Problem:
-        """The Problem at rest: kernels are compiled for one that hangs freely, and for others."""
-        return self.bare if self.hangs else self.full
+    @property
+    def n_unknowns(self) -> int:
+        """Number of unknowns per strain component."""
+        return self.free.basis.shape[1] or self.s.size - 1
 
     def unknowns(self, strains: Floats) -> Floats:
         """Return q (m, 3) whose strains are nearest to `strains` (N, 3)."""
-        system = self.bare
+        system = self.free
         values: Floats = (strains - system.natural) / system.scale
         if system.basis.shape[1]:
             values = system.basis.T @ (values * system.lengths[:, None])
@@ -248,61 +282,12 @@ class Discretization(Value):
 
     def strains_of(self, q: Floats) -> Floats:
         """Return (N, 3) the strains of unknowns q (m, 3)."""
-        system = self.bare
+        system = self.free
         return system.natural + system.scale * (system.basis @ q if system.basis.shape[1] else q)
 
-    def past(self, history: Memory | None, own: Memory | None = None) -> Memory:
-        """Return `memory.past_on` this mesh."""
-        return past_on(self, history, own)
-
-    @property
-    def n_unknowns(self) -> int:
-        """Number of unknowns per strain component."""
-        return self.bare.basis.shape[1] or self.s.size - 1
-
-    @property
-    def natural(self) -> Floats:
-        """(N, 3) stress-free strains of the elements, 1/m."""
-        return self.bare.natural
-
-    @cached_property
-    def finer(self) -> Discretization:
-        """The same rod, every element halved, one unknown strain per half."""
-        s = np.sort(np.append(self.s, 0.5 * (self.s[1:] + self.s[:-1])))
-        return Discretization(self.surroundings, s, 'local', 0)
-
-    @cached_property
-    def without_obstacles(self) -> Discretization:
-        """The same rod on the same mesh, without obstacles."""
-        return Discretization(replace(self.surroundings, obstacles=()), self.s, self.basis,
-                              self.n_terms)
-
-    def of(self, rod: Rod) -> Discretization:
-        """Return the Discretization of another Rod (as long or not) with the same elements."""
-        s = np.append(self.s[:-1] * (rod.length / self.s[-1]), rod.length)
-        s = with_breaks(s, rod.breaks)
-        return Discretization(self.surroundings.of_rod(rod), s, self.basis, self.n_terms)
-
-    def varied(self, **fields: Floats) -> Discretization:
-        """Return the same discretization with other `lengths`, `natural`, `stiffness`, `pull`.
-
-        For estimates, which vary a DLO many times a second: its Rod stays the nominal one, and so
-        do the scales of the unknowns, which only say how they are written.
-        """
-        other = object.__new__(type(self))
-        s = self.s
-        if 'lengths' in fields:
-            s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
-            # a series is orthonormal on its elements: strains are projected on it by their lengths
-            fields['basis'] = self.bare.basis / np.sqrt(s[-1] / self.s[-1])
-        put(other, surroundings=self.surroundings, s=s, basis=self.basis, n_terms=self.n_terms,
-            start=self.start, **{name: getattr(self, name) for name, *_ in _SPRINGS})
-        freeze(s)
-        put(other, bare=self.bare._replace(**fields))
-        put(other, free=other if self.hangs else self.free.varied(**fields))
-        put(other, _given={part.name: self.given(part.name) for part in ACTING
-                           if part.of_rod and part.acts(self.surroundings)})
-        return other
+    def has_nodes(self, s: Floats) -> bool:
+        """Whether its nodes are at `s` (n,), m."""
+        return s is self.s or np.array_equal(s, self.s)
 
     def strains_from(self, s: Floats, strains: Floats) -> Floats:
         """Return (N, 3), new: strains given on a mesh `s`, averaged over this one's elements."""
@@ -310,15 +295,190 @@ class Discretization(Value):
             return np.array(strains)
         return mapped(s, strains, self.s)
 
-    def start_from(self, shape: Shape) -> Floats:
-        """Return (N, 3), read-only: the strains of a Shape, of any mesh, to begin a search with."""
-        if self.has_nodes(shape.s):
-            return shape.element_strains
-        strains = self.strains_from(shape.s, shape.element_strains)
-        freeze(strains)
-        return strains
+    @cached_property
+    def sampled(self) -> Ints:
+        """(n,) nodes by which two shapes on this mesh are compared, see SAMPLES."""
+        at: Ints = np.searchsorted(self.s, SAMPLES * self.s[-1])
+        return at
 
-    def stress_free(self, history: Memory | None) -> Floats:
-        """Return (N, 3) the strains at which no moment acts, 1/m: natural ones plus the set."""
-        left = self.past(history).left if self.stores else {}
-        return sum((part.strains(self, left) for part in self.stores), np.array(self.natural))
+    def past(self, memory: Memory | None, own: Memory | None = None) -> Memory:
+        """Return a Memory on this mesh, as far as it belongs to the DLO here; else `own`, or none.
+
+        A set belongs to a rod; contacts and grips to a rod and all that acts on it: all by value.
+        """
+        if memory is not None and memory.of is self.surroundings and memory.s is self.s:
+            return memory  # most steps: the one before was made here
+        if memory is None or not self._suits(memory):
+            memory = own
+        if memory is None or not self._suits(memory):
+            return self.start
+        known = memory.of is None or same(memory.of, self.surroundings)
+        if not known or len(memory.node_force) != len(self.start.node_force):
+            lasting = memory.lasting()
+            memory = Memory(memory.s, lasting.plastic, lasting.dissipated, lasting.hold,
+                            np.zeros((len(self.start.node_force), memory.s.size)), NO_POINTS,
+                            lasting.positions, lasting.tangents, memory.of)
+        return memory.resampled(self.s)
+
+    def _suits(self, memory: Memory) -> bool:
+        """Whether a set can be this rod's: its own, or of a rod that is not known."""
+        return bool(memory.plastic.shape[1] == self.start.plastic.shape[1]
+                    and (memory.of is None or same(memory.of.rod, self.rod)))
+
+    # ---- others like it -------------------------------------------------------------------------
+
+    @cached_property
+    def finer(self) -> Discretization:
+        """The same rod, every element halved, one unknown strain per half."""
+        s = np.sort(np.append(self.s, 0.5 * (self.s[1:] + self.s[:-1])))
+        return Discretization(self.surroundings, s, 'local', 0)
+
+    def within(self, surroundings: Surroundings) -> Discretization:
+        """Return the same elements of the rod of other Surroundings, as long or not."""
+        length = surroundings.rod.length
+        s = np.append(self.s[:-1] * (length / self.s[-1]), length)
+        return Discretization(surroundings, with_breaks(s, surroundings.breaks), self.basis,
+                              self.n_terms)
+
+    def of(self, rod: Rod) -> Discretization:
+        """Return the Discretization of another Rod (as long or not) with the same elements."""
+        return self.within(self.surroundings.of_rod(rod))
+
+    def varied(self, **fields: Floats) -> Discretization:
+        """Return the same discretization with other `lengths`, `natural`, `stiffness`, `pull`.
+
+        For estimates, which vary a DLO many times a second: its Rod stays the nominal one, and so
+        do the scales of the unknowns, which only say how they are written.
+        """
+        s = self.s
+        if 'lengths' in fields:
+            s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
+        return Discretization(self.surroundings, s, self.basis, self.n_terms, FrozenDict(fields),
+                              self)
+
+
+@kernel
+def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: float,
+           plastic: Floats, node: Floats, element: Ints, obstacle: Ints, multiplier: Floats,
+           fraction: Floats, anchor: Floats, normal: Floats, shear: Floats) -> Any:
+    """Return the same Problem in a gripper and a grip `hold`, with what a Memory has left."""
+    effects, needs = system.effects, system.needs
+    held = Problem(
+        system.lengths, system.natural, system.stiffness, system.scale, system.basis, base, origin,
+        Terms(effects.elastic, _with_set(effects.plastic, plastic), effects.load, effects.anchor,
+              hold, effects.contact),
+        Structure(_displaced(needs.displaced, hold), needs.attached,
+                  _with_rows(needs.border, hold)),
+        system.proximal_point, system.proximal_weight)
+    return _touching(effects.contact, held, origin, spring, node, element, obstacle, multiplier,
+                     fraction, anchor, normal, shear)
+
+
+@kernel
+def _with_set(plastic: Any, strain: Floats) -> Any:
+    """Return a PlasticSection with another plastic strain; None for None."""
+    if plastic is None:
+        return plastic
+    return PlasticSection(plastic.direction, plastic.limit, plastic.share, plastic.kind,
+                          plastic.strength, plastic.ellipse, strain.copy())
+
+
+@kernel
+def _displaced(displaced: Any, hold: Any) -> Any:
+    """Whether displacements matter: by the springs of a grip, too; None for None."""
+    if displaced is None or hold is None:
+        return displaced
+    return displaced or hold.multiplier.size > 0 and hold.stiffness > 0.0
+
+
+@kernel
+def _with_rows(border: Any, hold: Any) -> Any:
+    """Return an empty KKTBorder of as many rows as are held; None for None."""
+    if border is None or hold is None:
+        return border
+    none = np.empty((hold.multiplier.size, 0, 3))
+    return KKTBorder(none, none, np.empty((0, 0)), np.zeros(1))
+
+
+@kernel
+def _touching(contact: Any, system: Problem, origin: Floats, spring: float, node: Floats,
+              element: Ints, obstacle: Ints, multiplier: Floats, fraction: Floats, anchor: Floats,
+              normal: Floats, shear: Floats) -> Any:
+    """Return the Problem with contacts that are left, in world axes; itself without obstacles."""
+    if contact is None:
+        return system
+    contacts = ContactSet(spring, node.copy(), element.copy(), obstacle.copy(), multiplier.copy(),
+                          fraction.copy(), anchor - origin, normal.copy(), shear.copy(), spring)
+    return with_contacts(system, contacts, translated(contact.scene, origin))
+
+
+# ------------------------------------------------------------------------------------------------
+# Where nodes are: at equal distances, or graded to the bend; always where something jumps.
+
+
+_NEAR = 0.3  # of an element: a node nearer to a jump moves there
+_DIGITS = 8  # of a bend in rad over the length that count
+
+
+def even_mesh(length: float, elements: int, breaks: Floats | tuple[()] = ()) -> Floats:
+    """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere.
+
+    Shapes: breaks (n,).
+    """
+    if not len(breaks) or len(breaks) + 1 > elements:
+        s = np.arange(elements + 1.0) * np.float64(length / elements)
+        s[-1] = length
+        return s
+    ends = np.concatenate([[0.0], breaks, [length]])
+    parts = np.diff(ends)
+    shares = np.ones(parts.size, dtype=int)
+    for _ in range(elements - parts.size):
+        shares[np.argmax(parts / shares)] += 1
+    pieces = [np.linspace(a, b, n, endpoint=False)
+              for a, b, n in zip(ends[:-1], ends[1:], shares, strict=True)]
+    return np.append(np.concatenate(pieces), length)
+
+
+def graded_mesh(s: Floats, strains: Floats, elements: int,
+                breaks: Floats | tuple[()] = ()) -> Floats:
+    """Return nodes that share out evenly the error of arcs of constant strain: `equidistribute`.
+
+    Shapes: s (N + 1,), strains (N, 3), breaks (n,).
+    """
+    told = np.round(strains * s[-1], _DIGITS) / s[-1]  # a mesh is not graded to rounding errors
+    return nodes_at(s, equidistribute(np.diff(s), told), elements, breaks)
+
+
+def nodes_at(s: Floats, shares: Floats, elements: int,
+             breaks: Floats | tuple[()] = ()) -> Floats:
+    """Return nodes (elements + 1,), more where there are jumps, with as much in each element.
+
+    Shapes: s (N + 1,), shares (N + 1,), breaks (n,).
+    """
+    nodes = np.interp(np.arange(elements + 1.0) * (1.0 / elements), shares, s)
+    nodes[0], nodes[-1] = 0.0, s[-1]
+    return with_breaks(nodes, breaks)
+
+
+def with_breaks(s: Any, breaks: Floats | tuple[()]) -> Floats:
+    """Return nodes with one at each jump: a near one moves there, else one is added."""
+    nodes: Floats = s
+    if not len(breaks) or np.isin(breaks, s).all():
+        return nodes
+    inner = s[1:-1]
+    after = np.clip(np.searchsorted(breaks, inner), 0, len(breaks) - 1)
+    before = np.maximum(after - 1, 0)
+    away = np.minimum(np.abs(breaks[after] - inner), np.abs(breaks[before] - inner))
+    kept = inner[away > _NEAR * np.minimum(np.diff(s)[1:], np.diff(s)[:-1])]
+    return np.concatenate([[0.0], np.union1d(kept, breaks), [s[-1]]])
+
+
+def straight_between(s: Floats, values: Floats, nodes: Floats) -> Floats:
+    """Return (n, k) values in the middles of the elements of another mesh, straight in between.
+
+    Shapes: s (N + 1,), values (N, k), nodes (n + 1,).
+    """
+    middle, wanted = 0.5 * (s[1:] + s[:-1]), 0.5 * (nodes[1:] + nodes[:-1])
+    after = np.clip(np.searchsorted(middle, wanted), 1, middle.size - 1)
+    share = ((wanted - middle[after - 1]) / (middle[after] - middle[after - 1]))[:, None]
+    return (1 - share) * values[after - 1] + share * values[after]

@@ -23,7 +23,7 @@ from dlo_planner.direct.integrator import KinematicState, Scheme, credit_renewal
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Boxed, Motion
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import MAX_ITERATIONS, Search, equilibrium, shape_of, solve
+from dlo_planner.direct.statics import MAX_ITERATIONS, Search, equilibrium, minimum, shape_of
 from dlo_planner.direct.step import past_of
 from dlo_planner.direct.stepper import (
     MOST,
@@ -98,19 +98,19 @@ def moving_mesh(known: Discretization) -> Discretization:
 
 
 def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd | None,
-                initial: Shape, history: Memory | None) -> Shape:
+                initial: Shape, memory: Memory | None) -> Shape:
     """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings."""
     length = discretization.s[-1]
     _meets('initial', 'gripper', 'grippers[0]', initial.gripper, gripper, length)
     if far_end is not None:
         end = initial.at(float(initial.s[-1]))
         _meets('initial', 'far end', 'far_ends[0]', end, _allowed(far_end, end), length)
-    history = past_of(discretization, initial, history)
-    system = discretization.system(gripper.rotation, gripper.position, history, far_end)
+    past = past_of(discretization, initial, memory)
+    system = discretization.system(gripper.rotation, gripper.position, past, far_end)
     q = discretization.unknowns(discretization.strains_from(initial.s, initial.element_strains))
-    found = solve(discretization, system, gripper, q, history, Search(0, False))
+    found = minimum(discretization, system, gripper, q, past, Search(0, False))
     # nothing was solved yet that could have failed
-    first = replace(shape_of(discretization, gripper, found, history, far_end), converged=True)
+    first = replace(shape_of(discretization, gripper, found, past, far_end), converged=True)
     if initial.state.mesh is discretization and _alike(first, initial):
         first = initial
     if first.converged and first.violation > _DEEP * length:

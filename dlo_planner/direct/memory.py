@@ -1,201 +1,189 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a DLO carries from one step to the next: what the terms of its potential have left.
-
-ACTING lists the terms, those of `energy.terms` that simulators offer. One that depends on how the
-DLO is held, leaves something to the next step or is reported is a Part in `terms` or a file of its
-own, and a line in ACTING.
-"""
+"""What a DLO carries from one step to the next: its plastic strain, and the forces on it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
-from dlo_planner.direct.contact import Touch
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.direct.terms import FarHold, Held, Left, Part, PermanentSet, Solved, filed
-from dlo_planner.energy.inertia import InertiaTerm, no_inertia
-from dlo_planner.energy.loads import Load
-from dlo_planner.energy.plastic import elastic_part
-from dlo_planner.energy.terms import TERMS, Terms
 from dlo_planner.errors import InvalidTask
-from dlo_planner.geometry.record import Record
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import row, shown
-from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import FrozenDict, Value, freeze, owned, put, same
+from dlo_planner.model.value import Value, freeze
 
-if TYPE_CHECKING:
-    from dlo_planner.direct.discretization import Discretization
-
-class Inertia(Part):
-    """Inertia, `energy.inertia`, which `direct.integrator` brings; at rest there is none."""
-
-    name = 'anchor'
-    rests = True
-
-    def record(self, mesh: Discretization, left: Left, held: Held) -> InertiaTerm:
-        """Return the InertiaTerm of a DLO at rest."""
-        return no_inertia()
+_SAME = 1e-9        # of the length
+_SAME_NODE = 1e-12  # the same: nodes of two meshes that are one
 
 
-ACTING: tuple[Part, ...] = (PermanentSet(), Inertia(), FarHold(), Touch())
+class ContactPoints(NamedTuple):
+    """C points of contact inside elements and of friction, as of a `ContactSet`; world axes."""
+
+    element: Ints
+    obstacle: Ints      # -1 - o: a point of friction on obstacle o
+    multiplier: Floats  # N
+    fraction: Floats
+    anchor: Floats      # (C, 3) m, where they have come to
+    normal: Floats      # (C, 3)
+    shear: Floats       # (C, 3) N
+    slid: Floats        # (C, 3) m, by how much they slid in the step
+
+    def on(self, old: Floats, s: Floats) -> ContactPoints:
+        """Return the same points on other nodes: s (n + 1,) instead of `old` (N + 1,), m."""
+        if not self.element.size:
+            return self
+        inside = self.obstacle >= 0  # anywhere in the element: its middle
+        at = old[self.element] + (np.where(inside, 0.5, self.fraction)
+                                  * np.diff(old)[self.element])
+        tiny = _SAME_NODE * s[-1]
+        element = np.clip(np.searchsorted(s, at - tiny) - 1, 0, s.size - 2)
+        fraction = (at - s[element]) / np.diff(s)[element]
+        fraction = np.where(np.abs(at - s[element + 1]) < tiny, 1.0, np.clip(fraction, 0.0, 1.0))
+        return self._replace(element=element,  # inside they are fixed, or 0: they roll
+                             fraction=np.where(inside, self.fraction, fraction))
 
 
-def always(rod: Rod, pull: Floats) -> Terms:
-    """Return the Terms that act on every DLO: elasticity, and loads whose `pull` (N + 1, 3)."""
-    known = {'elastic': elastic_part(rod), 'load': Load(pull)}
-    return Terms(*[known.get(name) for name in TERMS])
-
-
-def others(mesh: Discretization, left: Left) -> dict[str, Record | None]:
-    """Return all others by their names, without a past: empty where there is no such thing."""
-    return {part.name: part.record(mesh, left, Held()) for part in ACTING if part.name in TERMS}
-
-
-def changing(mesh: Discretization, held: Held) -> list[Part]:
-    """Return those that depend on what is left and how the DLO is held there."""
-    return [part for part in ACTING if part.changes(mesh, held)]
-
-
-_SAME = 1e-9  # of the length
-_NOWHERE = np.zeros((0, 3))
+_NO_INDEX, _NO_NUMBER, NOWHERE = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 3))
+NO_POINTS = ContactPoints(_NO_INDEX, _NO_INDEX, _NO_NUMBER, _NO_NUMBER, *[NOWHERE] * 4)
+freeze(NO_POINTS)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Memory(Value):
-    """The past of a Shape, as far as the next step depends on it.
+    """The past of a Shape on N elements, as far as the next step depends on it."""
 
-    Attributes
-    ----------
-    s : ndarray, shape (N + 1,)
-        Arc lengths of the nodes of its mesh, m.
-    left : dict
-        Arrays by name: what each of `direct.memory.ACTING` left.
-    positions : ndarray, shape (N + 1, 3)
-        Positions of the nodes at the end of it, m; (0, 3) without a step so far.
-    tangents : ndarray, shape (N + 1, 3)
-        Tangents of the nodes at the end of it; (0, 3) without a step so far.
-    of : Surroundings or None
-        Surroundings in which it happened. If None, not known, as of a shape from a file.
-    """
-
-    s: Floats
-    left: Left
-    positions: Floats
-    tangents: Floats
-    of: Surroundings | None = field(default=None, compare=False)
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.left, FrozenDict):  # which holds what nobody else can change
-            put(self, left=FrozenDict({name: owned(np.asarray(one))
-                                       for name, one in self.left.items()}))
-        put(self, s=owned(self.s), positions=owned(self.positions), tangents=owned(self.tangents))
+    s: Floats              # (N + 1,) arc lengths of the nodes, m
+    plastic: Floats        # (N, J) plastic strain of each spring, 1/m; (N, 0): elastic
+    dissipated: float      # J, lost to plastic deformation so far
+    hold: Floats           # (K,) N, forces of the far end's grip
+    node_force: Floats     # (M, N + 1) N, of each body on each node
+    points: ContactPoints
+    positions: Floats      # (N + 1, 3) m, of the nodes at its end; (0, 3) without a step so far
+    tangents: Floats       # the same
+    of: Surroundings | None = field(default=None, compare=False)  # None: not known, as of a file
 
     @classmethod
-    def empty(cls, mesh: Discretization) -> Memory:
-        """Return the past, on a mesh, of a DLO that has none."""
-        left = {name: array for part in ACTING for name, array in part.empty(mesh, mesh.s).items()}
-        freeze(left)
-        return cls(mesh.s, FrozenDict(left), _NOWHERE, _NOWHERE, mesh.surroundings)
+    def empty(cls, s: Floats, springs: int, bodies: int, of: Surroundings) -> Memory:
+        """Return the past of a DLO that has none, with so many springs and bodies."""
+        return cls(s, np.zeros((s.size - 1, springs)), 0.0, _NO_NUMBER, np.zeros((bodies, s.size)),
+                   NO_POINTS, NOWHERE, NOWHERE, of)
 
-    @classmethod
-    def after(cls, solved: Solved, positions: Floats, tangents: Floats) -> Memory:
-        """Return the past of a DLO after a step, with its nodes' positions and tangents then."""
-        left = {name: array for part in ACTING for name, array in part.leaves(solved).items()}
-        return cls(solved.mesh.s, left, positions, tangents, solved.mesh.surroundings)
-
-    def judged(self, length: float) -> Memory:
-        """Return the same past, from a file, if it can be of a DLO of that length, m."""
-        s = row('past_s', self.s, least=2, minimum=0)
-        if s[0] != 0 or (np.diff(s) <= 0).any() or abs(s[-1] - length) > _SAME * length:
-            raise InvalidTask(f'past_s = {shown(s.tolist())}: expected arc lengths that grow from '
-                              f'0 to {length:g}')
-        left = {name: filed(self.left, name, np.shape(one)) for name, one in self.left.items()}
-        for part in ACTING:
-            left |= part.judged(self.left, s.size)
-        size = (s.size if len(self.positions) else 0, 3)
-        way = {name: filed({name: getattr(self, name)}, name, size)
-               for name in ('positions', 'tangents')}
-        return replace(self, s=s, left=left, **way)
-
-    def followed(self, positions: Floats, tangents: Floats, **left: Any) -> Memory:
-        """Return the past after a step that left nothing else than arrays of some names."""
-        freeze((positions, tangents, left))
-        after = FrozenDict({**self.left, **left}) if left else self.left
-        return Memory(self.s, after, positions, tangents, self.of)
-
-    def leaving(self, **left: Any) -> Memory:
-        """Return the same past with other arrays of some names in `left`."""
-        return replace(self, left={**self.left, **left})
-
-    def underway(self, solved: Solved) -> Memory:
-        """Return the same past with the forces in the middle of a step."""
-        return self.leaving(**{name: array for part in ACTING
-                               for name, array in part.underway(solved).items()})
-
-    def resampled(self, s: Floats) -> Memory:
-        """Return the same past on another mesh `s` (n + 1,), m."""
-        if s is self.s or np.array_equal(s, self.s):
-            return self
-        positions, tangents = self.positions, self.tangents
-        if len(positions):
-            curve = scipy.interpolate.CubicHermiteSpline(self.s, positions, tangents)
-            positions, tangents = curve(s), curve(s, 1)
-        moved = self.leaving(**{name: array for part in ACTING
-                                for name, array in part.resampled(self.left, self.s, s).items()})
-        return replace(moved, s=s, positions=positions, tangents=tangents)
-
-    def with_contacts(self, later: Memory) -> Memory:
-        """Return the same past with the forces of contacts and grips after the step."""
-        return self.leaving(**{name: array for part in ACTING
-                               for name,
-                               array in part.with_contacts(self.left, later.left).items()})
-
-    def with_forces(self, other: Memory) -> Memory:
-        """Return the same past with all of another one but what belongs to the rod."""
-        return self.leaving(**{name: other.left[name] for part in ACTING if not part.of_rod
-                               for name in part.cleared(other.left)})
-
-    def lasting(self) -> Memory:
-        """Return what belongs to the rod: no forces, and not the way so far."""
-        none = np.zeros((0, 3))
-        cleared = self.leaving(**{name: array for part in ACTING if not part.of_rod
-                                  for name, array in part.cleared(self.left).items()})
-        return replace(cleared, positions=none, tangents=none)
+    @cached_property
+    def idle(self) -> bool:
+        """Whether nothing of it has a say in the next step, whose far end is free."""
+        return not (self.points.element.size or self.dissipated or self.plastic.any()
+                    or self.node_force.any())
 
     @property
     def lasts(self) -> bool:
         """Whether the DLO is for good another one than it was made."""
-        return any(part.lasts(self.left) for part in ACTING)
+        return bool(self.plastic.any())
+
+    @property
+    def bears(self) -> bool:
+        """Whether contacts have pressed on the DLO."""
+        return bool(self.node_force.any() or self.points.multiplier.any())
+
+    @property
+    def friction_work(self) -> float:
+        """Work in J of friction in the step that left it, with the forces at its end."""
+        rubs = self.points.obstacle < 0
+        force, way = self.points.shear[rubs], self.points.slid[rubs]
+        return float(np.abs(np.sum(force * way, axis=1)).sum())
+
+    def lasting(self) -> Memory:
+        """Return what belongs to the rod: no forces, and not the way so far."""
+        return replace(self, hold=_NO_NUMBER, node_force=np.zeros_like(self.node_force),
+                       points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE)
+
+    def with_forces(self, other: Memory) -> Memory:
+        """Return the same past with the forces of another one."""
+        return replace(self, hold=other.hold, node_force=other.node_force, points=other.points)
+
+    def under(self, later: Memory) -> Memory:
+        """Return the same past under the forces after the step; what slid in it slides."""
+        points = later.points
+        return replace(self.with_forces(later),
+                       points=points._replace(anchor=points.anchor - points.slid))
+
+    def resampled(self, s: Floats) -> Memory:
+        """Return the same past on another mesh `s` (n + 1,), m; forces where a node stays."""
+        if s is self.s or np.array_equal(s, self.s):
+            return self
+        positions, tangents, force = self.positions, self.tangents, self.node_force
+        if len(positions):
+            curve = scipy.interpolate.CubicHermiteSpline(self.s, positions, tangents)
+            positions, tangents = curve(s), curve(s, 1)
+        if len(force):
+            force = force @ (np.abs(self.s[:, None] - s) < _SAME_NODE * s[-1])
+        else:
+            force = np.zeros((0, s.size))
+        return replace(self, s=s, plastic=mapped(self.s, self.plastic, s), node_force=force,
+                       points=self.points.on(self.s, s), positions=positions, tangents=tangents)
+
+    def packed(self) -> dict[str, Any]:
+        """Return its arrays by the names that they have in files."""
+        points = {f'point_{name}': array for name, array in self.points._asdict().items()}
+        return {'s': self.s, 'set': self.plastic, 'lost': self.dissipated, 'hold': self.hold,
+                'node_force': self.node_force, **points, 'positions': self.positions,
+                'tangents': self.tangents}
+
+    @classmethod
+    def unpacked(cls, arrays: Mapping[str, Any], frames: Floats, length: float) -> Memory:
+        """Return the past from a file, if it can be of a DLO of that length, m.
+
+        Older files lack some: tangents are those of `frames` (N + 1, 3, 3).
+        """
+        s = row('past_s', arrays['s'], least=2, minimum=0)
+        if s[0] != 0 or (np.diff(s) <= 0).any() or abs(s[-1] - length) > _SAME * length:
+            raise InvalidTask(f'past_s = {shown(s.tolist())}: expected arc lengths that grow from '
+                              f'0 to {length:g}')
+        count, bodies = np.size(arrays.get('point_element', ())), len(arrays.get('node_force', ()))
+        none = np.zeros((count, 3))
+        way = len(arrays['positions'])
+        given = {'point_shear': none, 'point_slid': none, 'tangents': frames[:way, :, 0], **arrays}
+        springs = np.asarray(given.get('set', ()))
+        if springs.ndim > 2:  # 0.1.0: layers apart
+            springs = springs.reshape(len(springs), -1)
+        strain = s.size - 1, *(springs.shape[1:] or (0,))
+        points = ContactPoints(
+            _filed(given, 'point_element', (count,), 0, s.size - 2, int),
+            _filed(given, 'point_obstacle', (count,), -bodies, bodies - 1, int),
+            _filed(given, 'point_multiplier', (count,)),
+            _filed(given, 'point_fraction', (count,), 0.0, 1.0),
+            *(_filed(given, f'point_{name}', (count, 3)) for name in ContactPoints._fields[4:]))
+        ends = (s.size if way else 0, 3)
+        return cls(s, _filed({'set': springs}, 'set', strain),
+                   float(_filed(given, 'lost', (), 0.0)),
+                   _filed(given, 'hold', (min(np.size(given.get('hold', ())), 6),)),
+                   _filed(given, 'node_force', (bodies, s.size)), points,
+                   _filed(given, 'positions', ends), _filed(given, 'tangents', ends))
 
 
-def past_on(mesh: Discretization, history: Memory | None, own: Memory | None = None) -> Memory:
-    """Return `history` on a mesh, as far as it belongs to the DLO there.
-
-    What an effect left for good belongs to a rod; contacts and grips to a rod and all that acts on
-    it: all by value. What does not belong there is forgotten.
-    """
-    if history is not None and history.of is mesh.surroundings and history.s is mesh.s:
-        return history  # most steps: the one before was made here
-    if history is None or not _suits(history, mesh):
-        history = own
-    if history is None or not _suits(history, mesh):
-        return mesh.start
-    known = history.of is None or same(history.of, mesh.surroundings)
-    fits = [part.fits(history.left, mesh.start.left) for part in ACTING]
-    if not (known and all(fits)):
-        history = history.lasting().leaving(**{
-            name: array for part, good in zip(ACTING, fits, strict=True) if not good
-            for name, array in part.empty(mesh, history.s).items()})
-    return history.resampled(mesh.s)
+def _filed(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], lowest: float = -np.inf,
+           highest: float = np.inf, kind: type = float) -> Any:
+    """Return an array of a file if it holds finite numbers of a `kind` within limits."""
+    value = np.asarray(arrays.get(name, ()))
+    if (name not in arrays or value.shape != shape
+            or value.dtype.kind not in ('iu' if kind is int else 'iuf')
+            or not np.isfinite(value).all() or (value < lowest).any() or (value > highest).any()):
+        limits = '' if lowest == -np.inf else f' from {lowest:g} to {highest:g}'
+        raise InvalidTask(f'past_{name} = {shown(value.tolist())}: expected finite '
+                          f'{"integers" if kind is int else "numbers"} of shape {shape}{limits}')
+    return value.astype(kind)
 
 
-def _suits(history: Memory, mesh: Discretization) -> bool:
-    """Whether what was left for good can be this rod's: its own, or of a rod that is not known."""
-    return (all(part.fits(history.left, mesh.start.left) for part in ACTING if part.of_rod)
-            and (history.of is None or same(history.of.rod, mesh.rod)))
+def mapped(s: Floats, values: Floats, wanted: Floats) -> Floats:
+    """Return (n, k): `values` (N, k), constant on the elements of `s`, averaged over `wanted`'s."""
+    total = np.vstack([np.zeros(values.shape[1]),
+                       np.cumsum(values * np.diff(s)[:, None], axis=0)])
+    at_nodes = np.column_stack([np.interp(wanted, s, column) for column in total.T]
+                               or [np.zeros((wanted.size, 0))])
+    result: Floats = np.diff(at_nodes, axis=0) / np.diff(wanted)[:, None]
+    return result

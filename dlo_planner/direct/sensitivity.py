@@ -16,16 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.discretization import Discretization
-from dlo_planner.energy.potential import at_element, evaluate, project, unknowns_of
+from dlo_planner.energy.potential import at_element, evaluate, project
 from dlo_planner.energy.problem import (
     Configuration,
     Problem,
     new_configuration,
     unknown_count,
-    with_gripper,
 )
-from dlo_planner.energy.terms import constraint_jacobian, constraint_value, row_count
+from dlo_planner.energy.terms import constraint_jacobian, row_count
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
 from dlo_planner.kernels import kernel
@@ -43,7 +41,6 @@ from dlo_planner.minimize.hessian import (
 from dlo_planner.minimize.semismooth import linearize_contact_law, unit_load
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import displaced
-from dlo_planner.model.rod import Rod
 
 if TYPE_CHECKING:  # it imports this file
     from dlo_planner.direct.shape import Shape
@@ -72,13 +69,9 @@ class Sensitivity:
             raise InvalidTask('shape: expected one whose gripper clamps it, not a pinned one')
         self.shape = shape
         here, gripper = shape.state.mesh, shape.gripper
-        if here.hangs and shape.far_end is None:
-            self._system, self._state, self._answers, self._hessian = _hanging_answers(
-                here.static, gripper.rotation, here.start_from(shape))
-            return
         # the past before the step: what yields in it, yields along with the gripper
-        past = shape.state.held
-        system = here.system(gripper.rotation, gripper.position, past, shape.far_end)
+        system = here.system(gripper.rotation, gripper.position, shape.state.held, shape.far_end,
+                             culled=shape.state.culled)
         q = here.unknowns(shape.element_strains)
         if shape.contacts:
             state = new_configuration(system)
@@ -111,8 +104,7 @@ class Sensitivity:
 
     @cached_property
     def _columns(self) -> int:
-        free = self.shape.far_end is None and self.shape.state.made_on.hangs
-        result: int = 3 if free else self._hessian.cross.shape[2]
+        result: int = self._hessian.cross.shape[2]
         return result
 
     @property
@@ -135,22 +127,23 @@ class Sensitivity:
         result: Floats = _strains_by(self._system, self._hessian, slopes)
         return result
 
-    def slope_of(self, **fields: Floats) -> tuple[Floats, Floats]:
-        """Return the potential's slope (N, 3) by the strains, and the nodes' places (N + 1, 3).
-
-        With the strains and the gripper of the shape.
+    def slope_of(self, more: Floats | float = 0.0, **fields: Floats) -> Floats:
+        """Return the potential's slope (N, 3) by the strains, the gripper's pose that of the shape.
 
         Parameters
         ----------
+        more : ndarray, shape (N, 3), optional
+            What is added to the strains of the shape, 1/m.
         fields
             Fields of the Problem that change.
         """
         # one unknown strain an element: these strains, whatever the basis
         system = self._system._replace(basis=np.zeros((self._system.lengths.size, 0)), **fields)
         state = new_configuration(system)
-        state.q[:] = (self._state.strains - system.natural) / system.scale
+        state.q[:] = (self._state.strains + more - system.natural) / system.scale
         evaluate(system, state)
-        return state.gradient / system.scale, state.positions
+        result: Floats = state.gradient / system.scale
+        return result
 
     def moved(self, twist: ArrayLike) -> Shape:
         """Return the Shape predicted for a gripper moved by a small `twist` (6,).
@@ -166,46 +159,6 @@ class Sensitivity:
                            positions, np.empty((len(strains), 7)))
         return replace(shape, gripper=gripper, frames=rotations, element_strains=strains,
                        positions=positions + gripper.position)
-
-    def predicted(self, rod: Rod) -> Shape:
-        """Return the Shape predicted for a Rod that differs a little, in the same gripper.
-
-        To first order: what one step of Newton's method with the known Hessian makes of it. Its
-        arc lengths are those of the same elements; energy and wrench are those of before.
-        """
-        return self.predicted_on(self.shape.state.made_on.of(rod))
-
-    def predicted_on(self, other: Discretization) -> Shape:
-        """Return `predicted` for a rod whose Discretization, with as many elements, is known."""
-        shape, gripper = self.shape, self.shape.gripper
-        system = other.system(gripper.rotation, gripper.position,
-                              shape.state.held, shape.far_end)
-        known = self._system
-        # in the unknowns, and with the springs of constraints, of which the known Hessian is
-        system = system._replace(scale=known.scale, contact=known.contact, hold=known.hold)
-        strains, rotations, positions = _one_step(system, self._system, self._state, self._hessian)
-        return replace(shape, s=other.s, element_strains=strains, frames=rotations,
-                       positions=positions + gripper.position)
-
-
-@kernel
-def _one_step(system: Problem, known: Problem, at: Configuration,
-              hessian: Hessian) -> tuple[Floats, Floats, Floats]:
-    """Return strains, frames and positions of `system` after a step from another one's state.
-
-    It begins with the strains of that state, where its ends are: what holds them is stiff.
-    """
-    state = new_configuration(system)
-    unknowns_of(system, at.strains, state.q)
-    evaluate(system, state)
-    step, last = np.empty_like(at.q), system.lengths.size
-    miss = np.empty(row_count(system.needs.border))
-    constraint_value(system.effects, state.rotations[last], state.positions[last], miss)
-    # the known gradient is zero but for rounding, which differences would blow up
-    solve_held(known, hessian, at.gradient - state.gradient, miss, step, np.empty_like(miss))
-    state.q[:] += step
-    evaluate(system, state)
-    return state.strains, state.rotations, state.positions
 
 
 @kernel
@@ -224,22 +177,6 @@ def _strains_by(system: Problem, hessian: Hessian, slopes: Floats) -> Floats:
             for i in range(3):
                 out[k, e, i] = scale[e, i] * at_element(basis, answer, e, i)
     return out
-
-
-@kernel
-def _hanging_answers(system: Problem, base: Floats,
-                     strains: Floats) -> tuple[Problem, Configuration, Floats, Hessian]:
-    """Return a Problem that hangs freely in a gripper, and there what `gripper_answers` returns.
-
-    Args:
-        base: (3, 3), read-only, rotation of the gripper
-        strains: (N, 3), read-only, in equilibrium, 1/m
-    """
-    here = with_gripper(system, base.copy(), system.origin)
-    q = np.empty((unknown_count(system), 3))
-    unknowns_of(here, strains.copy(), q)
-    state, answers, hessian = gripper_answers(here, q)
-    return here, state, answers, hessian
 
 
 @kernel

@@ -5,21 +5,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
-from typing import Any, NamedTuple, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.mesh import mapped
+from dlo_planner.direct.memory import Memory, mapped
 from dlo_planner.direct.modes import Linearized, Modes, modes_of
 from dlo_planner.direct.storage import load, save
-from dlo_planner.direct.terms import hinge
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import frame_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
@@ -45,296 +43,7 @@ from dlo_planner.model.value import Constant, Value, brief, freeze, owned, put
 from dlo_planner.pictured import Pictured
 
 _ROUNDING = 1e-9  # of the length
-
-
-class ForKernels(NamedTuple):
-    """Arrays of a Curve of N elements for kernels, which take no read-only ones.
-
-    Attributes
-    ----------
-    lengths : ndarray, shape (N,)
-        Of the elements, m.
-    strains : ndarray, shape (N, 3)
-        Of the elements, 1/m.
-    frames : ndarray, shape (N + 1, 3, 3)
-        Of the nodes.
-    positions : ndarray, shape (N + 1, 3)
-        Of the nodes, m.
-    """
-
-    lengths: Floats
-    strains: Floats
-    frames: Floats
-    positions: Floats
-
-
-class Curve(Pictured):
-    """What a Shape knows of its own geometry; a base of it.
-
-    Attributes
-    ----------
-    s, positions, frames, element_strains : ndarray
-        As of `Shape`.
-    """
-
-    s: Floats
-    positions: Floats
-    frames: Floats
-    element_strains: Floats
-
-    @property
-    def tangents(self) -> Floats:
-        """(N_L + 1, 3) unit tangents at the nodes."""
-        return self.frames[:, :, 0]
-
-    @property
-    def strains(self) -> Floats:
-        """(N_L + 1, 3) strains at the nodes, 1/m, interpolated from the elements' middles."""
-        u = self.element_strains
-        if len(u) == 1:
-            return np.repeat(u, 2, axis=0)
-        h = np.diff(self.s)[:, None]
-        inner = (h[1:] * u[:-1] + h[:-1] * u[1:]) / (h[1:] + h[:-1])
-        first = u[0] - (u[1] - u[0]) * h[0] / (h[0] + h[1])
-        last = u[-1] + (u[-1] - u[-2]) * h[-1] / (h[-1] + h[-2])
-        return np.vstack([first, inner, last])
-
-    @property
-    def bend_radius(self) -> Floats:
-        """(N_L,) radius of curvature of the elements, m; infinite where straight."""
-        with np.errstate(divide='ignore'):
-            return 1 / np.hypot(self.element_strains[:, 1], self.element_strains[:, 2])
-
-    def at(self, s: float) -> Pose:
-        """Return the Pose (x axis = tangent) at arc length `s` in m, on the element's exact arc.
-
-        Raises
-        ------
-        InvalidTask
-            `s` is outside [0, L].
-        """
-        s = number('s', s, minimum=0, maximum=float(self.s[-1]))
-        rotation, position = self.frame_at(s)
-        return Pose.from_rotation(position, rotation)
-
-    def positions_at(self, s: ArrayLike) -> Floats:
-        """Return (m, 3) positions in m at arc lengths `s` (m,) in m, as `at`, but quicker.
-
-        Raises
-        ------
-        InvalidTask
-            One is outside [0, L].
-        """
-        s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
-        return np.array([self.frame_at(value)[1] for value in s]).reshape(-1, 3)
-
-    def frame_at(self, s: float) -> tuple[Floats, Floats]:
-        """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.
-
-        Raises
-        ------
-        InvalidTask
-            `s` is outside [0, L] by more than rounding.
-        """
-        length = self.s[-1]
-        if not (isinstance(s, float) and 0.0 <= s <= length):
-            s = number('s', s, minimum=-_ROUNDING * length, maximum=(1 + _ROUNDING) * length)
-            s = min(max(s, 0.0), length)
-        found: tuple[Floats, Floats] = frame_along(self.s, self.element_strains, self.frames,
-                                                   self.positions, s)
-        return found
-
-    @cached_property
-    def for_kernels(self) -> ForKernels:
-        """What kernels read; nothing else is to.
-
-        Copies: read-only arrays are another type for numba, and would compile everything again.
-        """
-        return ForKernels(np.diff(self.s), self.element_strains.copy(), self.frames.copy(),
-                          self.positions.copy())
-
-
-class OfDLO(Curve):
-    """What a Shape knows of its DLO; a base of it.
-
-    Attributes
-    ----------
-    state : State
-        As of `Shape`.
-    """
-
-    state: State
-
-    @property
-    def rod(self) -> Rod | None:
-        """The Rod; None for a shape from a file."""
-        return None if self.state.mesh is None else self.state.mesh.rod
-
-    @property
-    def mesh(self) -> Discretization | None:
-        """The Discretization it was computed on; None for a shape from a file."""
-        return self.state.mesh
-
-    @property
-    def history(self) -> Memory | None:
-        """What the DLO carries to the next step: its permanent set and its contacts."""
-        return self.state.history
-
-    @property
-    def pinned(self) -> bool:
-        """Whether its beginning is pinned by the gripper, not clamped (a simulator's `grip`)."""
-        return self.state.mesh is not None and self.state.mesh.surroundings.pinned
-
-    @property
-    def obstacles(self) -> tuple[Obstacle, ...]:
-        """The obstacles of its simulator; () for a shape from a file."""
-        return () if self.state.mesh is None else self.state.mesh.surroundings.obstacles
-
-    @property
-    def bend_margin(self) -> float:
-        """How much less than the rod's max_bend_curvature the sharpest bend is, 1/m (< 0: more).
-
-        nan without a limit: nothing was looked at.
-        """
-        limit = None if self.rod is None else self.rod.max_bend_curvature
-        return np.nan if limit is None else float(limit - 1 / self.bend_radius.min())
-
-    @property
-    def self_distance(self) -> float:
-        """Least distance in m of its axis from itself, within 1e-6 of the length.
-
-        Of places that are no neighbours: between them it heads back towards the first. Infinite if
-        it heads back nowhere; nan where not known, of a DLO without a radius or from a file. What
-        is below the diameter lies in itself, see `lies_in_itself`: nothing holds it off.
-        """
-        return self._near_itself[0]
-
-    @property
-    def lies_in_itself(self) -> bool:
-        """Whether two of its pieces, no neighbours, are nearer than their radii.
-
-        By the least half size of a rectangular section; False where `self_distance` is nan.
-        """
-        return self._near_itself[1] < 0
-
-    @cached_property
-    def _near_itself(self) -> tuple[float, float]:
-        """Return `self_distance`, and the least distance less both radii, m; computed once."""
-        radii = _radii_of(cast('Shape', self))
-        if radii is None:
-            return np.nan, np.nan
-        distance, gap = self_distance(*self.for_kernels, radii, np.inf, np.inf)
-        return float(distance), float(gap)
-
-    @property
-    def bent(self) -> Floats:
-        """(N_L, 3) strains since the stress-free shape, permanent set included there, 1/m.
-
-        Raises
-        ------
-        InvalidTask
-            The shape comes from a file and does not know its rod.
-        """
-        mesh = self.state.mesh
-        if mesh is None:
-            raise InvalidTask('this shape does not know its rod: expected one from a simulator')
-        return self.element_strains - mesh.stress_free(self.state.history)
-
-    @property
-    def surface_strain(self) -> Floats:
-        """(N_L, 2) largest axial and shear strain at the surface; needs `Rod.section`."""
-        return self._section().surface_strain(self.bent)
-
-    @property
-    def surface_stress(self) -> Floats:
-        """(N_L, 2) largest axial and shear stress at the surface, Pa; needs `Rod.section`.
-
-        Elastic, and so an upper bound where the section has yielded.
-        """
-        section = self._section()
-        moduli: Floats = np.array([section.youngs_modulus, section.shear_modulus])
-        return self.surface_strain * moduli
-
-    def _section(self) -> Section:
-        if self.rod is None or self.rod.section is None:
-            raise InvalidTask('Rod.section = None: expected a Section where strain and stress at '
-                              'the surface are asked for (Rod.circular and the like give one)')
-        return self.rod.section
-
-    def modes(self, n: int = 4) -> Modes:
-        """Return the n slowest vibrations of the DLO about this shape, the grips at rest.
-
-        Contacts that bear stay closed, what yields springs back. There are fewer than n where the
-        masses cannot move in as many ways. About 1 ms with a series, see `Modes.error_estimate`.
-
-        Raises
-        ------
-        InvalidTask
-            The shape is not converged, neutral, one of a motion, grasped inside (take its `parts`)
-            or from a file; dead moments act, or it touches something with friction.
-        """
-        return modes_of(cast('Shape', self), n)
-
-    def stiffness_matrix(self) -> Floats:
-        """Return (c, c), J: second derivative of the potential by the coordinates of vibrations.
-
-        Coordinates are what the simulator minimizes by, term after term of its series ('local':
-        element after element), for each torsion, curvature about n, about b. Their unit is sqrt(J),
-        so scaled that the elastic part is the identity (where the stiffness does not vary along the
-        DLO). A held far end leaves combinations of these. `jacobian` says what they move.
-
-        Raises
-        ------
-        InvalidTask
-            As `modes`.
-        """
-        return Linearized(cast('Shape', self)).vibration.stiffness
-
-    def mass_matrix(self) -> Floats:
-        """Return (c, c), J s^2: second derivative of the kinetic energy by the velocities.
-
-        In the coordinates of `stiffness_matrix`, for shapes as there; it may be singular.
-        """
-        return Linearized(cast('Shape', self)).vibration.mass
-
-    def jacobian(self) -> Floats:
-        """Return (N_L + 1, 3, c), m, world axes: displacement of the nodes by the coordinates.
-
-        In those of `stiffness_matrix`, for shapes as there; the grips at rest.
-        """
-        return Linearized(cast('Shape', self)).vibration.jacobian
-
-
-
-def in_itself(shape: Shape, surface: Surface) -> float:
-    """Return by how much, in m, a Shape with this Surface lies in itself; 0 where it does not."""
-    if surface.radius == 0.0 or not may_head_back(shape.s, shape.element_strains):
-        return 0.0
-    _, gap = self_distance(*shape.for_kernels, _radii(surface, shape.s), 0.0, 0.0)
-    return -float(gap)
-
-
-def _radii(surface: Surface, s: Floats) -> Floats:
-    """Return (N,) how far a Surface is from the axis at least in the elements of `s`, m."""
-    if surface.rod is None:
-        return np.full(s.size - 1, surface.least)
-    radii: Floats = surface.radii(s).min(axis=1)
-    return radii
-
-
-def _radii_of(shape: Shape) -> Floats | None:
-    """Return the `_radii` of a Shape; None where it has none."""
-    if shape.parts is not None:  # of one grasped inside, the first runs against its arc length
-        back, on = (_radii_of(part) for part in shape.parts)
-        return None if back is None or on is None else np.concatenate([back[::-1], on])
-    if shape.rod is None or shape.rod.radius is None:
-        return None
-    return _radii(Surface.of(shape.rod), shape.s)
-
-
 _NEARLY, _STABLE, _KEPT = 1e-4, 1e-3, 1e-6  # what a shape is not to exceed to go on from it
-
-
 _NOT_KNOWN = Constant(float('nan'))
 
 
@@ -343,39 +52,21 @@ class State(Value):
     """What a Shape carries along, opaque to users: it goes on where the Shape ends.
 
     Two are equal if the next step begins with the same past.
-
-    Attributes
-    ----------
-    mesh : Discretization or None
-        Mesh and surroundings for which the Shape was computed. If None, not known: it is from a
-        file, or was changed by hand.
-    history : Memory or None
-        What it leaves to the next step. If None, nothing is known.
-    before : Memory or None
-        What the step began with.
-    estimate : callable
-        Returns how far, in m, a node is from the true rod's at most; see `Shape.error_estimate`.
-    error_ratio : float or None
-        That over `geometry.basis.truncation_error`, where the mesh was chosen by it.
     """
 
-    mesh: Discretization | None = field(default=None, compare=False)
-    history: Memory | None = None
-    before: Memory | None = field(default=None, compare=False)
-    estimate: Callable[[], float] = field(default=_NOT_KNOWN, compare=False)
-    error_ratio: float | None = field(default=None, compare=False)
+    mesh: Discretization | None = field(default=None, compare=False)  # None: as of a file
+    history: Memory | None = None  # what it leaves to the next step; None: nothing is known
+    before: Memory | None = field(default=None, compare=False)  # what the step began with
+    estimate: Callable[[], float] = field(default=_NOT_KNOWN, compare=False)  # m, `error_estimate`
+    culled: bool = field(default=False, compare=False)  # found without what may act, which does not
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Discretization):  # else a simulator made it
-            self._judge()
-
-    def _judge(self) -> None:
-        """Check what comes from elsewhere; its parts are values, nothing is to be frozen."""
-        instance('State.mesh', self.mesh, Discretization, optional=True)
-        for name in ('history', 'before'):
-            instance(f'State.{name}', getattr(self, name), Memory, optional=True)
-        if not callable(self.estimate):
-            raise InvalidTask(f'State.estimate = {shown(self.estimate)}: expected a function')
+            instance('State.mesh', self.mesh, Discretization, optional=True)
+            for name in ('history', 'before'):
+                instance(f'State.{name}', getattr(self, name), Memory, optional=True)
+            if not callable(self.estimate):
+                raise InvalidTask(f'State.estimate = {shown(self.estimate)}: expected a function')
 
     @property
     def made_on(self) -> Discretization:
@@ -396,7 +87,7 @@ class State(Value):
         """What the step began with, under the forces after it; raises as `made_on`."""
         if self.before is None:
             raise InvalidTask('Shape.state: expected a shape that comes from a simulator')
-        return self.before.with_contacts(self.left)
+        return self.before.under(self.left)
 
     @property
     def kept(self) -> bool:
@@ -407,15 +98,6 @@ class State(Value):
         """Return what is left of it where the Shape was changed by hand: its error estimate."""
         return State(estimate=self.estimate)
 
-    def estimating(self, estimate: Callable[[], float]) -> State:
-        """Return the same with another error estimate."""
-        return replace(self, estimate=estimate)
-
-    def resampled(self, s: Floats, error: float) -> State:
-        """Return the past on other nodes `s` (n + 1,), m, of a Shape with a known error, m."""
-        history = None if self.history is None else self.history.resampled(s)
-        return State(history=history, estimate=Constant(error))
-
 
 UNKNOWN = State()
 
@@ -425,7 +107,7 @@ freeze(NO_WRENCH)
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class Shape(OfDLO):
+class Shape(Pictured):
     """A static shape of a DLO held by a gripper; N_L elements, N_L + 1 nodes, world frame, SI.
 
     Two shapes are equal if all that is listed here is, and the past that the next step begins with.
@@ -554,7 +236,7 @@ class Shape(OfDLO):
 
     def __repr__(self) -> str:
         mesh = self.state.mesh
-        cheap = not (self.contacts or self.far_end or mesh is None or mesh.stores)
+        cheap = not (self.contacts or self.far_end or mesh is None or mesh.yields)
         return brief(self, f'{self.s[-1]:.4g} m', f'{len(self.element_strains)} elements',
                      'converged' if self.converged else 'not converged',
                      'jumped' if self.jumped else '', f'residual {self.residual:.1g}',
@@ -609,7 +291,7 @@ class Shape(OfDLO):
     @property
     def _hinge(self) -> tuple[int, float] | None:
         mesh = self.state.mesh
-        return None if mesh is None else hinge(mesh.rod, self.element_strains - mesh.natural)
+        return None if mesh is None else _hinge(mesh.rod, self.element_strains - mesh.natural)
 
     @property
     def _hinge_in_words(self) -> str:
@@ -640,10 +322,11 @@ class Shape(OfDLO):
         n = integer('n_elements', n_elements, minimum=1, maximum=1_000_000)
         s = np.linspace(0, self.s[-1], n + 1)
         poses = [self.at(value) for value in s]
+        history = None if self.history is None else self.history.resampled(s)
         return replace(self, s=s, positions=np.array([pose.position for pose in poses]),
                        frames=np.array([pose.rotation for pose in poses]),
                        element_strains=mapped(self.s, self.element_strains, s),
-                       state=self.state.resampled(s, self.error_estimate))
+                       state=State(history=history, estimate=Constant(self.error_estimate)))
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the shape as npz, or JSON (see `Plan.save`): all but rod and surroundings."""
@@ -667,14 +350,272 @@ class Shape(OfDLO):
         """
         return carried(self, vector('displacement', displacement, 3))
 
+    # ---- its geometry ----------------------------------------------------------------------------
 
-_BEFORE_STATE = tuple(one.name for one in fields(Shape) if one.name != 'state')
+    @property
+    def tangents(self) -> Floats:
+        """(N_L + 1, 3) unit tangents at the nodes."""
+        return self.frames[:, :, 0]
+
+    @property
+    def strains(self) -> Floats:
+        """(N_L + 1, 3) strains at the nodes, 1/m, interpolated from the elements' middles."""
+        u = self.element_strains
+        if len(u) == 1:
+            return np.repeat(u, 2, axis=0)
+        h = np.diff(self.s)[:, None]
+        inner = (h[1:] * u[:-1] + h[:-1] * u[1:]) / (h[1:] + h[:-1])
+        first = u[0] - (u[1] - u[0]) * h[0] / (h[0] + h[1])
+        last = u[-1] + (u[-1] - u[-2]) * h[-1] / (h[-1] + h[-2])
+        return np.vstack([first, inner, last])
+
+    @property
+    def bend_radius(self) -> Floats:
+        """(N_L,) radius of curvature of the elements, m; infinite where straight."""
+        with np.errstate(divide='ignore'):
+            return 1 / np.hypot(self.element_strains[:, 1], self.element_strains[:, 2])
+
+    def at(self, s: float) -> Pose:
+        """Return the Pose (x axis = tangent) at arc length `s` in m, on the element's exact arc.
+
+        Raises
+        ------
+        InvalidTask
+            `s` is outside [0, L].
+        """
+        s = number('s', s, minimum=0, maximum=float(self.s[-1]))
+        rotation, position = self.frame_at(s)
+        return Pose.from_rotation(position, rotation)
+
+    def positions_at(self, s: ArrayLike) -> Floats:
+        """Return (m, 3) positions in m at arc lengths `s` (m,) in m, as `at`, but quicker.
+
+        Raises
+        ------
+        InvalidTask
+            One is outside [0, L].
+        """
+        s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
+        return np.array([self.frame_at(value)[1] for value in s]).reshape(-1, 3)
+
+    def frame_at(self, s: float) -> tuple[Floats, Floats]:
+        """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.
+
+        Raises
+        ------
+        InvalidTask
+            `s` is outside [0, L] by more than rounding.
+        """
+        length = self.s[-1]
+        if not (isinstance(s, float) and 0.0 <= s <= length):
+            s = number('s', s, minimum=-_ROUNDING * length, maximum=(1 + _ROUNDING) * length)
+            s = min(max(s, 0.0), length)
+        found: tuple[Floats, Floats] = frame_along(self.s, self.element_strains, self.frames,
+                                                   self.positions, s)
+        return found
+
+    @cached_property
+    def for_kernels(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Lengths of elements, their strains, frames and positions of nodes, for kernels alone.
+
+        Copies: read-only arrays are another type for numba, and would compile everything again.
+        """
+        return (np.diff(self.s), self.element_strains.copy(), self.frames.copy(),
+                self.positions.copy())
+
+    # ---- its DLO ---------------------------------------------------------------------------------
+
+    @property
+    def rod(self) -> Rod | None:
+        """The Rod; None for a shape from a file."""
+        return None if self.state.mesh is None else self.state.mesh.rod
+
+    @property
+    def mesh(self) -> Discretization | None:
+        """The Discretization it was computed on; None for a shape from a file."""
+        return self.state.mesh
+
+    @property
+    def history(self) -> Memory | None:
+        """What the DLO carries to the next step: its permanent set and its contacts."""
+        return self.state.history
+
+    @property
+    def pinned(self) -> bool:
+        """Whether its beginning is pinned by the gripper, not clamped (a simulator's `grip`)."""
+        return self.state.mesh is not None and self.state.mesh.surroundings.pinned
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The obstacles of its simulator; () for a shape from a file."""
+        return () if self.state.mesh is None else self.state.mesh.surroundings.obstacles
+
+    @property
+    def bend_margin(self) -> float:
+        """How much less than the rod's max_bend_curvature the sharpest bend is, 1/m (< 0: more).
+
+        nan without a limit: nothing was looked at.
+        """
+        limit = None if self.rod is None else self.rod.max_bend_curvature
+        return np.nan if limit is None else float(limit - 1 / self.bend_radius.min())
+
+    @property
+    def self_distance(self) -> float:
+        """Least distance in m of its axis from itself, within 1e-6 of the length.
+
+        Of places that are no neighbours: between them it heads back towards the first. Infinite if
+        it heads back nowhere; nan where not known, of a DLO without a radius or from a file. What
+        is below the diameter lies in itself, see `lies_in_itself`: nothing holds it off.
+        """
+        return self._near_itself[0]
+
+    @property
+    def lies_in_itself(self) -> bool:
+        """Whether two of its pieces, no neighbours, are nearer than their radii.
+
+        By the least half size of a rectangular section; False where `self_distance` is nan.
+        """
+        return self._near_itself[1] < 0
+
+    @cached_property
+    def _near_itself(self) -> tuple[float, float]:
+        """Return `self_distance`, and the least distance less both radii, m; computed once."""
+        radii = _radii_of(self)
+        if radii is None:
+            return np.nan, np.nan
+        distance, gap = self_distance(*self.for_kernels, radii, np.inf, np.inf)
+        return float(distance), float(gap)
+
+    @property
+    def bent(self) -> Floats:
+        """(N_L, 3) strains since the stress-free shape, permanent set included there, 1/m.
+
+        Raises
+        ------
+        InvalidTask
+            The shape comes from a file and does not know its rod.
+        """
+        mesh = self.state.mesh
+        if mesh is None:
+            raise InvalidTask('this shape does not know its rod: expected one from a simulator')
+        return self.element_strains - mesh.stress_free(self.state.history)
+
+    @property
+    def surface_strain(self) -> Floats:
+        """(N_L, 2) largest axial and shear strain at the surface; needs `Rod.section`."""
+        return self._section().surface_strain(self.bent)
+
+    @property
+    def surface_stress(self) -> Floats:
+        """(N_L, 2) largest axial and shear stress at the surface, Pa; needs `Rod.section`.
+
+        Elastic, and so an upper bound where the section has yielded.
+        """
+        section = self._section()
+        moduli: Floats = np.array([section.youngs_modulus, section.shear_modulus])
+        return self.surface_strain * moduli
+
+    def _section(self) -> Section:
+        if self.rod is None or self.rod.section is None:
+            raise InvalidTask('Rod.section = None: expected a Section where strain and stress at '
+                              'the surface are asked for (Rod.circular and the like give one)')
+        return self.rod.section
+
+    def modes(self, n: int = 4) -> Modes:
+        """Return the n slowest vibrations of the DLO about this shape, the grips at rest.
+
+        Contacts that bear stay closed, what yields springs back. There are fewer than n where the
+        masses cannot move in as many ways. About 1 ms with a series, see `Modes.error_estimate`.
+
+        Raises
+        ------
+        InvalidTask
+            The shape is not converged, neutral, one of a motion, grasped inside (take its `parts`)
+            or from a file; dead moments act, or it touches something with friction.
+        """
+        return modes_of(self, n)
+
+    def stiffness_matrix(self) -> Floats:
+        """Return (c, c), J: second derivative of the potential by the coordinates of vibrations.
+
+        Coordinates are what the simulator minimizes by, term after term of its series ('local':
+        element after element), for each torsion, curvature about n, about b. Their unit is sqrt(J),
+        so scaled that the elastic part is the identity (where the stiffness does not vary along the
+        DLO). A held far end leaves combinations of these. `jacobian` says what they move.
+
+        Raises
+        ------
+        InvalidTask
+            As `modes`.
+        """
+        return Linearized(self).vibration.stiffness
+
+    def mass_matrix(self) -> Floats:
+        """Return (c, c), J s^2: second derivative of the kinetic energy by the velocities.
+
+        In the coordinates of `stiffness_matrix`, for shapes as there; it may be singular.
+        """
+        return Linearized(self).vibration.mass
+
+    def jacobian(self) -> Floats:
+        """Return (N_L + 1, 3, c), m, world axes: displacement of the nodes by the coordinates.
+
+        In those of `stiffness_matrix`, for shapes as there; the grips at rest.
+        """
+        return Linearized(self).vibration.jacobian
 
 
-def with_state(shape: Shape, state: State) -> Shape:
-    """Return the same Shape with another State; quicker than `dataclasses.replace`."""
-    known: Any = vars(shape)
-    return Shape(**{name: known[name] for name in _BEFORE_STATE}, state=state)
+def in_itself(shape: Shape, surface: Surface) -> float:
+    """Return by how much, in m, a Shape with this Surface lies in itself; 0 where it does not."""
+    if surface.radius == 0.0 or not may_head_back(shape.s, shape.element_strains):
+        return 0.0
+    _, gap = self_distance(*shape.for_kernels, _radii(surface, shape.s), 0.0, 0.0)
+    return -float(gap)
+
+
+def _radii(surface: Surface, s: Floats) -> Floats:
+    """Return (N,) how far a Surface is from the axis at least in the elements of `s`, m."""
+    if surface.rod is None:
+        return np.full(s.size - 1, surface.least)
+    radii: Floats = surface.radii(s).min(axis=1)
+    return radii
+
+
+def _radii_of(shape: Shape) -> Floats | None:
+    """Return the `_radii` of a Shape; None where it has none."""
+    if shape.parts is not None:  # of one grasped inside, the first runs against its arc length
+        back, on = (_radii_of(part) for part in shape.parts)
+        return None if back is None or on is None else np.concatenate([back[::-1], on])
+    if shape.rod is None or shape.rod.radius is None:
+        return None
+    return _radii(Surface.of(shape.rod), shape.s)
+
+
+_FAR_BEYOND = 10.0  # yield limits: a section that is strained as far bears what it can
+_ALONE = 5.0        # times as far as the elements beside it
+_FEW = 5            # elements: too few to tell
+
+
+def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
+    """Return the element that is a plastic hinge, and its strain in yield limits; None if none is.
+
+    Without hardening a moment beyond what the section can bear bends one element alone, the sharper
+    the shorter it is. An element that is bent or twisted far beyond its limit bears its limit
+    moment to 0.3 %; if the next ones but one bear 8 % less, so the moment in it is beyond that.
+
+    Shapes: bent (N, 3).
+    """
+    if not rod.yields or rod.hardening > 0 or len(bent) < _FEW:
+        return None
+    curved: Any = rod.yield_curvature or (np.inf, np.inf)  # a pair, whatever was given
+    shares = np.abs(bent) / (rod.yield_torsion or np.inf, *curved)
+    for share in (shares[:, 0], np.hypot(shares[:, 1], shares[:, 2])):
+        at = int(share.argmax())
+        beside = max(share[max(at - 2, 0):max(at - 1, 0)].max(initial=0.0),
+                     share[at + 2:at + 3].max(initial=0.0))
+        if share[at] > _FAR_BEYOND and share[at] > _ALONE * beside:
+            return at, float(share[at])
+    return None
 
 
 def carried(shape: Shape, displacement: Floats) -> Shape:
@@ -685,7 +626,7 @@ def carried(shape: Shape, displacement: Floats) -> Shape:
 
 
 _ARRAYS = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
-_PAST, _WAY = 'past_', ('s', 'positions', 'tangents')
+_PAST = 'past_'
 _FILED_ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 _FILED_NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
             'jumped', 'evaluations', 'violation', 'dissipated')
@@ -703,9 +644,7 @@ def pack(shape: Shape, prefix: str = '') -> dict[str, NDArray[Any]]:
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
     if shape.state.history is not None:
-        past = shape.state.history
-        packed |= {_PAST + name: array for name, array in past.left.items()}
-        packed |= {_PAST + name: getattr(past, name) for name in _WAY}
+        packed |= {_PAST + name: array for name, array in shape.state.history.packed().items()}
     return {prefix + key: np.asarray(value) for key, value in packed.items()}
 
 
@@ -723,19 +662,10 @@ def unpack(stored: Mapping[str, Any], prefix: str = '') -> Shape:
                      for row in get('contacts'))
     mark = prefix + _PAST
     past = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
-    history = _history(past, get('frames')).judged(float(get('s')[-1])) if past else None
+    history = Memory.unpacked(past, get('frames'), float(get('s')[-1])) if past else None
     estimate = float(get('error_estimate'))
     values = {name: get(name) for name in _FILED_ARRAYS}
     values |= {name: get(name).item() for name in _FILED_NUMBERS}
     return Shape(gripper=Pose(gripper[:3], gripper[3:]), contacts=contacts, far_end=far_end,
                  state=State(history=history, estimate=Constant(estimate)), **values)
 
-
-def _history(past: dict[str, Any], frames: Floats) -> Memory:
-    """Return the Memory of arrays by name; those of older files lack some."""
-    s, positions = past.pop('s'), past.pop('positions')
-    tangents = past.pop('tangents', frames[:len(positions), :, 0])
-    past['set'] = past['set'].reshape(len(past['set']), -1)  # files of 0.1.0: layers apart
-    for name in ('point_shear', 'point_slid'):  # not in files of 1.0
-        past.setdefault(name, np.zeros_like(past['point_anchor']))
-    return Memory(s, past, positions, tangents)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import partial
 from inspect import signature
 from typing import Any, NamedTuple, Self
 
@@ -17,15 +16,14 @@ from dlo_planner.direct.accuracy import (
     Wanted,
     accurate_equilibrium,
     default_accuracy,
+    fine_enough,
     first_mesh,
     judged,
     mesh_to_begin_with,
-    within,
 )
 from dlo_planner.direct.boundary_motion import ends_of, moving_grips, poses
-from dlo_planner.direct.continuation import Equilibrium, follow
-from dlo_planner.direct.culling import Acts, Culled
-from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.continuation import follow
+from dlo_planner.direct.discretization import Discretization, even_mesh
 from dlo_planner.direct.dynamics import (
     Begun,
     Recipe,
@@ -40,7 +38,6 @@ from dlo_planner.direct.dynamics import (
 )
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.mesh import even_mesh, with_breaks
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.paper import STRAINS
 from dlo_planner.direct.shape import Shape
@@ -292,13 +289,11 @@ class DirectSimulator(Value):
         return self._with(self.surroundings.of_rod(rod), None)
 
     def _with(self, surroundings: Surroundings, history: Memory | None) -> Self:
-        mesh, share = self._discretization, surroundings.rod.length / self.rod.length
-        s = with_breaks(np.append(mesh.s[:-1] * share, surroundings.rod.length),
-                        surroundings.breaks)
-        accuracy = None if self.accuracy is None else self.accuracy * share
+        share = surroundings.rod.length / self.rod.length
         return self._changed(
-            surroundings=surroundings, _history=history, accuracy=accuracy,
-            _discretization=Discretization(surroundings, s, mesh.basis, mesh.n_terms))
+            surroundings=surroundings, _history=history,
+            accuracy=None if self.accuracy is None else self.accuracy * share,
+            _discretization=self._discretization.within(surroundings))
 
     def solve(self, gripper: Pose, initial: Shape | None = None, *,
               far_end: FarEnd | Pose | ArrayLike | None = None) -> Shape:
@@ -437,7 +432,7 @@ class DirectSimulator(Value):
             return self._discretization
         if (shape is not None and self._made(shape)
                 and shape.state.made_on.basis in (self.basis, self._fine)
-                and within(shape, self.accuracy)):
+                and fine_enough(shape, self.accuracy)):
             return shape.state.made_on
         return self._equilibrium(gripper, shape, None)[0].state.made_on
 
@@ -446,73 +441,33 @@ class DirectSimulator(Value):
         return mesh_to_begin_with(self._discretization, self._fine, self.accuracy,
                                   instance('shape', shape, Shape, optional=True), self._history)
 
-    def _equilibrium(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
-                     most: float = np.inf) -> tuple[Shape, int]:
-        """Return (Shape, kicks); `most` as in `step.How`."""
+    def _equilibrium(self, gripper: Pose, initial: Shape | None,
+                     far_end: FarEnd | None) -> tuple[Shape, int]:
+        """Return the Shape of a step as it is, and the kicks."""
         self._judge_end(far_end)
-
-        def find(find_one: Equilibrium, begin: Shape | None) -> tuple[Shape, int]:
-            return find_one(gripper, begin, far_end, most)
-
-        return self._found(find, initial, far_end)
+        shape, kicks = self._step(gripper, initial, far_end)
+        return self._judged(shape), kicks
 
     def _followed(self, previous: Shape, gripper: Pose, far_end: FarEnd | None,
                   at_once: bool = False) -> Shape:
         """Return what `continuation.follow` does."""
         self._judge_end(far_end)
-
-        def find(find_one: Equilibrium, begin: Shape | None) -> tuple[Shape, int]:
-            assert begin is not None  # as `previous` is not
-            return follow(find_one, begin, gripper, far_end, at_once), 0
-
-        return self._found(find, previous, far_end)[0]
-
-    def _found(self, find: Callable[[Equilibrium, Shape | None], tuple[Shape, int]],
-               initial: Shape | None, far_end: FarEnd | None) -> tuple[Shape, int]:
-        """Return what `find` does: without what may act, if it does not; else with all of that."""
-        culled = None
-        if (self.method == 'newton' and self._history is None
-                and (far_end is None or initial is not None)):
-            culled = Culled.of(self._discretization, initial)
-        if culled is not None:
-            try:
-                shape, kicks = find(partial(self._without, culled), culled.begin)
-            except Acts:
-                pass
-            else:
-                if shape.converged:
-                    return culled.with_all(self._judged(shape)), kicks
-        shape, kicks = find(self._with_all, initial)
-        return self._judged(shape), kicks
+        return self._judged(follow(self._step, previous, gripper, far_end, at_once))
 
     def _judged(self, shape: Shape) -> Shape:
-        """Return a Shape that is `converged` only if it is within the accuracy, if there is one."""
-        # the default is not promised; what touches nothing was judged where its mesh was chosen
-        if self.accuracy is None or not self._asked or not (shape.contacts or shape.dissipated):
+        """Return a Shape that is `converged` only within the accuracy that was asked for."""
+        if self.accuracy is None or not self._asked:  # the default is not promised
             return shape
         return judged(shape, self.accuracy)
 
-    def _without(self, culled: Culled, gripper: Pose, initial: Shape | None,
-                 far_end: FarEnd | None, most: float) -> tuple[Shape, int]:
-        """Return what `_with_all` does without what may act; raise Acts if that does."""
-        shape, kicks = self._on(self._discretization.free, gripper, initial,
-                                How(None, far_end, most=most))
-        if shape.converged:
-            culled.judged(initial, gripper, shape)
-        return shape, kicks
-
-    def _with_all(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
-                  most: float) -> tuple[Shape, int]:
-        """Return (Shape, kicks), with all that may act."""
-        return self._on(self._discretization, gripper, initial,
-                        How(self._history, far_end, self.method, self.strains, most))
-
-    def _on(self, mesh: Discretization, gripper: Pose, initial: Shape | None,
-            how: How) -> tuple[Shape, int]:
-        if self.accuracy is not None:
-            return accurate_equilibrium(Wanted(mesh, self._fine, self.accuracy), gripper, initial,
-                                        how)
-        return step(mesh, gripper, initial, how)
+    def _step(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
+              most: float = np.inf) -> tuple[Shape, int]:
+        """Return (Shape, kicks); `most` as in `step.How`."""
+        how = How(self._history, far_end, self.method, self.strains, most)
+        if self.accuracy is None:
+            return step(self._discretization, gripper, initial, how)
+        return accurate_equilibrium(Wanted(self._discretization, self._fine, self.accuracy),
+                                    gripper, initial, how)
 
     def _judge_end(self, far_end: FarEnd | None) -> None:
         if far_end is not None and self.method != 'newton':

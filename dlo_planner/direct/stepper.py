@@ -19,8 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.boundary_motion import Grips
-from dlo_planner.direct.contact import contacts_in, left_of
-from dlo_planner.direct.culling import acting_on, remembers_nothing
+from dlo_planner.direct.contact import contacts_of
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.integrator import (
     DAMPED,
@@ -47,19 +46,10 @@ from dlo_planner.direct.integrator import (
     step_problem,
     within_energy_budget,
 )
-from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.shape import NO_WRENCH, Shape
-from dlo_planner.direct.statics import (
-    EXACT,
-    KEPT,
-    MAX_ITERATIONS,
-    TOLERANCE,
-    Solution,
-    Way,
-    shape_from,
-    unknown,
-)
-from dlo_planner.direct.terms import reach_of
+from dlo_planner.direct.memory import ContactPoints, Memory
+from dlo_planner.direct.shape import NO_WRENCH, Shape, State
+from dlo_planner.direct.statics import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, reach_of
+from dlo_planner.direct.step import acting
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem
@@ -67,7 +57,7 @@ from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.supports import FarEnd, held_rows
-from dlo_planner.model.value import freeze
+from dlo_planner.model.value import Constant, freeze
 
 MOST = 64            # steps of a batch: after them a deadline is looked at
 _POINTS = 24         # contacts a step for which there is room at first
@@ -145,7 +135,7 @@ class TimePoint:
     @property
     def free(self) -> bool:
         """Whether nothing has acted on the DLO but what acts on all of them."""
-        return not self.touched and (self.rows.free or remembers_nothing(self.shape))
+        return not self.touched and (self.rows.free or _remembers_nothing(self.shape))
 
     @property
     def converged(self) -> bool:
@@ -217,8 +207,8 @@ class _Rows(NamedTuple):
         Energy lost to plasticity before the motion, J.
     contact_starts : ndarray, shape (k, 2)
         Where their contacts begin and end.
-    before, after : StepMemory
-        What each of their steps began with, and left.
+    after : StepMemory
+        What each of their steps left.
     """
 
     stepper: Stepper
@@ -237,7 +227,6 @@ class _Rows(NamedTuple):
     contact_starts: Ints
     contact_of: Ints
     contacts: Floats
-    before: StepMemory
     after: StepMemory
 
     @classmethod
@@ -245,10 +234,8 @@ class _Rows(NamedTuple):
            how: SchemeCoefficients, dissipated: float) -> _Rows:
         """Return those of some rows of a StepBuffer; they keep no memory of many others."""
         at: Any = rows
-        early: Any = [row - 1 for row in rows]
         if rows and 2 * len(rows) > buffer.times.size and rows[-1] - rows[0] == len(rows) - 1:
             at = slice(rows[0], rows[-1] + 1)  # nothing is copied
-            early = slice(rows[0] - 1, rows[-1])
         starts, used = buffer.starts, buffer.starts[:, max(rows, default=PAST) + 1]
         points = buffer.point_of[:used[0]].copy(), buffer.points[:used[0]].copy()
 
@@ -264,8 +251,7 @@ class _Rows(NamedTuple):
             buffer.wrenches[at], buffer.end_wrenches[at], buffer.proofs[at], buffer.iterations[at],
             buffer.evaluations[at], buffer.converged[at], buffer.energies[at],
             np.column_stack([starts[1][at], starts[1][1:][at]]),
-            buffer.contact_of[:used[1]].copy(), buffer.contacts[:used[1]].copy(), left(early),
-            left(at))
+            buffer.contact_of[:used[1]].copy(), buffer.contacts[:used[1]].copy(), left(at))
         freeze([found.nodes, found.bends, found.wrenches, found.end_wrenches, found.after.frames,
                 found.energies])
         return found
@@ -274,55 +260,55 @@ class _Rows(NamedTuple):
         """Return row k alone."""
         here = slice(k, k + 1)
         return self._replace(
-            nodes=self.nodes[:, here], bends=self.bends[:, here], before=self.before.one(k),
+            nodes=self.nodes[:, here], bends=self.bends[:, here],
             after=self.after.one(k),
             **{name: getattr(self, name)[here] for name in (
                 'wrenches', 'end_wrenches', 'proofs', 'iterations', 'evaluations', 'converged',
                 'energies', 'contact_starts')})
 
-    def memory(self, k: int, part: StepMemory) -> Memory:
-        """Return the Memory that row k began with, or left."""
-        mesh = self.stepper.discretization
+    def memory(self, k: int) -> Memory:
+        """Return the Memory that row k left."""
+        stepper, part = self.stepper, self.after
+        mesh = stepper.discretization
         start = mesh.start
-        if mesh.hangs and not self.stepper.grips.far_end:
+        if mesh.hangs and not stepper.grips.far_end:
             return start
-        left: dict[str, Any] = {}
+        plastic, hold, force, points = start.plastic, start.hold, start.node_force, start.points
         if not self.free:
+            hold = part.reactions[k]
             if mesh.yields:
-                lost = np.array(self.dissipated + part.dissipated[k])
-                left = {'set': part.plastic[k].copy(), 'lost': lost}
-            left['hold'] = part.reactions[k].copy()
+                plastic = part.plastic[k]
             if mesh.obstructed:
                 begin, end = part.starts[k]
-                points, index = part.points[begin:end], part.point_of[begin:end]
-                left |= left_of((
-                    part.node_forces[k].copy(), index[:, 0].copy(), index[:, 1].copy(),
-                    points[:, 0].copy(), points[:, 1].copy(),
-                    *(points[:, i:i + 3].copy() for i in (2, 5, 8, 11))))
-        return start.followed(part.positions[k].copy(), part.frames[k][:, :, 0].copy(), **left)
+                rows, index = part.points[begin:end], part.point_of[begin:end]
+                force = part.node_forces[k]
+                points = ContactPoints(index[:, 0], index[:, 1], rows[:, 0], rows[:, 1],
+                                       *(rows[:, i:i + 3] for i in (2, 5, 8, 11)))
+        return Memory(mesh.s, plastic, self.dissipated + float(part.dissipated[k]), hold, force,
+                      points, part.positions[k], part.frames[k][:, :, 0], mesh.surroundings)
 
     def shape(self, k: int, place: float) -> Shape:
         """Return the Shape of row k, which is at a place in time."""
         mesh, (gripper, far_end) = self.stepper.discretization, self.stepper.grips.at(place)
         residual, stability, _, violation = self.proofs[k].tolist()
         if stability == np.inf:  # it was proved to be good, and no more
-            stability = stability_at(mesh.free.static, self.how, gripper.rotation, gripper.position,
+            stability = stability_at(mesh.free, self.how, gripper.rotation, gripper.position,
                                      np.array(self.nodes[:, k]), np.array(self.bends[:, k]))
         begin, end = self.contact_starts[k]
         rows, index = self.contacts[begin:end], self.contact_of[begin:end]
-        contacts = contacts_in(mesh, (
+        contacts = contacts_of(mesh.s, (
             index[:, 0], index[:, 1], rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7],
             rows[:, 8:11], rows[:, 11]), gripper.position)
-        before, after = self.memory(k, self.before), self.memory(k, self.after)
-        if self.free and not mesh.hangs:
-            before = mesh.start
-        solution = Solution(
-            self.bends[0, k], self.after.frames[k], self.nodes[0, k], self.wrenches[k],
-            float(self.energies[k, ELASTIC]), float(self.energies[k, STATIC]), residual, stability,
-            int(self.iterations[k]), bool(self.converged[k]), int(self.evaluations[k]), violation,
-            NO_WRENCH if far_end is None else self.end_wrenches[k], contacts,
-            self.dissipated + float(self.after.dissipated[k]))
-        return shape_from(mesh, gripper, solution, Way(before, after, far_end), unknown)
+        memory = self.memory(k)
+        return Shape(
+            gripper, mesh.s, self.nodes[0, k], self.after.frames[k], self.bends[0, k],
+            float(self.energies[k, STATIC]), float(self.energies[k, ELASTIC]), self.wrenches[k],
+            residual, stability, int(self.iterations[k]), bool(self.converged[k]),
+            contacts=contacts, evaluations=int(self.evaluations[k]), violation=violation,
+            far_end=far_end,
+            far_wrench=NO_WRENCH if far_end is None else self.end_wrenches[k],
+            dissipated=memory.dissipated,
+            state=State(mesh, memory, memory, _NOT_ESTIMATED, self.free))
 
 
 @dataclass(frozen=True)
@@ -383,6 +369,15 @@ class StepBatch(NamedTuple):
     refused: TimePoint | None
 
 
+_NOT_ESTIMATED = Constant(np.inf)  # by itself
+
+
+def _remembers_nothing(shape: Shape) -> bool:
+    """Return whether a Shape touches nothing and has no past that acts on the next step."""
+    known = shape.state.history
+    return not shape.contacts and (known is None or known.idle)
+
+
 def sampled(s: Floats) -> Ints:
     """Return the nodes, of those at `s` (n,), that are looked at between two instants."""
     return np.unique(np.linspace(0, s.size - 1, min(s.size, 9)).round().astype(np.int64))
@@ -423,14 +418,14 @@ class Stepper:
     def hangs_from(self, now: TimePoint) -> bool:
         """Return whether nothing that may act does so at a TimePoint, nor has."""
         mesh = self.discretization
-        if self.grips.far_end is not None or not mesh.free.hangs:
+        if self.grips.far_end is not None or not mesh.may_hang:
             return False
         if mesh.hangs:
             return True
         if not now.free:
             return False
         strains, here = now.bends.position[None], now.nodes.position[None]
-        return not acting_on(mesh, strains, here, here)[0]
+        return not acting(mesh, strains, here, here)[0]
 
     def steps(self, now: TimePoint, past: Sequence[tuple[float, Floats]], places: Floats,
               scheme: Scheme, limits: Limits) -> StepBatch:
@@ -465,7 +460,7 @@ class Stepper:
         if scheme.gamma != 1.0 and np.diff(now.rows.contact_starts[now.k])[0]:
             buffer.touched[PAST] = True
         how, options = self.coefficients(scheme), self._options(scheme, limits)
-        system = mesh.free.static if free else self._problem
+        system = mesh.free if free else self._problem
         if self.method == 'newton':
             impact = self.coefficients(Scheme.named('euler', scheme.dt))
             last = integrate(system, how, impact, buffer, limits.budget, options, guess)
@@ -534,7 +529,7 @@ class Stepper:
         energies = np.zeros(9)
         energies[[ELASTIC, STATIC]] = shape.elastic_energy, shape.energy
         rows = self._begun(shape, nodes, bends, energies)
-        shape = replace(shape, state=shape.state.estimating(unknown))
+        shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, energies, False, rows, 0).with_shape(shape)
         return self._with_rates(now, _AT_FIRST * self.dt, velocity is not None)
 
@@ -557,7 +552,7 @@ class Stepper:
                               now.bends, now.memory)
         buffer.energies[PAST] = now.energies
         options = self._options(brief, Limits(), _AT_ONCE)
-        consistent_rates(self.discretization.free.static if free else self._problem,
+        consistent_rates(self.discretization.free if free else self._problem,
                          self.coefficients(brief, (0.0, 0.0)), self.coefficients(brief), buffer,
                          going, options)
         nodes, bends = (one[:, PAST:PAST + 1].copy() for one in (buffer.nodes, buffer.bends))
@@ -569,25 +564,21 @@ class Stepper:
 
     def _begun(self, shape: Shape, nodes: Floats, bends: Floats, energies: Floats) -> _Rows:
         """Return the row of a Shape with which a motion begins."""
-        left = (shape.state.history or self.discretization.start).left
-        points = np.empty((left['point_element'].size, 14))
-        for name, i, j in (('multiplier', 0, 1), ('fraction', 1, 2), ('anchor', 2, 5),
-                           ('normal', 5, 8), ('shear', 8, 11), ('slid', 11, 14)):
-            points[:, i:j] = left[f'point_{name}'].reshape(-1, j - i)
-        index = np.column_stack([left['point_element'], left['point_obstacle']]).astype(np.int64)
+        left = shape.state.history or self.discretization.start
+        index, points = np.column_stack(left.points[:2]), np.column_stack(left.points[2:])
         ends = np.array([[0, len(points)]])
-        after = StepMemory(nodes[0], np.array(shape.frames)[None], left['hold'][None],
-                           left['set'][None], left['node_force'][None], np.zeros(1), ends, index,
+        after = StepMemory(nodes[0], np.array(shape.frames)[None], left.hold[None],
+                           left.plastic[None], left.node_force[None], np.zeros(1), ends, index,
                            points)
         count = len(shape.contacts)
-        return _Rows(self, remembers_nothing(shape), self.coefficients(Scheme.named('paper', 1.0)),
-                     float(left['lost']), nodes, bends, np.array(shape.gripper_wrench)[None],
+        return _Rows(self, _remembers_nothing(shape), self.coefficients(Scheme.named('paper', 1.0)),
+                     left.dissipated, nodes, bends, np.array(shape.gripper_wrench)[None],
                      np.array(shape.far_wrench)[None],
                      np.array([[shape.residual, shape.stability, 0.0, shape.violation]]),
                      np.array([shape.iterations]), np.array([shape.evaluations]),
                      np.array([shape.converged]), energies[None],
                      np.array([[0, count]]), np.zeros((count, 2), dtype=np.int64),
-                     np.zeros((count, 12)), after, after)
+                     np.zeros((count, 12)), after)
 
     # ---- what kernels take ----------------------------------------------------------------------
 
@@ -648,12 +639,12 @@ class Stepper:
         courses = [np.empty((4, rows, *one.position.shape)) for one in (nodes, bends)]
         for course, one in zip(courses, (nodes, bends), strict=True):
             course[:, PAST] = one.arrays
-        frames, plastic = np.empty((rows, elements + 1, 3, 3)), mesh.start.left['set']
+        frames, plastic = np.empty((rows, elements + 1, 3, 3)), mesh.start.plastic
         frames[PAST] = memory.frames[0]
         held = ends[3].shape[1]
         # zeros: steps without what may act leave nothing of it
         reactions, sets = np.zeros((rows, held)), np.zeros((rows, *plastic.shape))
-        node_forces = np.zeros((rows, *mesh.start.left['node_force'].shape))
+        node_forces = np.zeros((rows, *mesh.start.node_force.shape))
         for kept, array in ((reactions, memory.reactions), (sets, memory.plastic),
                             (node_forces, memory.node_forces)):
             if array.shape[1:] == kept.shape[1:]:
@@ -692,7 +683,7 @@ class Stepper:
 def _first_acting(mesh: Discretization, buffer: StepBuffer, end: int) -> int | None:
     """Return the first row after that of now, up to `end`, where something acts; None: nowhere."""
     nodes, rows = buffer.nodes[0], slice(PAST + 1, end + 1)
-    found = np.flatnonzero(acting_on(mesh, buffer.bends[0, rows], nodes[rows], nodes[PAST:end]))
+    found = np.flatnonzero(acting(mesh, buffer.bends[0, rows], nodes[rows], nodes[PAST:end]))
     return PAST + 1 + int(found[0]) if found.size else None
 
 

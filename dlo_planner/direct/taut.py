@@ -11,15 +11,15 @@ steps; from the straight DLO it would have to find the tension, which grows beyo
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import acos, cos, exp, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.discretization import Discretization, with_breaks
 from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.mesh import with_breaks
 from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
@@ -65,14 +65,14 @@ def span_of(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> Span | None
     if far_end.grip == 'sleeve' or not _SURELY * length < slack < _SLACK * length:
         return None
     way = away / distance
-    stiff = [float(mesh.bare.stiffness[end, 1:].mean()) for end in (0, -1)]
+    stiff = [float(mesh.free.stiffness[end, 1:].mean()) for end in (0, -1)]
     angles = [0.0 if tangent is None else acos(max(-1.0, min(1.0, float(way @ tangent))))
               for tangent in _clamps(mesh, gripper, far_end)]
     parts = [2 * sqrt(one) * (1 - cos(angle / 2))
              for one, angle in zip(stiff, angles, strict=True)]
     across = _pulls(mesh)
     across = across - np.outer(across @ way, way)
-    sag = 0.5 * float(mesh.bare.lengths @ (across * across).sum(axis=1))
+    sag = 0.5 * float(mesh.free.lengths @ (across * across).sum(axis=1))
     tension = _tension(sag, sum(parts), slack)
     if not tension * length**2 > _TAUT**2 * max(stiff):
         return None
@@ -104,8 +104,8 @@ def _clamps(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> list[Floats
 
 def _pulls(mesh: Discretization) -> Floats:
     """Return (N, 3) the force in each element, N, less its mean: what dead loads make of it."""
-    beyond = -np.cumsum(mesh.bare.load.pull[:0:-1], axis=0)[::-1]
-    pulls: Floats = beyond - mesh.bare.lengths @ beyond / mesh.s[-1]
+    beyond = -np.cumsum(mesh.free.load.pull[:0:-1], axis=0)[::-1]
+    pulls: Floats = beyond - mesh.free.lengths @ beyond / mesh.s[-1]
     return pulls
 
 
@@ -137,7 +137,7 @@ def _from_clamp(bend: float, longest: float) -> Floats:
 
 
 def first_shape(mesh: Discretization, gripper: Pose, far_end: FarEnd,
-                history: Memory) -> tuple[Pose, Floats, Memory] | None:
+                memory: Memory) -> tuple[Pose, Floats, Memory, bool] | None:
     """Return gripper, strains (N, 3) and the past of a DLO near its shape; None if not nearly taut.
 
     The gripper is turned to its beginning if that is pinned. The past has the forces of the far
@@ -158,19 +158,19 @@ def first_shape(mesh: Discretization, gripper: Pose, far_end: FarEnd,
     frames = _carried(base, tangents)
     torsion = np.zeros(mesh.s.size)
     if far_end.grip == 'clamped':
-        natural = float(mesh.natural[:, 0] @ mesh.bare.lengths)
+        natural = float(mesh.natural[:, 0] @ mesh.free.lengths)
         missing = float(turn_between(frames[-1], far_end.pose.rotation) @ tangents[-1])
         missing += 2 * np.pi * round((natural - missing) / (2 * np.pi))
-        soft = np.cumsum(mesh.bare.lengths / mesh.bare.stiffness[:, 0])
+        soft = np.cumsum(mesh.free.lengths / mesh.free.stiffness[:, 0])
         torsion[1:] = missing * soft / soft[-1]
     frames = frames @ Rotation.from_rotvec(torsion[:, None] * [1.0, 0.0, 0.0]).as_matrix()
     turns = Rotation.from_matrix(frames[:-1].transpose(0, 2, 1) @ frames[1:]).as_rotvec()
-    strains = turns / mesh.bare.lengths[:, None]
-    moment = frames[-1] @ (mesh.bare.stiffness[-1] * (strains[-1] - mesh.natural[-1]))
-    last = force + string.pulls[-1] + mesh.bare.load.pull[-1]
+    strains = turns / mesh.free.lengths[:, None]
+    moment = frames[-1] @ (mesh.free.stiffness[-1] * (strains[-1] - mesh.natural[-1]))
+    last = force + string.pulls[-1] + mesh.free.load.pull[-1]
     rows = far_end.held
     held = -(rows[:, :3] @ moment / mesh.lever + rows[:, 3:] @ last)
-    return gripper, strains, history.leaving(hold=held)
+    return gripper, strains, replace(memory, hold=held), True
 
 
 class _String:
@@ -179,7 +179,7 @@ class _String:
     def __init__(self, mesh: Discretization, gripper: Pose, far_end: FarEnd, span: Span) -> None:
         self.pulls, self._span, self._length = _pulls(mesh), span, float(mesh.s[-1])
         self._middles = 0.5 * (mesh.s[1:] + mesh.s[:-1])
-        self._stiffness = mesh.bare.stiffness[:, 1:].mean(axis=1)
+        self._stiffness = mesh.free.stiffness[:, 1:].mean(axis=1)
         self._clamps = _clamps(mesh, gripper, far_end)
         self._away = far_end.pose.position - gripper.position
         ends = [_spread(bend, self._length) for bend in span.bends]

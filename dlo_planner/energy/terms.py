@@ -12,7 +12,7 @@ the last two); what it has is called below, by its own name:
     forbids(effect, system, before, after)  whether it forbids the way between two states
     may_forbid(effect)                      whether it ever does
     may_act(effect, system, strains, positions, before)  whether it would have a say in a step of a
-                                            DLO found without it, see `direct.culling`
+                                            DLO found without it, see `direct.step`
     constraint_jacobian(effect, rotation, position, out)  what it holds of the far end
     constraint_value(effect, rotation, position, miss)    and by how much that is missed
     stored(effect, system, strains)         energy that it stores in the DLO, J

@@ -36,8 +36,7 @@ from dlo_planner.execute.judge import (
 )
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction
-from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.memory import way_between
+from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.observing import Observing, Swing
 from dlo_planner.identify.steering import Steered
 from dlo_planner.identify.vibration import STATED, FreeVibration

@@ -20,8 +20,9 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.predicted_miss import PredictedMiss, miss_of
+from dlo_planner.identify.estimate import Estimate, miss_of
+from dlo_planner.identify.parameters import stretched
+from dlo_planner.identify.predicted_miss import PredictedMiss
 from dlo_planner.inverse.nearest_goals import nearest_on
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.waypoint_newton import follow, free_axis
@@ -43,8 +44,6 @@ from dlo_planner.plan.goal_rows import (
 from dlo_planner.plan.goals import DirectionAt, GripperNear, PositionAt, Residuals
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint
-from dlo_planner.verify.robustness import stretched
-from dlo_planner.verify.uncertain import element_means, mesh_of
 
 _LOOKED_AT = 3   # waypoints at which the miss that remains is predicted
 _STILL = 1e-3    # weight of the planned gripper, which decides only what is left free
@@ -298,7 +297,7 @@ class _Aim:
 
     def _touching(self, planned: Shape) -> DirectSimulator:
         """Return a simulator of the estimated DLO among what surrounds a planned Shape."""
-        mesh, around = mesh_of(planned), mesh_of(planned).surroundings
+        mesh, around = planned.state.made_on, planned.state.made_on.surroundings
         return DirectSimulator(self.estimate.rod, obstacles=around.obstacles,
                                gravity=around.gravity, load=around.load,
                                point_loads=around.point_loads, basis=mesh.basis,
@@ -322,11 +321,13 @@ class _Aim:
 
     def _mesh(self, planned: Shape) -> Discretization:
         """Return the Discretization of the estimated DLO like that of a planned Shape."""
-        mesh = mesh_of(planned)
+        mesh = planned.state.made_on
         if id(mesh) not in self._meshes:  # waypoints share them
             whole = self.estimate.uncertain.simulator.rod.length
             if planned.far_end is None or abs(mesh.s[-1] - whole) <= _SAME * whole:
-                known = self.estimate.uncertain.varied(mesh).at(self.estimate.mean)
+                uncertain = self.estimate.uncertain
+                known = uncertain.mesh(mesh).at(
+                    self.estimate.mean[:uncertain.parameters.size])
             else:
                 known = self._outside(mesh, whole)
             self._meshes[id(mesh)] = known
@@ -334,17 +335,18 @@ class _Aim:
 
     def _outside(self, planned: Discretization, whole: float) -> Discretization:
         """Return the estimated DLO before a bore, whose mouth bears what it should of masses."""
-        uncertain, z = self.estimate.uncertain, self.estimate.mean
-        straight = z.copy()
-        straight[uncertain.columns('natural_curvature')[0]] = 0.0
-        rod = uncertain.rod(straight)  # one whose natural curvature is a series is slow to mesh
+        parameters = self.estimate.uncertain.parameters
+        x = self.estimate.mean[:parameters.size]
+        straight = x.copy()
+        straight[parameters.columns('natural_curvature')[0]] = 0.0
+        rod = parameters.at(straight)  # one whose natural curvature is a series is slow to mesh
         outside = replace(part_before(rod, rod.length - (whole - planned.rod.length)),
-                          tip_mass=uncertain.factors(z)[1] * planned.rod.tip_mass)
-        mesh = planned.of(outside).free
-        natural = np.array(mesh.static.natural)
-        natural[:, 1:] += element_means(2 * mesh.s / rod.length - 1,
-                                        uncertain.n_terms) @ uncertain.terms(z)
-        result: Discretization = mesh.varied(natural=natural)
+                          tip_mass=parameters.mass_factors(x)[2] * planned.rod.tip_mass)
+        mesh = planned.within(planned.surroundings.of_rod(outside).free)
+        # the series of the whole DLO, of which this is a part
+        means = parameters.means(np.append(mesh.s, rod.length))[:mesh.s.size - 1]
+        result: Discretization = mesh.varied(
+            natural=mesh.natural + means @ parameters.coefficients(x))
         return result
 
 

@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,24 +15,81 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.memory import RobotError, way_between
-from dlo_planner.identify.predicted_miss import (
-    PredictedMiss,
-    judged_plan,
-    judged_waypoints,
-    miss_of,
-)
-from dlo_planner.identify.settling import settled
+from dlo_planner.identify.parameters import UncertainState
+from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of, crossing
 from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import figure, flag, instance, integer, items, results, vector
+from dlo_planner.model.checks import (
+    figure,
+    flag,
+    instance,
+    integer,
+    items,
+    results,
+    row,
+    shown,
+    vector,
+)
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import FrozenDict, brief, put
+from dlo_planner.model.value import FrozenDict, Value, brief, put
 from dlo_planner.pictured import Reported
 from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.uncertain import Uncertain
+
+_LEAST_LINK = 1e-3  # of the robot's time or way: links between errors stay regular
+_ROUGH = 2.5      # times the way of a smooth process: then both change alike in that way
+_MOST = 1_000_000  # largest index of a waypoint
+_OTHER = 0.1      # of the length: a shape whose length differs by more is of another DLO
+_LEVER = 0.25     # m, of a turn: about that of a wrist, whose joints cause the error
+
+
+@dataclass(frozen=True, eq=False)
+class RobotError(Value):
+    """The robot's error that is not constant: true pose less constant offset less measured pose.
+
+    That of a robot repeats itself: it is a smooth function of the pose. It may change with time as
+    well. A Gaussian process in each of the p components whose deviation is not 0.
+    """
+
+    deviations: Floats   # (6,) of the rotation vector, rad, and of the position, m
+    # of the gripper, in which its correlation falls to exp(-1/2), m; see `way_between`
+    way: float = np.inf
+    time: float = np.inf  # in which it falls to 1 / e, s; infinite: the error repeats itself
+
+    @property
+    def acting(self) -> Floats:
+        """Indices (p,) of the components that are not 0."""
+        return cast(Floats, np.flatnonzero(self.deviations))
+
+    def twist(self, e: Floats) -> Floats:
+        """Return the error (6,) in rad, m of p numbers e in standard deviations."""
+        out = np.zeros(6)
+        out[self.acting] = e * self.deviations[self.acting]
+        return out
+
+    @property
+    def repeats(self) -> bool:
+        """Whether what was seen of it is still true later, near the same pose."""
+        return bool(np.isinf(self.time))
+
+    def link(self, elapsed: float, moved: float) -> float:
+        """Return the correlation of the errors at two looks, `elapsed` s and `moved` m apart.
+
+        Below 1, and that of an Ornstein-Uhlenbeck process, which a filter can follow from look to
+        look. It changes more in a short way than the smooth one.
+        """
+        return float(np.exp(-max(elapsed / self.time + moved / (_ROUGH * self.way), _LEAST_LINK)))
+
+    def change(self, moved: float) -> float:
+        """Return the variance of the change in a way in m, over the square of the deviations."""
+        return float(-2 * np.expm1(-0.5 * (moved / self.way) ** 2))
+
+
+def way_between(one: Pose, other: Pose) -> float:
+    """Return the way from one Pose to another, m: of the origin, and of a turn by a lever."""
+    return float(np.linalg.norm(other.position - one.position)
+                 + _LEVER * angle_between(one.rotation, other.rotation))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,8 +98,8 @@ class Estimate(Reported):
 
     Attributes
     ----------
-    uncertain : Uncertain
-        The meaning of the numbers, see `verify.uncertain`.
+    uncertain : UncertainState
+        The meaning of the numbers.
     mean : ndarray, shape (n,)
         Logarithms of factors, 1/m, rad, m, as in `names`.
     covariance : ndarray, shape (n, n)
@@ -64,7 +121,7 @@ class Estimate(Reported):
         How the robot's error changes; see `Observer`.
     """
 
-    uncertain: Uncertain
+    uncertain: UncertainState
     mean: Floats
     covariance: Floats
     looks: int = 0
@@ -74,10 +131,10 @@ class Estimate(Reported):
     surprise: float = np.nan
     robot: RobotError = RobotError(np.zeros(6))
     _shape: Shape | None = field(default=None, compare=False)
-    _memory: Any = field(default=None, compare=False)  # of the looks, see `identify.memory`
+    _memory: Any = field(default=None, compare=False)  # of the looks, see `identify.smoother`
 
     def __post_init__(self) -> None:
-        n = instance('Estimate.uncertain', self.uncertain, Uncertain).size
+        n = instance('Estimate.uncertain', self.uncertain, UncertainState).size
         put(self, mean=results('Estimate.mean', self.mean, (n,)),
             covariance=results('Estimate.covariance', self.covariance, (n, n)),
             looks=integer('Estimate.looks', self.looks, minimum=0, maximum=10**12),
@@ -190,10 +247,10 @@ class Estimate(Reported):
         """
         instance('gripper', gripper, Pose)
         instance('seen', seen, Pose, optional=True)
-        groups = () if self._memory is None else self._memory.groups
-        if not groups or not self.robot.repeats:
+        keyframes = () if self._memory is None else self._memory.keyframes
+        if not keyframes or not self.robot.repeats:
             return 1.0
-        return self.robot.change(way_between(seen or groups[-1].gripper, gripper))
+        return self.robot.change(way_between(seen or keyframes[-1].gripper, gripper))
 
     @property
     def camera_bias(self) -> Floats:
@@ -228,7 +285,7 @@ class Estimate(Reported):
         """
         actual = self.actual(gripper)
         mesh = self.uncertain.simulator.discretization(actual, None)
-        return settled(self.uncertain.varied(mesh), self.mean, actual, self._shape)
+        return self.uncertain.equilibrium(self.mean, mesh, actual, self._shape)
 
     def miss(self, plan: Plan, waypoints: ArrayLike | None = None,
              seen: Sequence[Pose] | None = None) -> PredictedMiss:
@@ -249,9 +306,69 @@ class Estimate(Reported):
         InvalidTask
             An argument makes no sense.
         """
-        plan = judged_plan(self, plan)
-        chosen = judged_waypoints(plan, waypoints)
+        length = self.uncertain.simulator.rod.length
+        for shape in instance('plan', plan, Plan).shapes:
+            if shape.state.mesh is None or abs(shape.s[-1] / length - 1) > _OTHER:
+                raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
+        chosen = passing = [k for k, passes in enumerate(plan.via_points) if passes]
+        if waypoints is not None:
+            chosen = [int(k) for k in row('waypoints', waypoints, minimum=0, maximum=_MOST)]
+            if len(chosen) > len(plan) or not {*chosen} <= {*passing}:
+                raise InvalidTask(f'waypoints = {shown(chosen)}: expected indices of waypoints '
+                                  f'that pass a center, out of {shown(passing)}')
         if seen is not None and len(items('seen', seen, Pose)) != len(chosen):
             raise InvalidTask(f'seen has {len(seen)} entries: expected one for each waypoint, '
                               f'{len(chosen)}')
         return miss_of(self, plan, chosen, seen=seen)
+
+
+def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
+            shapes: Sequence[Shape] | None = None,
+            seen: Sequence[Pose] | None = None) -> PredictedMiss:
+    """Return the PredictedMiss of an Estimate at some waypoints of a Plan, with known `shapes`."""
+    count, n, error = len(waypoints), estimate.mean.size, estimate.robot_error
+    off, bound = np.full((count, 3), np.inf), np.full(count, np.inf)
+    rows, changed = np.zeros((count, 3, n + 6)), np.zeros(count)
+    known = estimate.inflation * estimate.joint_covariance
+    robot = estimate.inflation * np.diag(estimate.robot.deviations**2)
+    for k, index in enumerate(waypoints):
+        planned = plan.shapes[index]
+        shape = estimate.uncertain.equilibrium(
+            estimate.mean, planned.state.made_on, estimate.actual(plan.grippers[index]), planned,
+            followed=False) if shapes is None else shapes[k]
+        if not shape.converged:
+            continue
+        slopes = estimate.uncertain.slopes(estimate.mean, shape, error)
+        changed[k] = estimate.robot_change(plan.grippers[index],
+                                           None if seen is None else seen[k])
+        off[k], rows[k], bound[k] = max(
+            (_miss_at(estimate, slopes, shape, known, changed[k] * robot, *one)
+             for one in plan.via_points[index]), key=lambda found: found[2])
+    # what the robot's error changes until one waypoint it has changed until those after it as well,
+    # unless it is seen meanwhile, or wanders in time
+    once = estimate.robot.repeats and seen is None
+    also = np.minimum.outer(changed, changed) if once else np.diag(changed)
+    late = rows[:, :, n:]
+    joint = (np.einsum('kia,ab,ljb->kilj', rows, known, rows)
+             + np.einsum('kl,kia,ab,ljb->kilj', also, late, robot, late))
+    joint[~np.isfinite(bound)] = joint[:, :, ~np.isfinite(bound)] = np.inf
+    return PredictedMiss(np.array(waypoints, dtype=float), off, joint.reshape(3 * count, -1), bound)
+
+
+def _miss_at(estimate: Estimate, slopes_at: Callable[[Floats], Floats], shape: Shape,
+             known: Floats, later: Floats, center: Floats, s: float,
+             normal: Floats | None) -> tuple[Floats, Floats, float]:
+    """Return the miss (3,) of one entry of `Plan.via_points`, its slopes (3, n + 6) and bound, m.
+
+    Shapes: slopes_at(s) (m, 3, n + 6), known (n + 6, n + 6), later (6, 6).
+    """
+    off, normal, tangent, s = crossing(shape, estimate.center(center), normal, s)
+    slopes = slopes_at(np.array([s]))[0]
+    columns, number = estimate.uncertain.columns('cutout')
+    slopes[number, columns] -= 1.0
+    slopes -= np.outer(tangent, normal @ slopes) / (normal @ tangent)  # in the plane
+    robot = slopes[:, estimate.mean.size:]
+    covariance = slopes @ known @ slopes.T + robot @ later @ robot.T
+    # in the plane of the largest deviations
+    axes = np.linalg.eigh(covariance + np.outer(off, off))[1][:, 1:].T
+    return off, slopes, bound_of(axes @ off, axes @ covariance @ axes.T)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Observations of a DLO: points of it at rest, or in motion."""
+"""Observations of a DLO: points of it at rest, or in motion, and where the gripper was then."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.boundary_motion import ends_of, poses
+from dlo_planner.direct.continuation import between
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
@@ -131,7 +132,7 @@ class ObservedMotion(Value):
         return None if grips == {None} else tuple(end for end in ends if end is not None)
 
 
-def judge_points(name: str, seen: Observation | ObservedMotion, length: float) -> None:
+def check_points(name: str, seen: Observation | ObservedMotion, length: float) -> None:
     """Raise InvalidTask where points cannot be of a DLO of this length, m, as it is held.
 
     Some may be outliers, but not half of them: these are in another unit, or another frame.
@@ -148,3 +149,40 @@ def judge_points(name: str, seen: Observation | ObservedMotion, length: float) -
     if away > _AWAY * length:
         raise InvalidTask(f'{name}.points: half of them are {away:.3g} m or more from the gripper: '
                           f'expected the length {length:g} m at most, in m and world')
+
+
+def gripper_at(stamps: ArrayLike, grippers: Iterable[Pose], stamp: float) -> Pose:
+    """Return the gripper's Pose at the stamp of an image, between stamped poses.
+
+    Between two poses the position is linear in time, and the rotation turns evenly about one axis.
+
+    Parameters
+    ----------
+    stamps : array_like, shape (n,)
+        Stamps in s, ascending, of the poses; on the clock of the image.
+    grippers : iterable of Pose
+        The n poses.
+    stamp : float
+        Stamp in s, of the image: when it was taken, not when it arrived.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense, or the stamp is outside those of the poses.
+    """
+    stamps, grippers = row('stamps', stamps), poses(grippers, 1)
+    stamp = number('stamp', stamp)
+    if (np.diff(stamps) <= 0).any():
+        raise InvalidTask(f'stamps = {shown(stamps.tolist())}: expected times that grow')
+    if stamps.size != len(grippers):
+        raise InvalidTask(f'grippers has {len(grippers)} entries: expected one per stamp, '
+                          f'{stamps.size}')
+    if not stamps[0] <= stamp <= stamps[-1]:
+        raise InvalidTask(f'stamp = {stamp:.9g}: expected one between those of the poses, '
+                          f'{stamps[0]:.9g} to {stamps[-1]:.9g} s')
+    after = min(int(np.searchsorted(stamps, stamp, side='right')), stamps.size - 1)
+    if after == 0:
+        return grippers[0]
+    share = (stamp - stamps[after - 1]) / (stamps[after] - stamps[after - 1])
+    result: Pose = between(grippers[after - 1], grippers[after], float(share))
+    return result

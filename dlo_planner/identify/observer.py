@@ -4,7 +4,7 @@
 
 The model: a look shows the equilibrium in the true pose of the gripper, plus a sway of the free end
 that is drawn anew for each look, plus noise of each point. The true pose is the measured one, a
-constant offset (part of the state), and an error of the robot that wanders. `identify.smoothing`
+constant offset (part of the state), and an error of the robot that wanders. `identify.smoother`
 finds the most likely state, and says whether the look agrees with what was expected.
 """
 
@@ -17,16 +17,19 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.looking import Own
-from dlo_planner.identify.memory import Memory, RobotError
+from dlo_planner.identify.estimate import Estimate, RobotError
 from dlo_planner.identify.observation import Observation
-from dlo_planner.identify.smoothing import Search, estimate_of, memory_of
+from dlo_planner.identify.parameters import UncertainState, Uncertainty
+from dlo_planner.identify.smoother import (
+    LagWindow,
+    LookErrors,
+    LookUpdate,
+    estimate_of,
+    window_of,
+)
 from dlo_planner.model.checks import array, instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
-from dlo_planner.verify.uncertain import Uncertain
-from dlo_planner.verify.uncertainty import Uncertainty
 
 _LONGER = 5.0  # standard deviations of the length by which an arc length may exceed it
 
@@ -60,8 +63,8 @@ class Observer(Value):
         axis of the gripper: by how much it is elsewhere than it measures, less a constant offset.
     robot_way, robot_time : float, optional
         Way of the gripper, m (a turn counts by a lever of 0.25 m), and time, s, in which that
-        error changes, see `identify.memory`. An error that depends on the pose alone has an
-        infinite time: it is corrected by what was seen nearby.
+        error changes, see `identify.estimate.RobotError`. An error that depends on the pose alone
+        has an infinite time: it is corrected by what was seen nearby.
     n_terms : int, optional
         Legendre terms along s of each component of the natural curvature.
 
@@ -73,7 +76,7 @@ class Observer(Value):
 
     PARTS = ('uncertain', 'noise', 'outliers', 'sway', 'robot')
 
-    uncertain: Uncertain
+    uncertain: UncertainState
     noise: float
     outliers: float
     sway: float
@@ -91,7 +94,7 @@ class Observer(Value):
             raise InvalidTask('simulator.point_loads: expected forces alone, dead moments have no '
                               'potential')
         instance('uncertainty', uncertainty, Uncertainty)
-        uncertain = Uncertain(simulator.elastic().without_obstacles(), uncertainty,
+        uncertain = UncertainState(simulator.elastic().without_obstacles(), uncertainty,
                               integer('n_terms', n_terms, minimum=1, maximum=20),
                               number('bias', bias, minimum=0), number('cutout', cutout, minimum=0))
         if not uncertain.size:
@@ -155,11 +158,11 @@ class Observer(Value):
             raise InvalidTask(f'observation.s: expected 0 to the length {length:g} m')
         noise = self.noise if noise is None else number('noise', noise, above=0)
         sway = self.sway if sway is None else number('sway', sway, minimum=0)
-        own = Own(sway, tuple(vector('late', late, 6).tolist()))
+        errors = LookErrors(sway, tuple(vector('late', late, 6).tolist()))
         if bent is not None:
             bent = array('bent', bent, (None, 3))
-        search = Search(self, estimate, observation, elapsed, noise, own, bent)
-        after = search.estimate()
+        after = LookUpdate(estimate, observation, self.outliers, elapsed, noise, errors,
+                           bent).estimate()
         return replace(estimate, converged=False) if after is None else after
 
     def see_cutout(self, estimate: Estimate, stated: ArrayLike, seen: ArrayLike,
@@ -194,9 +197,9 @@ class Observer(Value):
         for name in ('camera', 'cutout'):
             columns, number_ = self.uncertain.columns(name)
             rows[number_, columns] = 1.0
-        memory = memory_of(self, estimate).with_linear(
+        window = window_of(estimate).with_linear(
             rows * self.uncertain.deviations / noise, off / noise)
-        return estimate_of(estimate, memory)
+        return estimate_of(estimate, window)
 
     def reopened(self, estimate: Estimate, position: float, rotation: float) -> Estimate:
         """Return the Estimate in which the DLO may have moved in the gripper, as where it slips.
@@ -227,10 +230,10 @@ class Observer(Value):
             covariance[:, columns] = 0.0
             covariance[columns, columns] = self.uncertain.deviations[columns]**2 + slip**2
         unit = self.uncertain.deviations
-        memory = replace(Memory.of(estimate.mean / unit, covariance / np.outer(unit, unit),
-                                   self.robot.acting.size),
-                         consistency=memory_of(self, estimate).consistency)
-        return replace(estimate, covariance=covariance, _memory=memory)
+        window = replace(LagWindow.of(estimate.mean / unit, covariance / np.outer(unit, unit),
+                                      self.robot.acting.size),
+                         consistency=window_of(estimate).consistency)
+        return replace(estimate, covariance=covariance, _memory=window)
 
     def _own(self, estimate: Estimate) -> None:
         if instance('estimate', estimate, Estimate).uncertain != self.uncertain:

@@ -22,18 +22,16 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask, NotConverged
-from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.memory import way_between
-from dlo_planner.identify.observation import Observation
+from dlo_planner.identify.estimate import Estimate, way_between
+from dlo_planner.identify.observation import Observation, gripper_at
 from dlo_planner.identify.observer import Observer
-from dlo_planner.identify.stamped import gripper_at
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.identify.vibration import STATED, FreeVibration, enough, nearest_on_line
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.plan import Plan
 from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.timed_path import TimedPath
-from dlo_planner.verify.uncertainty import Uncertainty
 
 _REMEMBERED = 1000   # gripper poses: 2 s of them at 500 Hz
 _ABOUT = 0.25        # s before and after a stamp: of which speed and acceleration are told

@@ -4,26 +4,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.settling import settled
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, number, results, row, shown
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.checks import number, results, row
 from dlo_planner.model.value import Value, brief, put
-from dlo_planner.plan.plan import Plan
-from dlo_planner.verify.response import at_arc_lengths, node_slopes
-from dlo_planner.verify.uncertain import mesh_of
-
-if TYPE_CHECKING:  # it imports this module
-    from dlo_planner.identify.estimate import Estimate
 
 _CROSSINGS = 20   # steps of Newton's method to a plane
 _STILL = 1e-12    # of the length: the last step
@@ -114,111 +104,13 @@ class PredictedMiss(Value):
         return bool((self.bound <= room).all())
 
 
-def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
-            shapes: Sequence[Shape] | None = None,
-            seen: Sequence[Pose] | None = None) -> PredictedMiss:
-    """Return the PredictedMiss of an Estimate at some waypoints of a Plan."""
-    count, n, error = len(waypoints), estimate.mean.size, estimate.robot_error
-    off, bound = np.full((count, 3), np.inf), np.full(count, np.inf)
-    rows, changed = np.zeros((count, 3, n + 6)), np.zeros(count)
-    known = estimate.inflation * estimate.joint_covariance
-    robot = estimate.inflation * np.diag(estimate.robot.deviations**2)
-    for k, index in enumerate(waypoints):
-        shape = predicted_shape(estimate, plan, index) if shapes is None else shapes[k]
-        if not shape.converged:
-            continue
-        varied = estimate.uncertain.varied(mesh_of(plan.shapes[index]))
-        slopes = node_slopes(varied, estimate.mean, shape, error)
-        changed[k] = estimate.robot_change(plan.grippers[index],
-                                           None if seen is None else seen[k])
-        off[k], rows[k], bound[k] = max(
-            (_miss_at(estimate, slopes, shape, known, changed[k] * robot, *one)
-             for one in plan.via_points[index]), key=lambda found: found[2])
-    # what the robot's error changes until one waypoint it has changed until those after it as well,
-    # unless it is seen meanwhile, or wanders in time
-    once = estimate.robot.repeats and seen is None
-    also = np.minimum.outer(changed, changed) if once else np.diag(changed)
-    late = rows[:, :, n:]
-    joint = (np.einsum('kia,ab,ljb->kilj', rows, known, rows)
-             + np.einsum('kl,kia,ab,ljb->kilj', also, late, robot, late))
-    joint[~np.isfinite(bound)] = joint[:, :, ~np.isfinite(bound)] = np.inf
-    return PredictedMiss(np.array(waypoints, dtype=float), off, joint.reshape(3 * count, -1), bound)
-
-
-def predicted_shape(estimate: Estimate, plan: Plan, index: int) -> Shape:
-    """Return the Shape of the estimated DLO at a waypoint, in the estimated pose of the gripper."""
-    planned = plan.shapes[index]
-    varied = estimate.uncertain.varied(mesh_of(planned))
-    return settled(varied, estimate.mean, estimate.actual(plan.grippers[index]), planned, False)
-
-
-def passing(plan: Plan) -> list[int]:
-    """Return the indices of the waypoints that pass a center."""
-    return [k for k, passes in enumerate(plan.via_points) if passes]
-
-
-def judged_plan(estimate: Estimate, plan: Plan) -> Plan:
-    """Return a Plan of the estimated DLO; raise InvalidTask if it is none."""
-    length = estimate.uncertain.simulator.rod.length
-    for shape in instance('plan', plan, Plan).shapes:
-        if shape.state.mesh is None or abs(shape.s[-1] / length - 1) > _OTHER:
-            raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
-    return plan
-
-
-def judged_waypoints(plan: Plan, waypoints: ArrayLike | None) -> list[int]:
-    """Return indices of waypoints that pass a center; None stands for all of them."""
-    known = passing(plan)
-    if waypoints is None:
-        return known
-    chosen = row('waypoints', waypoints, minimum=0, maximum=_MOST).tolist()
-    if len(chosen) > len(plan) or not {*chosen} <= {*known}:
-        raise InvalidTask(f'waypoints = {shown(chosen)}: expected indices of waypoints that pass a '
-                          f'center, out of {shown(known)}')
-    return [int(k) for k in chosen]
-
-
-def _miss_at(estimate: Estimate, slopes: Floats, shape: Shape, known: Floats, later: Floats,
-             center: Floats, s: float, normal: Floats | None) -> tuple[Floats, Floats, float]:
-    """Return the miss (3,) of one entry of `Plan.via_points`, its slopes (3, n + 6) and bound, m.
-
-    Shapes: slopes (N + 1, 3, n + 6), known (n + 6, n + 6), later (6, 6).
-    """
-    off, normal, tangent, s = crossing(shape, estimate.center(center), normal, s)
-    slopes = at_arc_lengths(slopes, shape.s, np.array([s]))[0]
-    columns, number = estimate.uncertain.columns('cutout')
-    slopes[number, columns] -= 1.0
-    slopes -= np.outer(tangent, normal @ slopes) / (normal @ tangent)  # in the plane
-    robot = slopes[:, estimate.mean.size:]
-    covariance = slopes @ known @ slopes.T + robot @ later @ robot.T
-    return off, slopes, _bound(*_in_plane(off, covariance))
-
-
-def _in_plane(off: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """Return a miss (2,) and its covariance (2, 2) in the plane of the largest deviations."""
-    axes = np.linalg.eigh(covariance + np.outer(off, off))[1][:, 1:].T
-    return axes @ off, axes @ covariance @ axes.T
-
-
 class Crossing(NamedTuple):
-    """Where a DLO crosses a plane.
+    """Where a DLO crosses a plane."""
 
-    Attributes
-    ----------
-    off : ndarray, shape (3,)
-        Vector from the center to the crossing, m.
-    normal : ndarray, shape (3,)
-        Normal of the plane.
-    tangent : ndarray, shape (3,)
-        Tangent of the DLO there.
-    s : float
-        Arc length in m, at most the length.
-    """
-
-    off: Floats
-    normal: Floats
-    tangent: Floats
-    s: float
+    off: Floats      # (3,) from the center to the crossing, m
+    normal: Floats   # (3,) of the plane
+    tangent: Floats  # (3,) of the DLO there
+    s: float         # arc length, m, at most the length
 
 
 def crossing(shape: Shape, center: Floats, normal: Floats | None,
@@ -240,8 +132,8 @@ def crossing(shape: Shape, center: Floats, normal: Floats | None,
     return Crossing(position - center, np.array(across), tangent, inside)
 
 
-def _bound(off: Floats, covariance: Floats) -> float:
-    """Return the radius about the center that holds 95 % of a normal distribution in a plane."""
+def bound_of(off: Floats, covariance: Floats) -> float:
+    """Return the radius about a center that holds 95 % of a normal distribution in a plane."""
     return float(np.quantile(np.linalg.norm(_represented(off, covariance), axis=1), _SHARE))
 
 

@@ -1,9 +1,14 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where a function of one positive parameter is positive, and its minima there.
+"""All shapes with one contact: a curve, by the force of contact (paper, Fig. 16).
 
-A scan over the decades of the parameter finds intervals. Where the middle of three samples is the
-best, but not positive, a search looks for an interval between them. A root finder finds the ends.
+Arc length, place, direction and roll at the contact are given. The DLO beyond it is then a
+cantilever, whose force and moment are known there; only the force of contact is free. One
+integration from the free end to the gripper gives the shape for each force: a smooth curve, without
+a search. A shape is admissible if it is a minimum with the contact as a constraint and lies in no
+obstacle. These parts of the curve are intervals of the force: a scan over its decades finds them.
+Where the middle of three samples is the best, but not admissible, a search looks for an interval
+between them. A root finder finds the ends.
 """
 
 from collections.abc import Callable
@@ -80,11 +85,11 @@ def _hidden(merit: Callable[[float], float], xs: list[float]) -> list[float]:
 
 def _end(merit: Callable[[float], float], good: float, bad: float) -> float:
     """Return the last x of positive merit on the way from `good` to `bad`."""
-    root = brentq(lambda log: _finite(merit(float(np.exp(log)))), np.log(good), np.log(bad),
-                  xtol=_END)
+    # by x itself: the logarithm's rounding could carry an end over a leap of the merit
+    root = brentq(lambda x: _finite(merit(x)), good, bad, xtol=_END * min(good, bad))
     back = _END if good > bad else -_END
     for steps in (0, 1, 2, 4):
-        x = float(np.exp(root + steps * back))
+        x = float(root * (1 + steps * back))
         if merit(x) > 0:
             return x
     return good

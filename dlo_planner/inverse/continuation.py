@@ -1,16 +1,18 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Following the shapes that satisfy a condition from one depth to another, without a leap.
+"""Families of shapes that do a task at each depth, and how they are followed without a leap.
 
-The condition leaves the gripper one free rotation, a roll. At each depth the shapes that satisfy it
-are a curve on the sphere of all hanging shapes (`inverse.equilibria`); a step goes to
-the next curve, by Newton's method, with no roll or with a given one.
+The goals leave the gripper one free rotation, a roll. At each depth the shapes that keep them are a
+curve on the sphere of all hanging shapes (`inverse.equilibria`); a step goes to the next curve, by
+Newton's method, with no roll or with a given one (`inverse.waypoint_newton` says about which axis).
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from itertools import pairwise, takewhile
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -22,42 +24,37 @@ from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.equilibria import Crossings, HangingShapes, crossings
 from dlo_planner.inverse.nested import nested_alignment
 from dlo_planner.inverse.waypoint_newton import Found, follow, free_axis
+from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import turned_by
 from dlo_planner.model.value import freeze
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
-from dlo_planner.plan.continuity import excess, without_doubt
+from dlo_planner.plan.continuity import excess, largest_turn, without_doubt
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
+from dlo_planner.plan.waypoint import Waypoint
 
 LONGEST_STEP = 1 / 16   # of the length
-_SHORTEST_STEP = 1 / 1024
 _AHEAD = 4.0             # steps ahead that a trend is believed for
 _SHARES = 1.0, 0.5, 0.0  # of a roll
+_ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
+DOUBTFUL = 0.05    # stability below which another roll is looked for
+_AT_ONCE = 32      # waypoints that are found in one call
+_LATER = 8         # waypoints until that is tried again, where one was in doubt
+_MESHES = 6        # that an accuracy may take
+_ALIGNED = 1e-8    # rad: of what another solver finds
+_AROUND = 0.25     # of the length: how far before a guess a place is sought
 
 
 class Passing(NamedTuple):
-    """A Shape that satisfies a condition at some depth.
-
-    Attributes
-    ----------
-    shape : Shape
-    place : ndarray, shape (3,)
-        The gripper's origin from the first center, m.
-    second : float or None
-        Arc length at a second center, m. None if there is none.
-    depth : float
-        Its depth, m; nan: not known.
-    since : Passing or None
-        The one that it was followed from, without its own. None: not known.
-    axes : ndarray, shape (3, 3), or None
-        Axes of the DLO at the first center. None: not known.
-    """
+    """A Shape that satisfies a condition at some depth."""
 
     shape: Shape
-    place: Floats
-    second: float | None = None
-    depth: float = float('nan')
+    place: Floats  # (3,) the gripper's origin from the first center, m
+    further: tuple[float, ...] = ()  # arc lengths at the further centers that it passes, m
+    depth: float = float('nan')  # its depth, m; nan: not known
+    # the one that it was followed from, without its own. None: not known
     since: Passing | None = None
+    # (3, 3) or None axes of the DLO at the first center. None: not known
     axes: Floats | None = None
 
     @property
@@ -72,8 +69,8 @@ class Passing(NamedTuple):
 
     def after(self, before: Passing) -> Passing:
         """Return the same, followed from another one."""
-        since = Passing(before.shape, before.place, before.second, before.depth)
-        return Passing(self.shape, self.place, self.second, self.depth, since, self.axes)
+        since = before._replace(since=None, axes=None)
+        return self._replace(since=since)
 
     def trend(self, depth: float) -> tuple[Shape, float] | None:
         """Return the Shape before on the same mesh, and how many such steps it is to `depth` (m).
@@ -92,157 +89,224 @@ def steps_ahead(last: float, step: float) -> float:
     return ahead if 0.0 < ahead <= _AHEAD else 0.0
 
 
-class Condition(Protocol):
-    """What the shapes at each depth have to satisfy."""
-
-    def axis(self, shape: Shape) -> Floats:
-        """Return the axis (3,) of the roll that the condition leaves free."""
-
-    def at(self, before: Passing, depth: float, roll: float, final: bool) -> Passing | None:
-        """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None."""
-
-    def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
-        """Return where the curve of this depth crosses the grid."""
-
-
 class Rolls(Protocol):
     """How the gripper rolls from one depth to another."""
 
-    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
+    def roll(self, family: Family, passing: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) from `depth` to `target`, m."""
 
 
 class Step(NamedTuple):
-    """How far a Passing could be followed.
+    """How far a Passing could be followed."""
 
-    Attributes
-    ----------
-    passing : Passing or None
-        The Passing at the depth that was wanted. If None, it was not reached.
-    depth : float
-        Depth that was reached, m.
-    leap : float
-        How far the gripper would have to leap there, m; 0: no shape was found beyond it.
-    at_once : bool
-        Whether it was reached in a single step, in which the gripper does not leap.
-    """
-
-    passing: Passing | None
-    depth: float
-    leap: float
-    at_once: bool = False
+    passing: Passing | None  # at the depth that was wanted. If None, it was not reached
+    depth: float  # that was reached, m
+    leap: float = 0.0  # how far the gripper would have to leap there, m; 0: there is no shape
+    sure: bool = False  # neither gripper nor DLO can leap to it: nobody need look closer
 
 
-def step_to(condition: Condition, passing: Passing, depth: float, goal: float,
-           route: Rolls | None = None) -> Step:
-    """Continue a Passing from one depth to another, in steps that do not leap."""
-    length = passing.shape.s[-1]
-    step = longest = LONGEST_STEP * length
-    begun = depth
-    while True:
-        target = depth + min(max(goal - depth, -step), step)
-        roll = 0.0 if route is None else route.roll(condition, passing, depth, target)
-        for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once, is rolled later
-            candidate = condition.at(passing, target, share * roll, target == goal)
-            too_far = 0.0 if candidate is None else excess(
-                passing.gripper, candidate.gripper, (target - depth) / length, length)
-            if candidate is not None and not too_far:
-                break
-        if candidate is not None and not too_far:
-            at_once = depth == begun
-            passing, depth = candidate, target
-            if depth == goal:
-                return Step(passing, depth, 0.0, at_once)
-            step = min(2 * step, longest)
-            continue
-        if step <= _SHORTEST_STEP * length or target == depth:
-            return Step(None, depth, too_far)
-        step /= 2
+class Family(ABC):
+    """The shapes that do a task at each depth: a curve of them on the sphere of all equilibria."""
+
+    what: ClassVar[str]             # the shapes, in words
+    longest: ClassVar[float] = LONGEST_STEP  # steps of the depth, parts of the length
+    shortest: ClassVar[float] = 1 / 1024
+    soft: ClassVar[bool] = False     # goals are missed least, in steps that cannot leap
+
+    simulator: DirectSimulator
+    normals: Sequence[Floats] = ()   # (3,) of the cut-outs whose direction counts
+
+    @abstractmethod
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing at `depth` (m) near `before`, rolled by `roll` (rad), or None.
+
+        `final`: it is a waypoint, not a step on the way to one.
+        """
+
+    def axis(self, shape: Shape) -> Floats:
+        """Return the axis (3,) of the roll that the goals leave free."""
+        return np.array(shape.gripper.rotation[:, 0])
+
+    def onward(self, before: Passing, depths: Floats) -> list[Passing]:
+        """Return the Passings at the first of some depths (k,), without roll, that leave no doubt.
+
+        As `at` finds them, in less time. There may be none: where the gripper or the DLO might
+        leap, where the DLO is hardly stable, and where another mesh is needed.
+        """
+        del before, depths
+        return []
+
+    def against(self, passing: Passing) -> tuple[str, float] | None:
+        """Return the name of a cut-out that is passed against its direction, and the cosine."""
+        shape = passing.shape
+        for k, (normal, s) in enumerate(zip(
+                self.normals, (shape.s[-1] - passing.depth, *passing.further), strict=False)):
+            axes = passing.axes if k == 0 and passing.axes is not None else shape.frame_at(s)[0]
+            along = float(axes[:, 0] @ normal)
+            if along <= 0:
+                return f'cut-out {k}', along
+        return None
+
+    def follow(self, passing: Passing, depth: float, goal: float,
+               route: Rolls | None = None) -> Step:
+        """Continue a Passing from one depth to another, in steps that do not leap."""
+        length = passing.shape.s[-1]
+        step = longest = self.longest * length
+        while True:
+            target = depth + min(max(goal - depth, -step), step)
+            roll = 0.0 if route is None else route.roll(self, passing, depth, target)
+            for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once: later
+                found = self.at(passing, target, share * roll, target == goal)
+                too_far = 0.0 if found is None or self.soft else excess(
+                    passing.gripper, found.gripper, (target - depth) / length, length)
+                if found is not None and not too_far:
+                    break
+            if found is not None and not too_far:
+                passing, depth = found, target
+                if depth == goal:
+                    return Step(passing, depth)
+                step = min(2 * step, longest)
+            elif step <= self.shortest * length or target == depth:
+                return Step(None, depth, too_far)
+            else:
+                step /= 2
 
 
-def refusal_for_step(simulator: DirectSimulator, builder: PlanBuilder, before: Passing | None,
-                     passing: Passing) -> Infeasible | None:
-    """Return Infeasible if gripper or DLO have to leap to the next waypoint, or None."""
-    length = passing.shape.s[-1]
-    too_far = 0.0 if before is None else excess(before.gripper, passing.gripper,
-                                                builder.step / length, length)
+class Follower:
+    """Goes through n depths: many at once as long as nothing is in doubt, else one by one."""
+
+    def __init__(self, family: Family, passing: Passing | None, depth: float, depths: Floats,
+                 route: Rolls | None = None) -> None:
+        self.family, self.passing, self.depth = family, passing, depth  # where it is
+        self._depths, self._route = depths, route
+        self._ready: list[Passing] = []  # the next ones, the last first
+        self._doubtful = 1  # where more are looked for
+
+    def step(self, index: int) -> Step:
+        """Go on to the depth of an index, from the one before it."""
+        target = float(self._depths[index])
+        if self.passing is None:
+            return Step(None, self.depth)
+        if not self._ready and index >= self._doubtful and self._route is None:
+            ahead = self._depths[index:index + _AT_ONCE]
+            self._ready = self.family.onward(self.passing, ahead)[::-1]
+            self._doubtful = index + max(len(self._ready), _LATER)
+        found = (Step(self._ready.pop(), target, sure=True) if self._ready else
+                 self.family.follow(self.passing, self.depth, target, self._route))
+        if found.passing is not None:
+            self.passing, self.depth = found.passing, target
+        return found
+
+
+def refusal_for(builder: PlanBuilder, family: Family, before: Passing | None,
+                step: Step) -> Infeasible | None:
+    """Return why a Step does not lead to the next waypoint of a PlanBuilder, or None."""
+    passing, length = step.passing, family.simulator.rod.length
+    if passing is None and step.leap:
+        return builder.refusal('continuity', step.leap, 'the gripper would have to leap at depth '
+                               f'{step.depth:.4g} m: the shapes {family.what} turn back there')
+    if passing is None:
+        return builder.refusal('equilibrium', abs(builder.depth - step.depth), 'no equilibrium '
+                               f'{family.what} was found beyond depth {step.depth:g} m')
+    stability = passing.shape.stability
+    if stability < -NEUTRAL:
+        return builder.refusal('stability', -stability, 'the DLO would not stay in the shape '
+                               f'{family.what}; stability {stability:.3g} < 0')
+    against = family.against(passing)
+    if against is not None:
+        return builder.refusal('direction', -against[1], f'the DLO would pass {against[0]} against '
+                               'its direction')
+    too_far = 0.0 if before is None or family.soft else excess(
+        before.gripper, passing.gripper, builder.step / length, length)
     if too_far:
         return builder.refusal('continuity', too_far, 'the gripper would have to turn or move too '
                                'far since the waypoint before; closer waypoints may help')
-    return refusal_for_leap(simulator, builder, passing.shape)
+    return refusal_for_leap(family.simulator, builder, passing.shape)
 
 
-def as_replayed(simulator: DirectSimulator, condition: Condition, last: Shape | None,
-                passing: Passing, depth: float) -> Passing:
+def as_replayed(family: Family, last: Shape | None, passing: Passing) -> Passing:
     """Return a Passing as a motion from the waypoint before finds it, on the mesh of that motion.
 
     Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps than
     the gripper, some backwards. On another mesh the DLO would miss by as much as the accuracy.
     """
+    simulator = family.simulator
     if simulator.mesh_after(last) is passing.shape.mesh:
         return passing
     replayed = simulator.track([passing.shape.gripper], initial=last)[0]
     if not replayed.converged or replayed.jumped:
         return passing
-    corrected = condition.at(passing._replace(shape=replayed), depth, 0.0, True)
-    return passing if corrected is None else corrected
+    return family.at(passing._replace(shape=replayed), passing.depth, 0.0, True) or passing
 
 
-_AT_ONCE = 32  # that are found in one call
-_LATER = 8     # depths until that is tried again, where one was in doubt
+def continue_family(builder: PlanBuilder, follower: Follower,
+                    waypoint: Callable[[Passing], Waypoint], *,
+                    may_roll: bool = False) -> tuple[list[Passing], bool]:
+    """Fill a PlanBuilder with the waypoints of a Family, or raise Infeasible.
+
+    Where the DLO would hardly be stable, or a waypoint is refused, the gripper rolls if it
+    `may_roll`. Also returned is whether it did.
+    """
+    family, passings, rolled = follower.family, list[Passing](), False
+    for index in range(builder.wanted):
+        builder.check()
+        before = follower.passing if passings else None
+        step = follower.step(index)
+        refusal = None if step.sure else refusal_for(builder, family, before, step)
+        passing = None if refusal is not None else step.passing
+        if before is not None and may_roll and (
+                passing is None or passing.shape.stability < DOUBTFUL):
+            rolled = True
+            passing = _rolled(builder, family, before, passing)
+        if passing is None:
+            assert refusal is not None  # else there is one
+            raise refusal
+        if not family.soft:
+            passing = as_replayed(family, builder.last, passing)
+        follower.passing, follower.depth = passing, passing.depth
+        builder.add(waypoint(passing))
+        passings.append(passing)
+    return passings, rolled
 
 
-class Ahead:
-    """What `Aligned.onward` finds at one depth after another.
+def _rolled(builder: PlanBuilder, family: Family, before: Passing,
+            best: Passing | None) -> Passing | None:
+    """Return a Passing that is stable enough, the gripper rolled as little as that takes.
 
-    Parameters
-    ----------
-    aligned : Aligned
-    depths : ndarray, shape (n,)
-        All depths in order, m.
+    If there is none, the most stable one, or `best`.
+    """
+    target = builder.depth
+    most = largest_turn(builder.step / family.simulator.rod.length)
+    for part in _ROLLS:
+        rolled = family.at(before, target, part * most, True)
+        if rolled is None or best is not None and rolled.shape.stability <= best.shape.stability:
+            continue
+        if refusal_for(builder, family, before, Step(rolled, target)) is None:
+            best = rolled
+            if rolled.shape.stability >= DOUBTFUL:
+                break  # no larger roll than needed: the gripper's path stays smooth
+    return best
+
+
+class Aligned(Family):
+    """The shapes whose tangent, at each depth, is along a normal (3,).
+
+    Method 'nested' is for waypoints; the coupled one makes all steps between.
     """
 
-    def __init__(self, aligned: Aligned, depths: Floats) -> None:
-        self._aligned, self._depths = aligned, depths
-        self._ready: list[Passing] = []  # the next ones, the last first
-        self._doubtful = 0  # where more are looked for
-
-    def passing(self, before: Passing, index: int) -> Passing | None:
-        """Return the Passing at the depth of an index; None: it has to be looked for by itself."""
-        if not self._ready and index >= self._doubtful:
-            ahead = self._depths[index:index + _AT_ONCE]
-            self._ready = self._aligned.onward(before, ahead)[::-1]
-            self._doubtful = index + max(len(self._ready), _LATER)
-        return self._ready.pop() if self._ready else None
-
-
-_MESHES = 6        # that an accuracy may take
-_ALIGNED = 1e-8    # rad: of what another solver finds
-_AROUND = 0.25     # of the length: how far before a guess a place is sought
-
-
-class Aligned:
-    """The shapes whose tangent, at each depth, is along a normal.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    normal : ndarray, shape (3,)
-        Unit vector.
-    method : str
-        'coupled' or 'nested', for waypoints; the quick one makes all steps between.
-    """
+    what = 'whose tangent is along the normal'
 
     def __init__(self, simulator: DirectSimulator, normal: Floats, method: str = 'coupled') -> None:
         self.simulator, self.normal, self._nested = simulator, np.array(normal), method == 'nested'
 
     def axis(self, shape: Shape) -> Floats:
-        """Return the axis (3,) of the free roll: the mean of the gripper's and the normal."""
+        """Return the mean of the gripper's axis and the normal."""
         return free_axis(np.array(shape.gripper.rotation), self.normal)
 
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:
-        """Return the Passing at `depth`; see `Condition`."""
+        """Return the Passing at `depth`, with no roll or a given one."""
         reference, trend = before.shape.gripper.rotation, before.trend(depth)
         if roll:
             trend = None
@@ -266,13 +330,7 @@ class Aligned:
         return found and Passing(found.shape, -found.place, depth=depth, axes=found.axes)
 
     def onward(self, before: Passing, depths: Floats) -> list[Passing]:
-        """Return the Passings at the first of some depths, without roll, that leave no doubt.
-
-        As `at` finds them, in less time. There may be none: where the gripper or the DLO might
-        leap, where the DLO is hardly stable, and where another mesh is needed.
-
-        Shapes: depths (k,).
-        """
+        """Return the Passings at the first of some depths (k,) that leave no doubt."""
         mesh, shape = before.shape.state.mesh, before.shape
         if self._nested or mesh is None:
             return []
@@ -305,15 +363,13 @@ class Aligned:
         return crossings(shapes, shapes.at(s)[1], self.normal, s)
 
 
-class TwoPoints:
+class TwoPoints(Family):
     """The shapes that pass both centers, at each depth in the first: x(s2) - x(s1) = P2 - P1.
 
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    chord : ndarray, shape (3,)
-        From the first center to the second, m.
+    The chord (3,) is from the first center to the second, m.
     """
+
+    what = 'that pass both centers'
 
     def __init__(self, simulator: DirectSimulator, chord: Floats) -> None:
         self.simulator, self.chord = simulator, np.array(chord, dtype=float)
@@ -321,30 +377,29 @@ class TwoPoints:
         self._apart = float(np.linalg.norm(chord))
 
     def axis(self, shape: Shape) -> Floats:
-        """Return the axis (3,) of the free roll: the mean of the gripper's and the way."""
+        """Return the mean of the gripper's axis and the chord."""
         return free_axis(np.array(shape.gripper.rotation), self.chord / self._apart)
 
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:
-        """Return the Passing at `depth`; see `Condition`."""
+        """Return the Passing at `depth`, with no roll or a given one."""
         del final
         s1 = self.simulator.rod.length - depth
         found = self._solved(before.shape, POSITION, s1, s1, roll,
                              None if roll else before.trend(depth))
         return None if found is None else Passing(
-            found.shape, -found.place, float(min(found.where[1], self.simulator.rod.length)),
+            found.shape, -found.place, (float(min(found.where[1], self.simulator.rod.length)),),
             depth=depth, axes=found.axes).after(before)
 
-    def from_end(self, guess: Shape, depth: float) -> tuple[Passing, float] | None:
-        """Return the Passing whose free end is at the second center, and its depth, m, or None."""
+    def from_end(self, guess: Shape, depth: float) -> Passing | None:
+        """Return the Passing whose free end is at the second center, at about a depth (m)."""
         length = self.simulator.rod.length
         found = self._solved(guess, THROUGH, max(length - depth - _AROUND * length, 0.0), length,
                              at=length - depth)
         if found is None or not found.where[0] > 0:
             return None
         s1 = float(found.where[0])
-        return Passing(found.shape, -found.place, length, depth=length - s1,
-                       axes=found.axes), length - s1
+        return Passing(found.shape, -found.place, (length,), depth=length - s1, axes=found.axes)
 
     def _solved(self, shape: Shape, first: int, s1: float, s2: float, roll: float = 0.0,
                 trend: tuple[Shape, float] | None = None,

@@ -1,10 +1,13 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The hanging shape from its free end: one integration, no iteration over the whole rod.
+"""All hanging shapes of a DLO: its equilibria, as points on a sphere.
 
-Force and moment are zero at the free end. If the end's direction is given, every element follows
-from the one before (an initial value problem). This is the exact solution for a DLO whose free end
-alone is prescribed, as where a threading begins.
+Nothing holds the free end: force and moment are zero there, and the direction of gravity in the
+end's frame defines an equilibrium. It follows element by element (an initial value problem), up to
+a turn about the vertical, which changes nothing. The equilibria of a DLO are therefore a sphere
+(compare Bretl and McCarthy 2014 for a DLO that is held at both ends), and each task is a set of
+curves on it. A search on the sphere cannot overlook a route, as one that follows a single shape
+can.
 """
 
 from __future__ import annotations
@@ -113,30 +116,15 @@ _ROTATION = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class HangingShapes:
-    """The equilibria of a DLO whose loads are all along one axis, on a grid of n points.
+    """The equilibria of a DLO whose loads are all along one axis, on a grid of n points."""
 
-    Attributes
-    ----------
-    up : ndarray, shape (3,)
-        Unit vector along the loads, either way.
-    s : ndarray, shape (N + 1,)
-        Arc lengths of the nodes, m.
-    frames : ndarray, shape (n, N + 1, 3, 3)
-        Frames of the nodes.
-    positions : ndarray, shape (n, N + 1, 3)
-        Positions of the nodes, m from the gripper.
-    stability : ndarray, shape (n,)
-        Smallest eigenvalue of the Hessian, as `Shape.stability`; -1 if negative.
-    edges : ndarray, shape (m, 2)
-        Indices of neighbors on the sphere.
-    """
-
-    up: Floats
-    s: Floats
-    frames: Floats
-    positions: Floats
+    up: Floats  # (3,) unit vector along the loads, either way
+    s: Floats  # (N + 1,) arc lengths of the nodes, m
+    frames: Floats  # (n, N + 1, 3, 3) frames of the nodes
+    positions: Floats  # (n, N + 1, 3) positions of the nodes, m from the gripper
+    # (n,) smallest eigenvalue of the Hessian, as `Shape.stability`; -1 if negative
     stability: Floats
-    edges: Ints
+    edges: Ints  # (m, 2) indices of neighbors on the sphere
 
     def at(self, s: float | Floats) -> tuple[Floats, Floats]:
         """Return positions (n, 3) and tangents (n, 3) at the arc length `s`, m, one or (n,)."""
@@ -222,29 +210,14 @@ def _hang(system: Problem, ends: Floats) -> tuple[Floats, Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Where a curve on the sphere crosses its grid: m shapes that do a task, about.
+    """Where a curve on the sphere crosses its grid: m shapes that do a task, about."""
 
-    Attributes
-    ----------
-    grippers : ndarray, shape (m, 3, 3)
-        Rotations of the gripper.
-    ends : ndarray, shape (m, 3, 3)
-        Rotations of the free end.
-    places : ndarray, shape (m, 3)
-        The gripper's origin from the point that is at the goal, m.
-    stability : ndarray, shape (m,)
-    pairs : ndarray, shape (m, 2)
-        Indices of the two grid points.
-    shares : ndarray, shape (m,)
-        Shares of the way between them.
-    """
-
-    grippers: Floats
-    ends: Floats
-    places: Floats
-    stability: Floats
-    pairs: Ints
-    shares: Floats
+    grippers: Floats  # (m, 3, 3) rotations of the gripper
+    ends: Floats  # (m, 3, 3) rotations of the free end
+    places: Floats  # (m, 3) the gripper's origin from the point that is at the goal, m
+    stability: Floats  # (m,)
+    pairs: Ints  # (m, 2) indices of the two grid points
+    shares: Floats  # (m,) shares of the way between them
 
     def __len__(self) -> int:
         return len(self.grippers)
@@ -337,21 +310,11 @@ _OPPOSITE = 1e-9  # 1 + cosine of two unit vectors
 
 
 class Candidate(NamedTuple):
-    """A shape with which a threading can begin.
+    """A shape with which a threading can begin."""
 
-    Attributes
-    ----------
-    shape : Shape
-        Shape near the first one.
-    reference : ndarray, shape (3, 3)
-        Rotation of the gripper since which it must not roll.
-    depth : float
-        Depth of the shape, m.
-    """
-
-    shape: Shape
-    reference: Floats
-    depth: float
+    shape: Shape  # Shape near the first one
+    reference: Floats  # (3, 3) rotation of the gripper since which it must not roll
+    depth: float  # depth of the shape, m
 
 
 def start_candidates(simulator: DirectSimulator, cutout: CutOut,

@@ -27,6 +27,7 @@ from dlo_planner.minimize.newton import NEUTRAL, Workspace, new_workspace, thoro
 from dlo_planner.minimize.solve import solve_step
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import pose_of
+from dlo_planner.model.value import freeze
 from dlo_planner.plan.goal_rows import ROLL, GoalTable, element_at, fill_residuals, fill_rows
 
 _ITERATIONS = 25
@@ -59,12 +60,13 @@ def nearest_goals(simulator: DirectSimulator, goals: GoalTable, shape: Shape, tu
 def nearest_on(mesh: Discretization, goals: GoalTable, shape: Shape, turn: float,
                shift: float) -> Shape | None:
     """Return what `nearest_goals` returns, on the mesh of the shape."""
-    gripper = shape.gripper
+    gripper, strains = shape.gripper, mesh.strains_from(shape.s, shape.element_strains)
+    freeze(strains)
     status, base, origin, found = _nearest_goals(
-        mesh.static, gripper.rotation, gripper.position, mesh.start_from(shape), mesh.s, goals,
+        mesh.free, gripper.rotation, gripper.position, strains, mesh.s, goals,
         np.array([turn] * 3 + [shift] * 3), TOLERANCE, MAX_ITERATIONS)
     if status == _MOVED:
-        return hanging_shape(mesh, pose_of(origin, base), found)
+        return hanging_shape(mesh, pose_of(origin, base), *found[:-1])
     return shape if status == _STAYS else None
 
 

@@ -1,25 +1,31 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Searches use a quick simulator, whatever the accuracy of the plan.
+"""Ways through a family of shapes: the route over the sphere of equilibria, and the search.
 
-A refusal then costs the same at any accuracy; only the plan itself has the accuracy of its
-simulator.
+Searches use a quick simulator, whatever the accuracy of the plan: a refusal then costs the same at
+any accuracy, and only the plan itself has the accuracy of its simulator.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.inverse.continuation import Condition, Passing
+from dlo_planner.errors import Infeasible
+from dlo_planner.inverse.continuation import Family, Passing
 from dlo_planner.inverse.equilibria import Crossings
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
+from dlo_planner.plan.checks import PlanRequirements
 from dlo_planner.plan.continuity import largest_turn
+from dlo_planner.plan.plan import Plan
 
+# refusals that tell of the shapes, not of a demand on them
+NO_WAY = ('equilibrium', 'stability', 'start', 'continuity', 'direction', 'reach')
 _ROUGH = 2e-3       # of the length: accuracy of a search
 _CHEAP = 130        # nodes: a simulator with more, or with an accuracy, is too slow for a search
 _ELEMENTS = 32      # of a shape on the grid
@@ -68,32 +74,17 @@ _AHEAD = 0.05             # of the length: how far a route is looked along to sm
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A route through K curves.
+    """A route through K curves."""
 
-    Attributes
-    ----------
-    depths : ndarray, shape (K,)
-        Depths in m, ascending or descending.
-    grippers : ndarray, shape (K, 3, 3)
-        Approximate rotations of the gripper.
-    end : ndarray, shape (3, 3)
-        Approximate rotation of the free end at the beginning.
-    length : float
-        Length of the DLO, m.
-    complete : bool
-        Whether it goes through all curves that were given.
-    ahead : float
-        Part of the length over which rolls are smoothed; 0: every roll is followed as it is.
-    """
-
-    depths: Floats
-    grippers: Floats
-    end: Floats
-    length: float
-    complete: bool
+    depths: Floats  # (K,) depths in m, ascending or descending
+    grippers: Floats  # (K, 3, 3) approximate rotations of the gripper
+    end: Floats  # (3, 3) approximate rotation of the free end at the beginning
+    length: float  # length of the DLO, m
+    complete: bool  # whether it goes through all curves that were given
+    # part of the length over which rolls are smoothed; 0: every roll is followed as it is
     ahead: float = _AHEAD
 
-    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
+    def roll(self, family: Family, passing: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) to make between two depths, m.
 
         It leads towards the route a little ahead, so that the grid's roughness averages out.
@@ -104,7 +95,7 @@ class Route:
         step = abs(target - depth)
         part = 1.0 if ahead + step == 0 else min(1.0, 2 * step / (ahead + step))
         most = 0.5 * largest_turn(step / self.length)
-        return float(np.clip(part * (away @ condition.axis(shape)), -most, most))
+        return float(np.clip(part * (away @ family.axis(shape)), -most, most))
 
     def _gripper(self, depth: float) -> Floats:
         if len(self.depths) == 1:
@@ -166,3 +157,77 @@ def motion(one: Crossings, other: Crossings, length: float) -> Floats:
 
 def _weakness(crossings: Crossings) -> Floats:
     return _DEAR * np.clip(1 - crossings.stability / _WEAK, 0, 1) ** 2
+
+
+def with_certificate(planned: Callable[[], Plan], prove: Callable[[], str]) -> Plan:
+    """Return a Plan, or raise Infeasible with a certificate where there is no way for the DLO."""
+    try:
+        return planned()
+    except Infeasible as error:
+        if error.constraint in NO_WAY:
+            error.prove = prove
+        raise
+
+
+class Thinned(Protocol):
+    """A task at some depths, which may be tried at fewer."""
+
+    @property
+    def depths(self) -> Floats:
+        """(n,) m."""
+
+    @property
+    def demands(self) -> PlanRequirements:
+        """What the plan has to keep."""
+
+    def at_most(self, most: int) -> Self:
+        """Return the same at `most` depths."""
+
+
+Task = TypeVar('Task', bound=Thinned)
+Way = TypeVar('Way')
+
+
+def plan_family(task: Task, planned: Callable[[Task, Way], Plan], first: Way | None,
+                others: Callable[[Infeasible | None], Iterable[Way]], few: int,
+                most_demanded: float = np.inf) -> tuple[Plan, Way]:
+    """Return the first Plan that one of some ways leads to, and the way.
+
+    All but the first are tried at `few` depths before all of them. If none leads on, the refusal of
+    the deepest one is raised, at all depths. After `most_demanded` ways that a demand refuses, no
+    other is tried: it refuses all.
+
+    Raises
+    ------
+    Infeasible, LookupError
+        No way leads on; there is none.
+    """
+    best: tuple[tuple[float, bool], Task, Way, Infeasible] | None = None
+    refused: Infeasible | None = None
+
+    def ways() -> Iterator[Way]:
+        if first is not None:
+            yield first
+        yield from others(refused)
+
+    for number, way in enumerate(ways()):
+        task.demands.progress.check()
+        if number >= most_demanded and best is not None and best[-1].constraint not in NO_WAY:
+            break
+        tried = task.at_most(few) if number else task
+        try:
+            if tried is not task:
+                planned(tried, way)
+            tried = task
+            return planned(task, way), way
+        except Infeasible as error:
+            refused = refused or error
+            depth = tried.depths[error.waypoint], error.constraint == 'start'
+            if best is None or depth > best[0]:
+                best = depth, tried, way, error
+    if best is None:
+        raise LookupError
+    _, tried, way, deepest = best
+    if tried is not task:  # the same at all depths, as evidence
+        return planned(task, way), way
+    raise deepest

@@ -2,19 +2,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inverse simulator: from a task to gripper poses."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
+
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.inverse.shorthands import Shorthands
-from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.inverse.tasks import Minimize
+from dlo_planner.inverse.task import PlanContext, Task, checked_speed
+from dlo_planner.inverse.tasks import (
+    Approach,
+    HoldContact,
+    Insert,
+    Minimize,
+    SlideContact,
+    Thread,
+    ThreadSequence,
+    ThreadTwo,
+)
 from dlo_planner.inverse.tasks.minimize import Penalty, PenaltyResult
-from dlo_planner.model.checks import flag, instance
+from dlo_planner.model.checks import flag, instance, number
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import brief, put
+from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.builder import kept_between
 from dlo_planner.plan.checks import PlanRequirements
 from dlo_planner.plan.plan import Plan
@@ -24,16 +36,25 @@ from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress
 
 
-class InverseSimulator(Shorthands):
+class InverseSimulator(Value):
     """Finds the gripper poses that make the DLO's shape do a task.
+
+    `plan` takes any task; there is a method for each one of this package, which says what its
+    arguments mean. These all of them have:
+
+        start           Pose of the gripper before
+        linear_speed    m/s, and angular_speed, rad/s: limits for the plan's times
+        progress        called as progress(done, total) after each waypoint
+        deadline        seconds of computing, after which DeadlineExceeded is raised; None: no limit
 
     A waypoint is refused if it leaves the workspace, touches an obstacle against the task, bends
     more sharply than `Rod.max_bend_curvature`, lies in itself, hardly stands
     (`Requirements.stability`), or yields although it must not: `Infeasible` names the waypoint, the
-    constraint and the amount. Workspace and contacts are checked between
-    waypoints as well, on the path of `Trajectory`; the waypoint is then the next one. The DLO is
-    not checked between the waypoints of contact tasks and of `insert`, whose shapes are parts of
-    it. If a task leaves a choice, it is made so that these demands are kept.
+    constraint and the amount, and carries the plan up to it. Workspace and contacts are checked
+    between waypoints as well, on the path of `Trajectory`; the waypoint is then the next one. The
+    DLO is not checked between the waypoints of contact tasks and of `insert`, whose shapes are
+    parts of it. If a task leaves a choice, it is made so that these demands are kept. An argument
+    that makes no sense raises InvalidTask, which names it.
 
     Parameters
     ----------
@@ -50,6 +71,8 @@ class InverseSimulator(Shorthands):
 
     PARTS = ('simulator', 'requirements', '_given')
 
+    simulator: DirectSimulator
+    requirements: Requirements
     _given: DirectSimulator
 
     def __init__(self, simulator: DirectSimulator, *, workspace: Workspace | None = None,
@@ -106,7 +129,304 @@ class InverseSimulator(Shorthands):
         """
         instance('task', task, Task)
         instance('requirements', requirements, Requirements, optional=True)
-        return self._plan(task, start, initial, requirements or self.requirements, progress)
+        return task.solve(self._context(task, start, initial, requirements or self.requirements,
+                                        progress))
+
+    def thread(self, cutout: CutOut, *, start: Pose | None = None, initial: Shape | None = None,
+               depths: ArrayLike | None = None, method: str = 'coupled',
+               gripper_clearance: float | None = None, as_deep_as_possible: bool = False,
+               linear_speed: float = 0.1, angular_speed: float = 0.5, progress: OnProgress = None,
+               deadline: float | None = None) -> Plan:
+        """Plan the threading through one cut-out, anywhere and in any direction in 3-D.
+
+        At each depth the DLO passes the center P_goal along the normal n_goal (paper, section
+        5.2). One rotation of the gripper is free (a round straight DLO may roll): the first
+        waypoint turns as little as possible from `start`, each other one from the one before
+        (about the mean of the gripper's axis and the normal it does not turn at all).
+
+        Parameters
+        ----------
+        cutout : CutOut
+        start : Pose, optional
+            Pose of the gripper before, for its roll. If None, as upright as it can be.
+        initial : Shape, optional
+            Shape of the DLO before, with a free far end; the DLO has to get from it into the first
+            shape of the plan. Its permanent set counts. If None, the DLO is set down there in its
+            natural shape.
+        depths : array_like, shape (n,), optional
+            Arc lengths that have gone through, m, not decreasing, in [0, L]; None: 40 of them from
+            0 to 0.95 L.
+        method : str, optional
+            'coupled' solves equilibrium and alignment as one Newton system; 'nested' is the paper's
+            minimization of c arccos(t . n)^2 around the direct simulation.
+        gripper_clearance : float, optional
+            Distance in m that the gripper's origin has to keep from the sheet. If no depths are
+            given, the plan ends at this distance.
+        as_deep_as_possible : bool, optional
+            If not all depths can be reached, the plan ends with the deepest one found, and
+            `Plan.fraction` says how deep that is.
+        linear_speed, angular_speed, progress, deadline : optional
+            See the class.
+
+        Raises
+        ------
+        InvalidTask, Infeasible
+            Infeasible where a waypoint has no stable solution, or the gripper comes too near.
+        """
+        task = Thread(cutout, depths, method, gripper_clearance, as_deep_as_possible)
+        return self._shorthand(task, start, initial, linear_speed, angular_speed, progress,
+                               deadline)
+
+    def insert(self, bore: CutOut, *, start: Pose | None = None, depths: ArrayLike | None = None,
+               friction: float | None = None, linear_speed: float = 0.1,
+               angular_speed: float = 0.5, progress: OnProgress = None,
+               deadline: float | None = None) -> Plan:
+        """Plan the insertion into a bore of about the DLO's diameter (paper, section 5.2).
+
+        The walls carry what is inside; what is outside transmits neither force nor moment to the
+        mouth. Where the DLO is naturally bent, the bore still has to keep the part inside straight:
+        `Plan.bore_moment`. Where a point mass or the tip's mass comes to the mouth, the plan stays
+        at that depth for some waypoints, in which the mouth takes over its weight. A uniform DLO's
+        gripper travels along the curve of its first shape (Zheng et al. 1991).
+
+        Parameters
+        ----------
+        bore : CutOut
+            Its center is that of the mouth, its normal points inwards; its radius, where stated, is
+            that of the bore.
+        start : Pose, optional
+            As for `thread`.
+        depths : array_like, optional
+            As for `thread`, less than the length.
+        friction : float, optional
+            Coulomb's coefficient in the bore. With it and the bore's radius the force is estimated
+            that pushes the DLO in (`Plan.insertion_force`). If None, it is not known.
+        linear_speed, angular_speed, progress, deadline : optional
+            See the class.
+
+        Returns
+        -------
+        Plan
+            It may have more waypoints than `depths`. Its shapes, and their stability, are of the
+            part outside, held at the mouth. `Shape.far_wrench` is what the mouth exerts on that
+            part: zero, except where it takes over a mass.
+
+        Raises
+        ------
+        InvalidTask, Infeasible
+            Infeasible where a waypoint has no stable solution, or the gripper would have to leap to
+            it.
+        """
+        return self._shorthand(Insert(bore, depths, friction), start, None, linear_speed,
+                               angular_speed, progress, deadline)
+
+    def approach(self, cutout: CutOut, plan: Plan, start: Pose, *,
+                 standoff: float | None = None, initial: Shape | None = None,
+                 linear_speed: float = 0.1, angular_speed: float = 0.5,
+                 tolerance: float | None = None, progress: OnProgress = None,
+                 deadline: float | None = None) -> Plan:
+        """Plan the motion from the gripper's present pose to where a threading begins.
+
+        The gripper backs off along the normal, turns where the DLO cannot reach the sheet, and
+        comes straight to where the free end is `standoff` before the hole, aligned, and then in it.
+
+        Parameters
+        ----------
+        cutout : CutOut
+        plan : Plan
+            Plan of its threading.
+        start : Pose
+            Pose of the gripper now, the DLO behind the sheet.
+        standoff : float, optional
+            Distance in m between the free end and the cut-out where the last straight motion
+            begins. If None, of 0.05, 0.1 and 0.15 of the length the one with which the calm motion
+            (`Trajectory`) of this plan and `plan` is the quickest, 0.1 if none can be made calm;
+            that takes some seconds.
+        initial : Shape, optional
+            Shape of the DLO now, as for `thread`. If None, the one it falls into from its natural
+            shape.
+        tolerance : float, optional
+            Tolerance of that motion, m; see `Trajectory`.
+        linear_speed, angular_speed, progress, deadline : optional
+            See the class. Where the deadline ends the search of a standoff, the best until then
+            counts.
+
+        Returns
+        -------
+        Plan
+            Its `clearance` is the distance of the DLO from the sheet's plane, its last pose is the
+            first of `plan`.
+
+        Raises
+        ------
+        InvalidTask, Infeasible
+            Infeasible where the DLO is beyond the sheet at the start, has no stable shape on the
+            path, or does not come into the shape in which the plan begins.
+        """
+        if not len(instance('plan', plan, Plan)):
+            raise InvalidTask(f'plan = {plan!r}: expected a Plan with a waypoint')
+        instance('start', start, Pose)
+        return self._shorthand(Approach(cutout, plan.shapes[0], standoff, plan, tolerance), start,
+                               initial, linear_speed, angular_speed, progress, deadline)
+
+    def thread_two(self, first: CutOut, second: CutOut, *, start: Pose | None = None,
+                   depths: ArrayLike | None = None, linear_speed: float = 0.1,
+                   angular_speed: float = 0.5, progress: OnProgress = None,
+                   deadline: float | None = None) -> Plan:
+        """Plan the threading through two cut-outs, whose centers count (paper, section 5.2).
+
+        From where the free end reaches the second center, both are hit at once; before, the first
+        one is passed along the direction that it then has, so that the path is continuous.
+
+        Parameters
+        ----------
+        first, second : CutOut
+            The cut-outs, in the order in which they are passed.
+        start : Pose, optional
+            As for `thread`.
+        depths : array_like, optional
+            As for `thread`, from the first cut-out on.
+        linear_speed, angular_speed, progress, deadline : optional
+            See the class.
+
+        Returns
+        -------
+        Plan
+            `position_error` is the larger of both distances, `misalignment` is 0.
+
+        Raises
+        ------
+        InvalidTask, Infeasible
+            Infeasible where a waypoint has no stable solution.
+        """
+        return self._shorthand(ThreadTwo(first, second, depths), start, None, linear_speed,
+                               angular_speed, progress, deadline)
+
+    def thread_sequence(self, cutouts: Iterable[CutOut], *, weights: ArrayLike | None = None,
+                        start: Pose | None = None, depths: ArrayLike | None = None,
+                        linear_speed: float = 0.1, angular_speed: float = 0.5,
+                        progress: OnProgress = None, deadline: float | None = None) -> Plan:
+        """Plan the threading through any number of cut-outs, as near to their centers as possible.
+
+        One is passed along its normal, as by `thread`, and two at once, as by `thread_two`. More
+        cannot be hit exactly: the sum of the squared weighted distances is made least, a cut-out
+        counting more and more as the free end comes near.
+
+        Parameters
+        ----------
+        cutouts : iterable of CutOut
+            The cut-outs, in the order in which they are passed.
+        weights : array_like, shape (k,), optional
+            Weights of their distances. If None, all alike.
+        start : Pose, optional
+            As for `thread`.
+        depths : array_like, optional
+            As for `thread`, from the first cut-out on.
+        linear_speed, angular_speed, progress, deadline : optional
+            See the class.
+
+        Returns
+        -------
+        Plan
+            `Plan.position_errors` says by how much each is missed.
+
+        Raises
+        ------
+        InvalidTask, Infeasible
+            Infeasible where a waypoint has no stable solution.
+        """
+        return self._shorthand(ThreadSequence(cutouts, weights, depths), start, None, linear_speed,
+                               angular_speed, progress, deadline)
+
+    def hold_contact(self, contact: Pose, s: float, *, condition: str | None = 'least_energy',
+                     forces: ArrayLike | None = None, min_force: float | None = None,
+                     start: Pose | None = None, linear_speed: float = 0.1,
+                     angular_speed: float = 0.5, progress: OnProgress = None,
+                     deadline: float | None = None) -> Plan:
+        """Plan how to hold the DLO in contact with an obstacle (paper, section 5.3, Fig. 16).
+
+        Arc length, place and direction at the contact leave the force of contact free: a family of
+        gripper poses, found without a search. Its admissible parts are intervals of the force: the
+        shape is stable, with the contact as a constraint, by 0.02 at least, it is in no obstacle,
+        and it keeps this simulator's demands. The choice from them is the minimum to 0.1 %, and
+        the direct simulation confirms it. The DLO beyond the contact has the shape that it takes
+        when it is released from its natural one.
+
+        Parameters
+        ----------
+        contact : Pose
+            Pose on the surface of one of the simulator's obstacles: x axis = direction of the DLO,
+            z axis = outward normal. A DLO that is not round lies there with the axes (t, n, b) of
+            its material frame along the contact's: a strip whose width is along n lies flat.
+        s : float
+            Arc length of the contact, m.
+        condition : str or None, optional
+            Which one of the family: 'least_energy' (bending), 'least_force' (`min_force`, where
+            that can be held), 'least_motion' (from `start`), 'largest_clearance' (from the other
+            obstacles; without any, the least energy). If None, a motion through the interval that
+            has the least energy, in order of the force, its steps below 0.12 (rad plus parts of
+            the length).
+        forces : array_like, shape (n,), optional
+            Forces in N: only these are examined. If None, all.
+        min_force : float, optional
+            Least force of the contact, N: what presses less loses it where friction, or the DLO in
+            motion, lifts it. If None, a tenth of weight + EI / L^2. With 0 a thousandth of that
+            is enough.
+        start, linear_speed, angular_speed, progress, deadline : optional
+            See the class.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense, or the contact is not on a surface.
+        Infeasible
+            No force is admissible. The constraint is the demand that the best one breaks
+            ('contact_force': it is below `min_force`), or 'contact': the amount is how far, in m,
+            the DLO would be in an obstacle, or off the best of these shapes.
+        """
+        return self._shorthand(HoldContact(contact, s, condition, forces, min_force), start, None,
+                               linear_speed, angular_speed, progress, deadline)
+
+    def slide_contact(self, contact: Pose, lengths: ArrayLike, *, condition: str = 'least_motion',
+                      forces: ArrayLike | None = None, min_force: float | None = None,
+                      start: Pose | None = None, mode: str = 'aligned', linear_speed: float = 0.1,
+                      angular_speed: float = 0.5, progress: OnProgress = None,
+                      deadline: float | None = None) -> Plan:
+        """Plan how to draw the DLO over an obstacle, with its direction kept (Fig. 15) or not.
+
+        Parameters
+        ----------
+        contact : Pose
+            As for `hold_contact`.
+        lengths : array_like, shape (n,)
+            Arc lengths between gripper and contact, m, one after the other.
+        condition : str, optional
+            As for `hold_contact`; 'least_motion' is from one waypoint to the next, the first one
+            has the least energy if there is no `start`. The others choose the first waypoint; each
+            further one is the local minimum that is nearest to the one before.
+        forces, min_force : optional
+            As for `hold_contact`.
+        mode : str, optional
+            'aligned': the DLO keeps its place and direction at the contact; 'straight': the gripper
+            keeps its orientation and goes straight from the first waypoint towards the contact, or
+            away from it (footnote 19 of the paper). Place and direction of the contact then drift:
+            `Plan.misalignment` and `Plan.position_error` say by how much. `condition` and `forces`
+            choose the first waypoint.
+        start, linear_speed, angular_speed, progress, deadline : optional
+            See the class.
+
+        Raises
+        ------
+        InvalidTask
+            An argument makes no sense; the message names it.
+        Infeasible
+            As for `hold_contact`; or 'continuity': no admissible shapes lead from one waypoint to
+            the next, the amount is the gripper's leap (rad plus parts of the length), with
+            'straight' how far the DLO falls, in m. Or 'contact': how far the arc length that
+            touches is from the requested one, in m.
+        """
+        return self._shorthand(SlideContact(contact, lengths, condition, forces, mode, min_force),
+                               start, None, linear_speed, angular_speed, progress, deadline)
 
     def minimize_penalty(self, penalties: Penalty | Sequence[Penalty], start: Pose, *,
                          initial: Shape | None = None, max_iterations: int = 200,
@@ -142,10 +462,8 @@ class InverseSimulator(Shorthands):
         Parameters
         ----------
         plan : Plan
-        progress : callable, optional
-            As for `thread`.
-        deadline : float, optional
-            As for `thread`.
+        progress, deadline : optional
+            See the class.
 
         Raises
         ------
@@ -162,6 +480,17 @@ class InverseSimulator(Shorthands):
         instance('progress', progress, Progress, optional=True)
         return PlanContext(self._given, self.simulator, requirements=self.requirements,
                            touching=touching, progress=progress or Progress()).demands
+
+    def _shorthand(self, task: Task, start: Pose | None, initial: Shape | None,
+                   linear_speed: float, angular_speed: float, progress: OnProgress,
+                   deadline: float | None) -> Plan:
+        more: dict[str, Any] = {'limits': replace(
+            self.requirements.limits,
+            linear_speed=checked_speed('linear_speed', linear_speed, self.simulator.rod.length),
+            angular_speed=checked_speed('angular_speed', angular_speed))}
+        more['deadline'] = None if deadline is None else number('deadline', deadline, above=0)
+        return self.plan(task, start=start, initial=initial, progress=progress,
+                         requirements=replace(self.requirements, **more))
 
     def _context(self, task: Task, start: Pose | None, initial: Shape | None,
                  requirements: Requirements, progress: OnProgress) -> PlanContext:

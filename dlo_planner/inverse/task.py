@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The context in which a task is solved: the DLO, its present state, the demands on its plan."""
+"""The base of tasks, and the context in which one is solved."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping

@@ -449,21 +449,11 @@ def _distance(one: Floats, other: Floats) -> float:
 
 
 class Found(NamedTuple):
-    """What `follow` finds.
+    """What `follow` finds."""
 
-    Attributes
-    ----------
-    shape : Shape
-        In a gripper at the origin.
-    where : ndarray, shape (g,)
-        Arc lengths of the goals, m; beyond L where the DLO ends before.
-    axes, place : ndarray, shapes (3, 3) and (3,)
-        Axes and position of the DLO at the first goal, m.
-    """
-
-    shape: Shape
-    where: Floats
-    axes: Floats
+    shape: Shape  # in a gripper at the origin
+    where: Floats  # (g,) arc lengths of the goals, m; beyond L where the DLO ends before
+    axes: Floats  # (3, 3) and (3,) axes and position of the DLO at the first goal, m
     place: Floats
 
 
@@ -475,7 +465,7 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
 
     Shapes: s (k, g), origin (3,).
     """
-    begin = mesh.start_from(shape)
+    begin = mesh.strains_from(shape.s, shape.element_strains)
     earlier, ahead = trend or (shape, 0.0)
     if trend is None or not mesh.has_nodes(earlier.s):
         earlier, ahead = shape, 0.0
@@ -487,14 +477,14 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     freeze(pair)
     limits = np.full((3, len(s)), np.inf) if most is None else most
     count, found, bases, where, axes, places = follow_goals(
-        mesh.static, *pair, frames, np.array(origin), np.array([ahead, *further], dtype=float),
+        mesh.free, *pair, frames, np.array(origin), np.array([ahead, *further], dtype=float),
         mesh.s, goals, np.array(s), np.array(free), limits, float(least), watched, TOLERANCE,
         _EXACT, _MAX_ITERATIONS)
     strains, rotations, positions, wrenches, numbers = found
     out = []
     for k in range(count):
         elastic, energy, residual, stability, iterations = numbers[:, k].tolist()
-        out.append(Found(hanging_shape(mesh, pose_of(_ORIGIN, bases[k]), (
-            strains[k], rotations[k], positions[k], wrenches[k], elastic, energy, residual,
-            stability, int(iterations), 0)), where[k], axes[k], places[k]))
+        out.append(Found(hanging_shape(
+            mesh, pose_of(_ORIGIN, bases[k]), strains[k], rotations[k], positions[k], wrenches[k],
+            elastic, energy, residual, stability, int(iterations)), where[k], axes[k], places[k]))
     return out

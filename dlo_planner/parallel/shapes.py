@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dlo_planner.direct.contact import Contact
-from dlo_planner.direct.mesh import mapped
+from dlo_planner.direct.memory import mapped
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Bools, Floats, Ints

@@ -191,7 +191,7 @@ def _track_step(simulator: DirectSimulator, rounds: Rounds, grippers: tuple[Pose
     def ahead(k: int) -> tuple[Problem, float] | None:
         if place + k >= len(grippers):
             return None
-        return mesh.system(np.array(grippers[place + k].rotation), history=history), TOLERANCE
+        return mesh.system(np.array(grippers[place + k].rotation), memory=history), TOLERANCE
 
     def step(guess: Floats | None) -> tuple[Shape, Shape, bool]:
         if guess is None:
@@ -203,7 +203,7 @@ def _track_step(simulator: DirectSimulator, rounds: Rounds, grippers: tuple[Pose
     turn = angle_between(before.gripper.rotation, gripper.rotation)
     result: Shape = rounds.step(
         range(place, place + rounds.tasks),
-        lambda: mesh.system(gripper.rotation, history=history),
+        lambda: mesh.system(gripper.rotation, memory=history),
         mesh.strains_from(before.s, before.element_strains), ahead, step, simulator.method,
         turn <= LONGEST_TURN, lean=False)
     return result

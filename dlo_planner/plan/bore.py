@@ -34,30 +34,16 @@ _BOLD = 10          # rounds of it without damping
 
 
 class Inside(NamedTuple):
-    """The part of a DLO in a bore, as a beam of N elements from the mouth to its tip.
+    """The part of a DLO in a bore, as a beam of N elements from the mouth to its tip."""
 
-    Attributes
-    ----------
-    lengths : ndarray, shape (N,)
-        m.
-    stiffness : ndarray, shape (N, 2, 2)
-        N m^2, of the second derivatives of the deflections (y, z).
-    natural : ndarray, shape (N, 2)
-        These where it is free of stress, 1/m.
-    load : ndarray, shape (N + 1, 3)
-        Forces on the nodes along the bore (inwards), y and z, N.
-    mouth : ndarray, shape (4, 4)
-        Stiffness of the part outside: force (y, z) in N and moment of slopes (y, z) in N m per
-        deflection in m and slope there.
-    pushed : ndarray, shape (4,)
-        Deflections and slopes of its end, free of other forces, per N that pushes it back.
-    """
-
-    lengths: Floats
-    stiffness: Floats
-    natural: Floats
-    load: Floats
+    lengths: Floats  # (N,) m
+    stiffness: Floats  # (N, 2, 2) N m^2, of the second derivatives of the deflections (y, z)
+    natural: Floats  # (N, 2) these where it is free of stress, 1/m
+    load: Floats  # (N + 1, 3) forces on the nodes along the bore (inwards), y and z, N
+    # (4, 4) stiffness of the part outside: force (y, z) in N and moment of slopes (y, z) in N m per
+    # deflection in m and slope there
     mouth: Floats
+    # (4,) deflections and slopes of its end, free of other forces, per N that pushes it back
     pushed: Floats
 
 

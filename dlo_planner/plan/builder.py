@@ -60,10 +60,24 @@ class PlanBuilder:
         return self.waypoints[-1].shape if self.waypoints else self._initial
 
     @property
+    def wanted(self) -> int:
+        """How many waypoints the plan shall have."""
+        return len(self._depths)
+
+    @property
+    def depth(self) -> float:
+        """Depth of the next waypoint, m."""
+        return float(self._depths[len(self.waypoints)])
+
+    @property
     def step(self) -> float:
         """How much deeper the next waypoint is than the one before, m; 0 at the first."""
         index = len(self.waypoints)
         return float(self._depths[index] - self._depths[index - 1]) if index else 0.0
+
+    def check(self) -> None:
+        """Raise DeadlineExceeded if the time is over."""
+        self._demands.progress.check()
 
     def add(self, waypoint: Waypoint) -> None:
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""
@@ -112,8 +126,10 @@ def _refusal(what: str, index: int, depths: Floats, broken: tuple[str, float, st
              plan: Plan) -> Infeasible:
     """Return Infeasible for the waypoint `index`; broken: constraint, amount and words."""
     constraint, amount, why = broken
-    depth = f' (depth {depths[index]:g} m)' if np.any(depths) else ''
-    return Infeasible(f'{what} {index}{depth}: {why}', index, constraint, amount, plan)
+    deep = bool(np.any(depths))
+    depth = f' (depth {depths[index]:g} m)' if deep else ''
+    kept = f'; all is kept to depth {depths[index - 1]:g} m' if deep and index else ''
+    return Infeasible(f'{what} {index}{depth}: {why}{kept}', index, constraint, amount, plan)
 
 
 def build_plan(waypoints: Sequence[Waypoint], depths: Floats, speeds: tuple[float, float],

@@ -23,47 +23,25 @@ _LIGHTER = 1e-3  # of a least force: what a mesh makes of it
 
 @dataclass(frozen=True)
 class PlanRequirements:
-    """The demands on a plan, for every task.
+    """The demands on a plan, for every task."""
 
-    Attributes
-    ----------
-    speeds : (float, float)
-        m/s and rad/s, for the plan's times.
-    progress : Progress
-        Progress, which reports each waypoint.
-    workspace : Workspace or None
-        Workspace or None.
-    obstacles : tuple of obstacle
-        Obstacles that the DLO must not touch.
-    surface : Surface
-        Surface of the DLO.
-    yield_limits : ndarray, shape (3,) or None
-        Strains since the stress-free shape, torsion and both curvatures, at which the DLO would
-        yield, 1/m, or None where it may.
-    simulator : DirectSimulator or None
-        DirectSimulator without obstacles that finds the DLO's shapes between the waypoints. If
-        None, the DLO is checked at the waypoints only.
-    tolerance : float or None
-        Largest position error of a waypoint, m. If None, any.
-    stability : float
-        Least stability of a waypoint.
-    min_force : float
-        Least force with which the DLO presses on the obstacle `pressed` at a waypoint, N.
-    pressed : int or None
-        Index of the obstacle that has to be pressed, in the simulator of the shapes. If None, none
-        has to be.
-    """
-
-    speeds: tuple[float, float]
-    progress: Progress = field(default_factory=Progress)
-    workspace: Workspace | None = None
-    obstacles: tuple[Obstacle, ...] = ()
-    surface: Surface = Surface()
+    speeds: tuple[float, float]  # m/s and rad/s, for the plan's times
+    progress: Progress = field(default_factory=Progress)  # Progress, which reports each waypoint
+    workspace: Workspace | None = None  # Workspace or None
+    obstacles: tuple[Obstacle, ...] = ()  # obstacles that the DLO must not touch
+    surface: Surface = Surface()  # Surface of the DLO
+    # (3,) or None strains since the stress-free shape, torsion and both curvatures, at which the
+    # DLO would yield, 1/m, or None where it may
     yield_limits: Floats | None = None
+    # DirectSimulator without obstacles that finds the DLO's shapes between the waypoints. If None,
+    # the DLO is checked at the waypoints only
     simulator: DirectSimulator | None = None
-    tolerance: float | None = None
-    stability: float = -np.inf
+    tolerance: float | None = None  # largest position error of a waypoint, m. If None, any
+    stability: float = -np.inf  # least stability of a waypoint
+    # least force with which the DLO presses on the obstacle `pressed` at a waypoint, N
     min_force: float = 0.0
+    # index of the obstacle that has to be pressed, in the simulator of the shapes. If None, none
+    # has to be
     pressed: int | None = None
 
     def silent(self, simulator: DirectSimulator | None = None) -> PlanRequirements:
@@ -91,7 +69,8 @@ class PlanRequirements:
         if waypoint.clearance < 0:
             return ('clearance', -waypoint.clearance,
                     f'the DLO is {-waypoint.clearance:.3g} m in the sheet around a cut-out '
-                    '(infinite, if no Sheet among the obstacles has this hole)')
+                    '(infinite, if no Sheet among the obstacles has this hole): it would need as '
+                    'much more room')
         for index, obstacle in enumerate(self.obstacles):
             room = clearance([obstacle], self.surface, shape)
             if room < 0:

@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,6 +38,7 @@ _HALVINGS = 50
 _PIECES = 8      # samples of an element, to tell where its smallest gap is
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _NARROW = 1e-7   # of an element: its smallest gap is known to the square of it
+SheetSide: TypeAlias = tuple[Sheet, Floats]      # and the normal (3,) from before it to behind it
 
 
 def sheet_of(cutout: CutOut, length: float, obstacles: Iterable[Obstacle] = ()) -> Sheet | None:
@@ -84,6 +85,67 @@ def hole_clearances(sheet: Sheet, normal: ArrayLike, surface: Surface | float,
     result: Floats = _smallest(scene, lengths, strains, frames, positions - middle,
                                np.array(normal, dtype=float), 0.5 * sheet.thickness)[:3]
     return result
+
+
+class Bodies:
+    """What a DLO may come near to: sheets around cut-outs, and obstacles; scenes are made once.
+
+    `check` is called between the steps of a long computation; it may raise.
+    """
+
+    def __init__(self, sheets: Iterable[SheetSide], obstacles: Iterable[Obstacle],
+                 surface: Surface, check: Callable[[], None] = lambda: None) -> None:
+        self._sheets, self._surface, self.check = tuple(sheets), surface, check
+        around = [sheet for sheet, _ in self._sheets]
+        self._others = [one for one in obstacles if not any(one is sheet for sheet in around)]
+        self._all = [*around, *self._others]
+        self._scenes: dict[bytes, tuple[Scene, list[Scene]]] = {}  # of all, and about each sheet
+
+    def __bool__(self) -> bool:
+        return bool(self._all)
+
+    def holes(self, shape: Shape) -> list[Floats]:
+        """Return the distances (3,) of `hole_clearances` from each sheet, m."""
+        return [hole_clearances(*sheet, self._surface, shape, scene)
+                for sheet, scene in zip(self._sheets, self._known(shape)[1], strict=True)]
+
+    def exact(self, shape: Shape, at_sheets: float | None = None) -> float:
+        """Return the smallest distance of a Shape in m, negative inside; inf without a body.
+
+        `at_sheets`: the one from all sheets, where it is known.
+        """
+        self.check()
+        rooms = [float(room.min()) for room in self.holes(shape)] if at_sheets is None else [
+            at_sheets]
+        if self._others:
+            rooms.append(clearance(self._others, self._surface, shape))
+        return min(rooms, default=np.inf)
+
+    def rooms(self, shape: Shape, least: float = -np.inf) -> Floats:
+        """Return (N,) a lower bound in m of the distance of each element, none below `least`."""
+        result: Floats = element_rooms(self._known(shape)[0], *shape.for_kernels, least)
+        return result
+
+    def least(self, shapes: Sequence[Shape]) -> float:
+        """Return the smallest distance of all Shapes in m; nan without a body or a shape."""
+        if not (self and len(shapes)):
+            return np.nan
+        bounds = np.array([self.rooms(shape).min() for shape in shapes])
+        best = np.inf
+        for k in np.argsort(bounds):
+            if bounds[k] >= best:
+                break
+            best = min(best, self.exact(shapes[k]))
+        return best
+
+    def _known(self, shape: Shape) -> tuple[Scene, list[Scene]]:
+        """Return the Scene of all bodies, and those about each sheet, for the mesh of a Shape."""
+        key = shape.s.tobytes() if self._surface.rod is not None else b''
+        if key not in self._scenes:
+            self._scenes[key] = (
+                build_scene(self._all, self._surface, shape.s, sharp=True),
+                [scene_about(sheet, self._surface, shape.s) for sheet, _ in self._sheets])
+        return self._scenes[key]
 
 
 @kernel
@@ -303,3 +365,24 @@ def _nearest(scene: Scene, o: int, s: Floats, lengths: Floats, strains: Floats, 
                 smallest, where = gap, s[k - 1] + fraction * lengths[k - 1]
                 normal[:] = slope
     return smallest, where, normal
+
+
+@kernel
+def element_rooms(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
+                  positions: Floats, least: float) -> Floats:
+    """Return (N,) a lower bound in m of the room of each element, none below the `least` of all."""
+    x, slope, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
+    rooms = np.full(lengths.size, np.inf)
+    for o in range(scene.kind.size):
+        if scene.feature[o] == NODE_FACE:
+            continue
+        last = 0.0
+        begin, end = node_range(scene, o, lengths.size)
+        for k in range(begin, end + 1):
+            gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
+            if k > begin:
+                e = k - 1
+                reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
+                rooms[e] = min(rooms[e], 0.5 * (gap + last - reach))
+            last = gap
+    return np.maximum(rooms, least)  # type: ignore[no-any-return]

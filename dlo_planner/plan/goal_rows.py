@@ -27,28 +27,16 @@ POSITION, DIRECTION, ROTATION, THROUGH, ROLL = range(5)
 
 
 class GoalTable(Record):
-    """Goals of one waypoint, g of them.
+    """Goals of one waypoint, g of them."""
 
-    Attributes
-    ----------
-    kind : ndarray of int, shape (g,)
-        POSITION, DIRECTION, ROTATION, THROUGH or ROLL.
-    s : ndarray, shape (g,)
-        Arc length, m; of THROUGH: beyond which the place is sought. A DLO that is shorter goes on
-        straight.
-    target : ndarray, shape (g, 3)
-        Place in m, unit tangent, or axis of the roll.
-    frame : ndarray, shape (g, 3, 3)
-        Rotation that the frame should have, or since which the gripper should not roll.
-    weight : ndarray, shape (g,)
-        1/m of places, 1/rad else; 0: it does not count.
-    """
-
-    kind: Ints
+    kind: Ints  # (g,) POSITION, DIRECTION, ROTATION, THROUGH or ROLL
+    # (g,) arc length, m; of THROUGH: beyond which the place is sought. A DLO that is shorter goes
+    # on straight
     s: Floats
-    target: Floats
+    target: Floats  # (g, 3) place in m, unit tangent, or axis of the roll
+    # (g, 3, 3) rotation that the frame should have, or since which the gripper should not roll
     frame: Floats
-    weight: Floats
+    weight: Floats  # (g,) 1/m of places, 1/rad else; 0: it does not count
 
 
 @kernel
@@ -110,10 +98,7 @@ def fill_residuals(goals: GoalTable, nodes: Floats, lengths: Floats, strains: Fl
 @kernel
 def fill_rows(goals: GoalTable, length: float, base: Floats, where: Floats, places: Floats,
               twists: Floats, rows: Floats) -> None:
-    """Fill the derivatives of `fill_residuals` by c motions.
-
-    Shapes: twists (g, 6, c), rows (3 g, c).
-    """
+    """Fill the derivatives of `fill_residuals` by c motions; twists (g, 6, c), rows (3 g, c)."""
     rows[:] = 0.0
     for g in range(goals.kind.size):
         kind, weight, row = goals.kind[g], goals.weight[g], 3 * g

@@ -8,6 +8,7 @@ rotation (rad) and displacement (m) of the gripper, with the `Sensitivity` of th
 each waypoint.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,14 +33,6 @@ from dlo_planner.plan.clearance import nearest
 _POINTS = 9  # of a stretch, at which its tangent is looked at, evenly
 
 
-class Weighted(Protocol):
-    """A penalty with a weight."""
-
-    @property
-    def weight(self) -> float:
-        """Its weight."""
-
-
 class Residuals(Protocol):
     """A penalty: the sum of the squares of its residuals."""
 
@@ -50,22 +43,38 @@ class Residuals(Protocol):
         """Return (k, 6), derivatives by rotation (rad) and displacement (m) of the gripper."""
 
 
-def length_of(penalty: Value, name: str) -> float:
-    """Return an attribute that must not be negative, or raise InvalidTask."""
-    return number(f'{type(penalty).__name__}.{name}', getattr(penalty, name), minimum=0)
+class Goal(Value, ABC):
+    """Base of what follows: a weight, and residuals and slopes per unit of it."""
 
+    ARC_LENGTHS: ClassVar[tuple[str, ...]] = ()
+    weight: float
 
-def weight_of(penalty: Weighted) -> float:
-    """Return the weight of a penalty, or raise InvalidTask."""
-    return number(f'{type(penalty).__name__}.weight', penalty.weight, above=0)
+    def __post_init__(self) -> None:
+        """Check weight and arc lengths."""
+        name = type(self).__name__
+        put(self, weight=number(f'{name}.weight', self.weight, above=0), **{
+            one: number(f'{name}.{one}', getattr(self, one), minimum=0)
+            for one in self.ARC_LENGTHS})
+        super().__post_init__()
 
+    def residuals(self, shape: Shape) -> Floats:
+        """Return (k,): by how much a shape misses it, times the weight."""
+        return self.weight * self._residuals(instance('shape', shape, Shape))
 
-def judged(shape: Shape, *sensitivity: Sensitivity) -> None:
-    """Raise InvalidTask unless these are a Shape and, if given, its Sensitivity."""
-    instance('shape', shape, Shape)
-    for one in sensitivity:
-        if instance('sensitivity', one, Sensitivity).shape.s.size != shape.s.size:
+    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (k, 6), derivatives by rotation (rad) and displacement (m) of the gripper."""
+        instance('shape', shape, Shape)
+        if instance('sensitivity', sensitivity, Sensitivity).shape.s.size != shape.s.size:
             raise InvalidTask(f'shape = {shape!r}: expected the one of the sensitivity')
+        return self.weight * self._slopes(shape, sensitivity)
+
+    @abstractmethod
+    def _residuals(self, shape: Shape) -> Floats:
+        """Return (k,) at a weight of 1."""
+
+    @abstractmethod
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        """Return (k, 6) at a weight of 1."""
 
 
 def cross_matrix(v: Floats) -> Floats:
@@ -75,7 +84,7 @@ def cross_matrix(v: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PositionAt(Value):
+class PositionAt(Goal):
     """The DLO's point at arc length s (m) lies at `target` (3,) m; weight 1/m."""
 
     ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('s',)
@@ -88,25 +97,23 @@ class PositionAt(Value):
         def __init__(self, s: float, target: ArrayLike, weight: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
-        put(self, s=length_of(self, 's'), target=vector('PositionAt.target', self.target, 3),
-            weight=weight_of(self))
+        put(self, target=vector('PositionAt.target', self.target, 3))
         super().__post_init__()
 
-    def residuals(self, shape: Shape) -> Floats:
-        """Return (3,)."""
-        judged(shape)
-        return self.weight * (shape.frame_at(self.s)[1] - self.target)
+    def _residuals(self, shape: Shape) -> Floats:
+        off: Floats = shape.frame_at(self.s)[1] - self.target
+        return off
 
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (3, 6)."""
-        judged(shape, sensitivity)
-        slopes: Floats = self.weight * sensitivity.at(self.s)[3:]
-        return slopes
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        return sensitivity.at(self.s)[3:]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DirectionAt(Value):
-    """The DLO's tangent at arc length s (m) is along `direction` (3,); weight 1/rad."""
+class DirectionAt(Goal):
+    """The DLO's tangent at arc length s (m) is along `direction` (3,); weight 1/rad.
+
+    The residuals are the difference of two unit vectors.
+    """
 
     ARC_LENGTHS: ClassVar[tuple[str, ...]] = ('s',)
 
@@ -119,26 +126,22 @@ class DirectionAt(Value):
                      weight: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
-        put(self, s=length_of(self, 's'), weight=weight_of(self),
-            direction=direction('DirectionAt.direction', self.direction))
+        put(self, direction=direction('DirectionAt.direction', self.direction))
         super().__post_init__()
 
-    def residuals(self, shape: Shape) -> Floats:
-        """Return (3,): the difference of two unit vectors."""
-        judged(shape)
-        return self.weight * (shape.frame_at(self.s)[0][:, 0] - self.direction)
+    def _residuals(self, shape: Shape) -> Floats:
+        off: Floats = shape.frame_at(self.s)[0][:, 0] - self.direction
+        return off
 
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (3, 6)."""
-        judged(shape, sensitivity)
-        tangent = shape.frame_at(self.s)[0][:, 0]
-        slopes: Floats = self.weight * (cross_matrix(tangent) @ sensitivity.at(self.s)[:3])
-        return slopes
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        return cross_matrix(shape.frame_at(self.s)[0][:, 0]) @ sensitivity.at(self.s)[:3]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrameAt(Value):
+class FrameAt(Goal):
     """The DLO's frame at arc length s (m) is a pose, as that of a plug in its socket.
+
+    The residuals (6,) are a rotation vector before a displacement.
 
     Attributes
     ----------
@@ -158,28 +161,25 @@ class FrameAt(Value):
 
     def __post_init__(self) -> None:
         instance('FrameAt.pose', self.pose, Pose)
-        put(self, s=length_of(self, 's'), weight=weight_of(self))
         super().__post_init__()
 
-    def residuals(self, shape: Shape) -> Floats:
-        """Return (6,): a rotation vector before a displacement."""
-        judged(shape)
+    def _residuals(self, shape: Shape) -> Floats:
         axes, position = shape.frame_at(self.s)
-        return self.weight * np.concatenate([turn_between(self.pose.rotation, axes),
-                                             position - self.pose.position])
+        return np.concatenate([turn_between(self.pose.rotation, axes),
+                               position - self.pose.position])
 
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (6, 6)."""
-        judged(shape, sensitivity)
-        slopes: Floats = self.weight * sensitivity.at(self.s)
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        slopes = np.array(sensitivity.at(self.s))
         turn = turn_between(self.pose.rotation, shape.frame_at(self.s)[0])
         slopes[:3] = np.linalg.solve(left_jacobian(turn), slopes[:3])
         return slopes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GripperNear(Value):
+class GripperNear(Goal):
     """The gripper stays near a pose. With a small weight it makes an ambiguous answer unique.
+
+    The slopes of the rotation are to first order about the pose.
 
     Attributes
     ----------
@@ -193,24 +193,18 @@ class GripperNear(Value):
 
     def __post_init__(self) -> None:
         instance('GripperNear.pose', self.pose, Pose)
-        put(self, weight=weight_of(self))
         super().__post_init__()
 
-    def residuals(self, shape: Shape) -> Floats:
-        """Return (6,)."""
-        judged(shape)
-        turn = turn_between(self.pose.rotation, shape.gripper.rotation)
-        away = shape.gripper.position - self.pose.position
-        return self.weight * np.concatenate([turn, away])
+    def _residuals(self, shape: Shape) -> Floats:
+        return np.concatenate([turn_between(self.pose.rotation, shape.gripper.rotation),
+                               shape.gripper.position - self.pose.position])
 
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (6, 6); the rotation's to first order about the pose."""
-        judged(shape, sensitivity)
-        return self.weight * np.eye(6)
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        return np.eye(6)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Through(Value):
+class Through(Goal):
     """The DLO passes a point at any arc length; a DLO that ends before it is extended straight.
 
     Attributes
@@ -234,34 +228,27 @@ class Through(Value):
                      weight: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
-        put(self, point=vector('Through.point', self.point, 3), after=length_of(self, 'after'),
-            weight=weight_of(self))
+        put(self, point=vector('Through.point', self.point, 3))
         super().__post_init__()
 
     def passage(self, shape: Shape) -> float:
         """Return the arc length nearest to the point, m; beyond L where the DLO ends before it."""
-        judged(shape)
-        return self._nearest(shape)[0]
+        return self._nearest(instance('shape', shape, Shape))[0]
 
-    def residuals(self, shape: Shape) -> Floats:
-        """Return (3,)."""
-        judged(shape)
+    def _residuals(self, shape: Shape) -> Floats:
         off: Floats = self._nearest(shape)[1][0]
-        return self.weight * off
+        return off
 
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (3, 6); the nearest arc length changes too."""
-        judged(shape, sensitivity)
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
         s, (off, tangent, turn) = self._nearest(shape)
         beyond = max(s - float(shape.s[-1]), 0.0)
         by_twist = sensitivity.at(s - beyond)
         turned = cross_matrix(tangent) @ by_twist[:3]        # change of the tangent, (3, 6)
-        moved = by_twist[3:] + beyond * turned
-        if self.after < s:
+        moved: Floats = by_twist[3:] + beyond * turned
+        if self.after < s:  # the nearest arc length changes too
             along = (tangent @ moved + off @ turned) / (1 + off @ turn)
             moved = moved - np.outer(tangent, along)
-        slopes: Floats = self.weight * moved
-        return slopes
+        return moved
 
     def _nearest(self, shape: Shape) -> tuple[float, Floats]:
         """Return the arc length of the passage, and what `nearest_place` fills, (3, 3)."""
@@ -271,8 +258,10 @@ class Through(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AwayFrom(Value):
+class AwayFrom(Goal):
     """The DLO's surface keeps a distance from obstacles (of the simulator or not).
+
+    The residuals are by how much the distance is too small, one number per body.
 
     Attributes
     ----------
@@ -297,8 +286,8 @@ class AwayFrom(Value):
 
     def __post_init__(self) -> None:
         put(self, obstacles=items('AwayFrom.obstacles', self.obstacles, OBSTACLES, least=1),
-            distance=length_of(self, 'distance'), radius=length_of(self, 'radius'),
-            weight=weight_of(self))
+            **{name: number(f'AwayFrom.{name}', getattr(self, name), minimum=0)
+               for name in ('distance', 'radius')})
         super().__post_init__()
 
     @cached_property
@@ -306,23 +295,21 @@ class AwayFrom(Value):
         scene: Scene = build_scene(self.obstacles, self.radius)
         return scene
 
-    def residuals(self, shape: Shape) -> Floats:
-        """Return by how much the distance is too small, one number per body."""
-        judged(shape)
+    def _residuals(self, shape: Shape) -> Floats:
         gaps = np.array([gap for gap, _, _ in nearest(self._scene, shape)])
-        missing: Floats = self.weight * np.maximum(self.distance - gaps, 0.0)
-        return missing
+        return np.maximum(self.distance - gaps, 0.0)
 
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (bodies, 6); to first order the same point stays the nearest."""
-        judged(shape, sensitivity)
-        return np.array([-self.weight * (normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        # to first order the same point stays the nearest
+        return np.array([-(normal @ sensitivity.at(s)[3:]) * (gap < self.distance)
                          for gap, s, normal in nearest(self._scene, shape)]).reshape(-1, 6)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BentAtMost(Value):
+class BentAtMost(Goal):
     """The DLO is nowhere bent more sharply than this.
+
+    The residuals are the excess of each element; their squares add up to the mean square.
 
     Attributes
     ----------
@@ -336,31 +323,28 @@ class BentAtMost(Value):
     weight: float = 1.0
 
     def __post_init__(self) -> None:
-        put(self, curvature=length_of(self, 'curvature'), weight=weight_of(self))
+        put(self, curvature=number('BentAtMost.curvature', self.curvature, minimum=0))
         super().__post_init__()
 
-    def residuals(self, shape: Shape) -> Floats:
-        """Return (N,): the excess of each element, so that squares add up to the mean square."""
-        judged(shape)
+    def _residuals(self, shape: Shape) -> Floats:
         excess = np.hypot(*shape.element_strains[:, 1:].T) - self.curvature
-        share = self.weight * np.sqrt(np.diff(shape.s) / shape.s[-1])
-        residuals: Floats = share * np.maximum(excess, 0.0)
+        residuals: Floats = np.sqrt(np.diff(shape.s) / shape.s[-1]) * np.maximum(excess, 0.0)
         return residuals
 
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (N, 6)."""
-        judged(shape, sensitivity)
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
         bend = shape.element_strains[:, 1:]
         size = np.hypot(*bend.T)
         share = np.sqrt(np.diff(shape.s) / shape.s[-1]) * (size > self.curvature)
         rows = np.einsum('ej,ejk->ek', bend, sensitivity.strains[:, 1:])
-        slopes: Floats = self.weight * (share / np.maximum(size, 1e-300))[:, None] * rows
+        slopes: Floats = (share / np.maximum(size, 1e-300))[:, None] * rows
         return slopes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class KeepTangent(Value):
+class KeepTangent(Goal):
     """The DLO's tangent keeps a direction on a stretch: the root mean square of its deviation.
+
+    The residuals are differences of unit vectors, 3 at each of 9 points.
 
     Attributes
     ----------
@@ -386,36 +370,28 @@ class KeepTangent(Value):
     direction: Floats
     weight: float = 1.0
 
-    if TYPE_CHECKING:  # what may be given
+    if TYPE_CHECKING:
         def __init__(self, begin: float, end: float, direction: ArrayLike,
                      weight: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
-        begin, end = length_of(self, 'begin'), length_of(self, 'end')
-        if end < begin:
-            raise InvalidTask(f'KeepTangent.end = {end:g}: expected at least begin = {begin:g}')
-        put(self, begin=begin, end=end, direction=direction('KeepTangent.direction',
-                                                            self.direction),
-            weight=weight_of(self))
+        put(self, direction=direction('KeepTangent.direction', self.direction))
         super().__post_init__()
+        if self.end < self.begin:
+            raise InvalidTask(f'KeepTangent.end = {self.end:g}: expected at least begin = '
+                              f'{self.begin:g}')
 
-    def residuals(self, shape: Shape) -> Floats:
-        """Return (27,): differences of unit vectors, 3 at each of 9 points."""
-        judged(shape)
-        return self._share * np.ravel([shape.frame_at(s)[0][:, 0] - self.direction
-                                       for s in self._points])
+    def _residuals(self, shape: Shape) -> Floats:
+        off: Floats = np.ravel([shape.frame_at(s)[0][:, 0] - self.direction for s in self._points])
+        off /= np.sqrt(_POINTS)
+        return off
 
-    def slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        """Return (27, 6), by rotation (rad) and displacement (m) of the gripper."""
-        judged(shape, sensitivity)
-        return self._share * np.vstack([
-            cross_matrix(shape.frame_at(s)[0][:, 0]) @ sensitivity.at(s)[:3]
-            for s in self._points])
+    def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
+        rows: Floats = np.vstack([cross_matrix(shape.frame_at(s)[0][:, 0]) @ sensitivity.at(s)[:3]
+                                  for s in self._points])
+        rows /= np.sqrt(_POINTS)
+        return rows
 
     @property
     def _points(self) -> Floats:
         return np.linspace(self.begin, self.end, _POINTS)
-
-    @property
-    def _share(self) -> float:
-        return self.weight / float(np.sqrt(_POINTS))

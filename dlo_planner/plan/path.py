@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One leg of a gripper's path: splines through poses, without corners, or a dwell."""
+"""The path of the gripper, without its timing: splines through the poses of a plan.
+
+The parameter u of the path is the plan's own time. A time law (`trajectory.trajectory`) says how
+fast the gripper goes through it. The checks of a plan (`plan.swept`) are made on this path.
+A leg of it has no corners, or is a dwell.
+"""
 
 from __future__ import annotations
 
@@ -28,22 +33,12 @@ class LegPoints(NamedTuple):
 
     Derivatives are by u; the linear ones before the angular ones, world axes: of the rotation
     vector that turns the gripper, not of coordinates of its rotation.
-
-    Attributes
-    ----------
-    positions : ndarray, shape (n, 3)
-        Positions in m.
-    rotations : ndarray, shape (n, 3, 3)
-    first : ndarray, shape (n, 6)
-        First derivatives, m and rad.
-    second : ndarray, shape (n, 6)
-        Second derivatives.
     """
 
-    positions: Floats
-    rotations: Floats
-    first: Floats
-    second: Floats
+    positions: Floats  # (n, 3) positions in m
+    rotations: Floats  # (n, 3, 3)
+    first: Floats  # (n, 6) first derivatives, m and rad
+    second: Floats  # (n, 6) second derivatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,19 +46,11 @@ class Leg(Value):
     """A path without corners, or a dwell: twice continuously differentiable within.
 
     SciPy's cubic spline of the positions and its rotation spline.
-
-    Attributes
-    ----------
-    knots : ndarray, shape (m,)
-        Parameters of the poses, increasing, m >= 2.
-    positions : ndarray, shape (m, 3)
-        Positions in m.
-    rotations : ndarray, shape (m, 3, 3)
     """
 
-    knots: Floats
-    positions: Floats
-    rotations: Floats
+    knots: Floats  # (m,) parameters of the poses, increasing, m >= 2
+    positions: Floats  # (m, 3) positions in m
+    rotations: Floats  # (m, 3, 3)
     _position: CubicSpline = field(init=False, repr=False, compare=False)
     _turn: RotationSpline = field(init=False, repr=False, compare=False)
 
@@ -85,10 +72,7 @@ class Leg(Value):
         return self._position(since), self._turn(since).as_matrix()
 
     def at(self, u: Floats) -> LegPoints:
-        """Return the LegPoints at parameters u.
-
-        Shapes: u (n,).
-        """
+        """Return the LegPoints at parameters u; u (n,)."""
         positions, rotations = self.poses(u)
         since = np.clip(u, *self.knots[[0, -1]]) - self.knots[0]
         # the rotation spline's own are in the gripper's axes; turned as they are, because the
@@ -164,17 +148,10 @@ _WAITING = 1e-6   # of the plan's time: as long in one pose is a dwell
 
 @dataclass(frozen=True, eq=False)
 class GripperPath(Value):
-    """The whole path: legs from stop to stop, one after the other.
+    """The whole path: legs from stop to stop, one after the other."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (n,)
-        The parameters of the waypoints it was made of.
-    legs : tuple of Leg
-        Legs; each begins with the pose and the parameter with which the one before ends.
-    """
-
-    times: Floats
+    times: Floats  # (n,) the parameters of the waypoints it was made of
+    # legs; each begins with the pose and the parameter with which the one before ends
     legs: tuple[Leg, ...]
 
     @classmethod

@@ -19,34 +19,33 @@ angle counts. A distance from obstacles changes no more than the place does, so 
 delta / 2 and both bulges at each point of both shapes, nothing is touched between. It is assumed,
 not proved, that the DLO responds alike between both ends: a jump is noticed where the DLO is
 simulated, and `plan.continuity` checks the straight motion.
+
+Between two instants of a motion in time (`least_between`) the nodes go along cubic polynomials that
+keep their places and velocities (Hermite). A point leaves the even way by at most h^2/8 times its
+largest acceleration in h seconds, which of a cubic is that at an end; by how much a cubic itself is
+off is told by those over two intervals, which are 16 times as far off in the middle, where the DLO
+is known. The rest is the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.gap import node_gap, node_range, stretch, taper
-from dlo_planner.energy.scene import NODE_FACE, Scene, build_scene
+from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.rod import Surface
-from dlo_planner.plan.clearance import clearance, hole_clearances, scene_about
+from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.clearance import Bodies, SheetSide
 from dlo_planner.plan.path import GripperPath, Leg
 
-if TYPE_CHECKING:
-    from dlo_planner.plan.checks import PlanRequirements
-
-
-SheetSide: TypeAlias = tuple[Sheet, Floats]      # and the normal (3,) from before it to behind it
 Violation: TypeAlias = tuple[str, float, str]    # constraint, by how much, in words
 
 _HALVINGS = 7   # of the way between two waypoints
@@ -78,47 +77,27 @@ def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequen
     if demands.simulator is None or not (sheets or demands.obstacles) or any(
             shape.s[-1] != demands.simulator.rod.length for shape in shapes):
         return outside
-    return _Sweep(path, sheets, demands).broken(shapes, known, outside) or outside
+    bodies = Bodies(sheets, demands.obstacles, demands.surface, demands.progress.check)
+    return _Sweep(path, bodies, demands.simulator).broken(shapes, known, outside) or outside
 
 
 @dataclass(frozen=True)
 class _Look:
-    """A Shape at a parameter of the path, and how much room it has.
+    """A Shape at a parameter of the path, and how much room it has."""
 
-    Attributes
-    ----------
-    u : float
-        Parameter.
-    shape : Shape
-    arms : ndarray, shape (N + 1, 3)
-        Vectors in m from the gripper to the nodes.
-    levers : ndarray, shape (N + 1,)
-        Lengths of the arms, m.
-    rooms : ndarray, shape (N,)
-        Lower bounds of the room of each element, m.
-    least : float
-        Least room of all in m, exact.
-    """
-
-    u: float
+    u: float  # parameter
     shape: Shape
-    arms: Floats
-    levers: Floats
-    rooms: Floats
-    least: float
+    arms: Floats  # (N + 1, 3) vectors in m from the gripper to the nodes
+    levers: Floats  # (N + 1,) lengths of the arms, m
+    rooms: Floats  # (N,) lower bounds of the room of each element, m
+    least: float  # least room of all in m, exact
 
 
 class _Sweep:
     """Checks a path, leg by leg, between the waypoints."""
 
-    def __init__(self, path: GripperPath, sheets: Sequence[SheetSide],
-                 demands: PlanRequirements) -> None:
-        self._path, self._sheets, self._demands = path, sheets, demands
-        around = [sheet for sheet, _ in sheets]
-        self._others = [obstacle for obstacle in demands.obstacles
-                        if not any(obstacle is sheet for sheet in around)]
-        self._bodies = [*around, *self._others]
-        self._scene = build_scene(self._bodies, demands.surface, sharp=True)
+    def __init__(self, path: GripperPath, bodies: Bodies, simulator: DirectSimulator) -> None:
+        self._path, self._bodies, self._simulator = path, bodies, simulator
 
     def broken(self, shapes: Sequence[Shape], known: Sequence[float | None] | None,
                outside: Broken | None) -> Broken | None:
@@ -132,7 +111,6 @@ class _Sweep:
                 goal = self._path.goal(b)
                 if outside is not None and goal > outside.waypoint:
                     return None
-                self._demands.progress.check()
                 if before is None:
                     start = np.searchsorted(self._path.times, a, side='right') - 1
                     before = self._look(a, shapes[start], known[start])
@@ -143,18 +121,11 @@ class _Sweep:
                 before = after
         return None
 
-    def _look(self, u: float, shape: Shape, known: float | None = None) -> _Look:
-        rooms = [hole_clearances(*sheet, self._demands.surface, shape).min()
-                 for sheet in self._sheets] if known is None else [known]
-        if self._others:
-            rooms.append(clearance(self._others, self._demands.surface, shape))
-        least = float(min(rooms))
+    def _look(self, u: float, shape: Shape, at_sheets: float | None = None) -> _Look:
+        least = self._bodies.exact(shape, at_sheets)
         arms = shape.positions - shape.gripper.position
-        scene, surface = self._scene, self._demands.surface
-        if surface.rod is not None:  # on each mesh another one
-            scene = build_scene(self._bodies, surface, shape.s, sharp=True)
-        return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)), element_rooms(
-            scene, *shape.for_kernels, least), least)
+        return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)),
+                     self._bodies.rooms(shape, least), least)
 
     def _between(self, leg: Leg, one: _Look, other: _Look, bends: Floats,
                  halvings: int) -> Violation | None:
@@ -183,11 +154,10 @@ class _Sweep:
 
     def _middle(self, leg: Leg, one: _Look, other: _Look) -> tuple[_Look | None, Violation | None]:
         """Return the Look half way between two and None, or None and the violation by a jump."""
-        assert self._demands.simulator is not None  # else nothing is checked between waypoints
         u = 0.5 * (one.u + other.u)
         (position,), (rotation,) = leg.poses(np.array([u]))
-        shape = self._demands.simulator.track([Pose.from_rotation(position, rotation)],
-                                              initial=one.shape)[0]
+        shape = self._simulator.track([Pose.from_rotation(position, rotation)],
+                                      initial=one.shape)[0]
         if shape.converged and not shape.jumped:
             return self._look(u, shape), None
         away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))
@@ -234,27 +204,6 @@ def curve_distances(this: Shape, that: Shape) -> Floats:
     result: Floats = _distances(np.array(this.s), this.for_kernels[3], np.array(that.s),
                                 *that.for_kernels[1:], reach)
     return result
-
-
-@kernel
-def element_rooms(scene: Scene, lengths: Floats, strains: Floats, rotations: Floats,
-                  positions: Floats, least: float) -> Floats:
-    """Return (N,) a lower bound in m of the room of each element, none below the `least` of all."""
-    x, slope, bend, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
-    rooms = np.full(lengths.size, np.inf)
-    for o in range(scene.kind.size):
-        if scene.feature[o] == NODE_FACE:
-            continue
-        last = 0.0
-        begin, end = node_range(scene, o, lengths.size)
-        for k in range(begin, end + 1):
-            gap = node_gap(scene, o, k, rotations, positions, offset, x, slope, bend)
-            if k > begin:
-                e = k - 1
-                reach = lengths[e] * stretch(scene, o, strains[e]) + abs(taper(scene, o, e))
-                rooms[e] = min(rooms[e], 0.5 * (gap + last - reach))
-            last = gap
-    return np.maximum(rooms, least)  # type: ignore[no-any-return]
 
 
 @kernel
@@ -318,118 +267,60 @@ _INTERVAL_HALVINGS = 10   # of an interval between two instants
 _SURE = 2.0     # times what the error of a cubic seems to be
 
 
-class Nearness:
-    """The distance of a DLO's surface from bodies.
+def least_between(bodies: Bodies, shapes: Sequence[Shape], velocities: Floats,
+                  dt: float) -> float:
+    """Return a lower bound of the distance at and between the instants of a motion, m.
 
-    Parameters
-    ----------
-    sheets : iterable of SheetSide
-        (Sheet, normal (3,)) around cut-outs.
-    obstacles : iterable of obstacle
-    surface : Surface
-        Surface of the DLO.
-    check : callable, optional
-        Called between the steps of a long computation; it may raise.
+    It is the smallest distance at all shapes that are looked at where they are shown to be
+    clear of the bodies in between; else it is not above 0, or at most what was found between.
+
+    Shapes: velocities (n, N + 1, 3).
     """
-
-    def __init__(self, sheets: Iterable[SheetSide], obstacles: Iterable[Obstacle],
-                 surface: Surface, check: Callable[[], None] = lambda: None) -> None:
-        self._sheets, self._surface, self._check = tuple(sheets), surface, check
-        around = [sheet for sheet, _ in self._sheets]
-        self._others = [one for one in obstacles if not any(one is sheet for sheet in around)]
-        self._bodies = [*around, *self._others]
-        self._scenes: dict[bytes, tuple[Scene, list[Scene]]] = {}  # of all, and about each sheet
-
-    def __bool__(self) -> bool:
-        return bool(self._bodies)
-
-    def exact(self, shape: Shape) -> float:
-        """Return the smallest distance of a Shape in m, negative inside; inf without a body."""
-        self._check()
-        rooms = [float(hole_clearances(*sheet, self._surface, shape, scene).min())
-                 for sheet, scene in zip(self._sheets, self._known(shape)[1], strict=True)]
-        if self._others:
-            rooms.append(clearance(self._others, self._surface, shape))
-        return min(rooms, default=np.inf)
-
-    def rooms(self, shape: Shape, least: float = -np.inf) -> Floats:
-        """Return (N,) a lower bound in m of the distance of each element, none below `least`."""
-        result: Floats = element_rooms(self._known(shape)[0], *shape.for_kernels, least)
-        return result
-
-    def _known(self, shape: Shape) -> tuple[Scene, list[Scene]]:
-        """Return the Scene of all bodies, and those about each sheet; made once for all shapes."""
-        key = shape.s.tobytes() if self._surface.rod is not None else b''
-        if key not in self._scenes:
-            self._scenes[key] = (
-                build_scene(self._bodies, self._surface, shape.s, sharp=True),
-                [scene_about(sheet, self._surface, shape.s) for sheet, _ in self._sheets])
-        return self._scenes[key]
-
-    def least(self, shapes: Sequence[Shape]) -> float:
-        """Return the smallest distance of all Shapes in m; nan without a body or a shape."""
-        if not (self and len(shapes)):
-            return np.nan
-        bounds = np.array([self.rooms(shape).min() for shape in shapes])
-        best = np.inf
-        for k in np.argsort(bounds):
-            if bounds[k] >= best:
-                break
-            best = min(best, self.exact(shapes[k]))
+    best = bodies.least(shapes)
+    if not bodies or len(shapes) < 2 or best <= 0:
         return best
-
-    def least_between(self, shapes: Sequence[Shape], velocities: Floats, dt: float) -> float:
-        """Return a lower bound of the distance at and between the instants of a motion, m.
-
-        It is the smallest distance at all shapes that are looked at where they are shown to be
-        clear of the bodies in between; else it is not above 0, or at most what was found between.
-
-        Shapes: velocities (n, N + 1, 3).
-        """
-        best = self.least(shapes)
-        if not self or len(shapes) < 2 or best <= 0:
-            return best
-        cubics = _Cubics(shapes, velocities, dt)
-        bounds = np.array([self.rooms(shape) for shape in shapes])
-        ways = cubics.ways
-        short = np.maximum(ways[:, 1:], ways[:, :-1]) - np.minimum(bounds[1:], bounds[:-1])
-        known: dict[int, float] = {}
-        for k in map(int, np.flatnonzero(short.max(axis=1) > 0)):
-            for at in (k, k + 1):
-                if at not in known:
-                    known[at] = self.exact(shapes[at])
-            ends = ((0.0, shapes[k], known[k]), (1.0, shapes[k + 1], known[k + 1]))
-            best = min(best, self._inside(cubics, k, *ends, _INTERVAL_HALVINGS))
-            if best <= 0:
-                break
-        return best
-
-    def _inside(self, cubics: _Cubics, k: int, one: _InstantLook, other: _InstantLook,
-                halvings: int) -> float:
-        """Return a lower bound of the distance between two looks in the interval k, inf if clear.
-
-        That is: not above 0, or the distances that were found between.
-        """
-        bulges = cubics.bulges(k, other[0] - one[0])
-        short = -np.inf
-        for (_, this, least), (_, that, _) in ((one, other), (other, one)):
-            away = 0.5 * curve_distances(this, that) + bulges
-            short = max(short, float((np.maximum(away[1:], away[:-1])
-                                      - self.rooms(this, least)).max()))
-        if short < 0:
-            return np.inf
-        if not halvings:
-            return -short
-        share = 0.5 * (one[0] + other[0])
-        shape = cubics.shape(k, share)
-        middle = share, shape, self.exact(shape)
-        if middle[2] <= 0:
-            return middle[2]
-        return min(middle[2], self._inside(cubics, k, one, middle, halvings - 1),
-                   self._inside(cubics, k, middle, other, halvings - 1))
+    cubics = _Cubics(shapes, velocities, dt)
+    bounds = np.array([bodies.rooms(shape) for shape in shapes])
+    ways = cubics.ways
+    short = np.maximum(ways[:, 1:], ways[:, :-1]) - np.minimum(bounds[1:], bounds[:-1])
+    known: dict[int, float] = {}
+    for k in map(int, np.flatnonzero(short.max(axis=1) > 0)):
+        for at in (k, k + 1):
+            if at not in known:
+                known[at] = bodies.exact(shapes[at])
+        ends = ((0.0, shapes[k], known[k]), (1.0, shapes[k + 1], known[k + 1]))
+        best = min(best, _inside(bodies, cubics, k, *ends, _INTERVAL_HALVINGS))
+        if best <= 0:
+            break
+    return best
 
 
-_InstantLook = tuple[float, Shape, float]  # part of an interval, Shape there, its distance in m
+def _inside(bodies: Bodies, cubics: _Cubics, k: int, one: _Instant, other: _Instant,
+            halvings: int) -> float:
+    """Return a lower bound of the distance between two looks in the interval k, inf if clear.
+
+    That is: not above 0, or the distances that were found between.
+    """
+    bulges = cubics.bulges(k, other[0] - one[0])
+    short = -np.inf
+    for (_, this, least), (_, that, _) in ((one, other), (other, one)):
+        away = 0.5 * curve_distances(this, that) + bulges
+        short = max(short, float((np.maximum(away[1:], away[:-1])
+                                  - bodies.rooms(this, least)).max()))
+    if short < 0:
+        return np.inf
+    if not halvings:
+        return -short
+    share = 0.5 * (one[0] + other[0])
+    shape = cubics.shape(k, share)
+    middle = share, shape, bodies.exact(shape)
+    if middle[2] <= 0:
+        return middle[2]
+    return min(middle[2], _inside(bodies, cubics, k, one, middle, halvings - 1),
+               _inside(bodies, cubics, k, middle, other, halvings - 1))
+
+
+_Instant = tuple[float, Shape, float]  # part of an interval, Shape there, its distance in m
 
 
 class _Cubics:

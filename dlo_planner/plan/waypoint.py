@@ -11,12 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from dlo_planner.direct.shape import Shape, carried
-from dlo_planner.energy.scene import Scene
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.rod import Surface
-from dlo_planner.plan.clearance import hole_clearances, scene_about, sheet_of
+from dlo_planner.plan.clearance import Bodies, sheet_of
 from dlo_planner.plan.plan import Passes
 
 _FREE = (np.inf,) * 3
@@ -45,41 +44,25 @@ class Waypoint(NamedTuple):
 
 
 class Holes:
-    """Cut-outs of a plan and the sheets around them, whose scenes are made once a mesh.
+    """Cut-outs of a plan and the sheets around them, of a DLO of a length (m).
 
-    Parameters
-    ----------
-    cutouts : sequence of CutOut
-    length : float
-        Length of the DLO, m.
-    obstacles : iterable of obstacle
-        A Sheet among them with the hole of a cut-out is the one around it.
-    surface : Surface
-        Surface of the DLO.
+    A Sheet among the obstacles with the hole of a cut-out is the one around it.
     """
 
     def __init__(self, cutouts: Sequence[CutOut], length: float, obstacles: Iterable[Obstacle],
                  surface: Surface) -> None:
         obstacles = tuple(obstacles)
-        self._all = [(sheet_of(cutout, length, obstacles), np.array(cutout.normal))
-                     for cutout in cutouts]
-        self._sheets = tuple((sheet, normal) for sheet, normal in self._all if sheet is not None)
-        self._surface, self._s = surface, np.empty(0)
-        self._scenes: list[Scene | None] = []
+        around = [sheet_of(cutout, length, obstacles) for cutout in cutouts]
+        self._sized = [sheet is not None for sheet in around]
+        self._sheets = tuple((sheet, np.array(cutout.normal)) for sheet, cutout in zip(
+            around, cutouts, strict=True) if sheet is not None)
+        self._bodies = Bodies(self._sheets, (), surface)
 
     def passed(self, waypoint: Waypoint) -> Waypoint:
         """Return a Waypoint with its clearances."""
-        shape = waypoint.shape
-        if shape.s is not self._s:
-            self._s, self._scenes = shape.s, [
-                None if sheet is None else scene_about(sheet, self._surface, shape.s)
-                for sheet, _ in self._all]
-        return Waypoint(  # quicker than `_replace`
-            shape, waypoint.misalignment, waypoint.position_error, waypoint.via_points,
-            tuple([_FREE if sheet is None else hole_clearances(sheet, normal, self._surface, shape,
-                                                               scene)
-                   for (sheet, normal), scene in zip(self._all, self._scenes, strict=True)]),
-            self._sheets)
+        rooms = iter(self._bodies.holes(waypoint.shape))
+        return waypoint._replace(sheets=self._sheets, clearances=tuple(
+            next(rooms) if sized else _FREE for sized in self._sized))
 
 
 def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None,

@@ -14,6 +14,7 @@ from dlo_planner.execute.threading_loop import Threading, way_back, way_in, way_
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.observation import Observation
 from dlo_planner.identify.observer import Observer
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane
@@ -22,7 +23,6 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.verify.replay import replay
-from dlo_planner.verify.uncertainty import Uncertainty
 
 _ROD = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
 

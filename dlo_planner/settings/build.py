@@ -14,7 +14,8 @@ from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.fitting import Fit
+from dlo_planner.identify.fit import Fit
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, vector
@@ -25,7 +26,6 @@ from dlo_planner.model.varying import Expanded
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.settings.parameters import ENTRIES, unknown_parameter
-from dlo_planner.verify.uncertainty import Uncertainty
 
 # What describes a DLO of each section; none of it has a default that could be meant.
 _SOLID = ('density', 'youngs_modulus', 'poisson_ratio')
@@ -306,9 +306,11 @@ def parameters_of_estimate(estimate: Estimate, values: Mapping[str, Any]) -> dic
 
     Torsion of a section is told by Poisson's ratio, which is 0.5 at most.
     """
-    uncertain, z = estimate.uncertain, estimate.mean
-    (twist, bend, _), mass = uncertain.factors(z)
-    terms = uncertain.terms(z)
+    parameters = estimate.uncertain.parameters
+    x = estimate.mean[:parameters.size]
+    (twist, bend, _), (mass, *_) = (factors(x).tolist() for factors in (
+        parameters.stiffness_factors, parameters.mass_factors))
+    terms = parameters.coefficients(x)[:, 1:]
     sized = values['rod.section'] != 'stiffness'
     stiffness, weight = (f'rod.{name}' for name in (_SECTIONS if sized else _STIFFNESSES))
     out = {stiffness: _times(values[stiffness], bend), weight: _times(values[weight], mass),
@@ -316,7 +318,7 @@ def parameters_of_estimate(estimate: Estimate, values: Mapping[str, Any]) -> dic
            'rod.plug.mass': values['rod.plug.mass'] * mass,
            'rod.point_masses': [value * (mass if k % 2 else 1.0)
                                 for k, value in enumerate(values['rod.point_masses'])],
-           'rod.length': float(values['rod.length'] + uncertain.part(z, 'length', 1)[0]),
+           'rod.length': float(values['rod.length'] + parameters.lengthened(x)),
            'rod.natural_curvature': (np.array(values['rod.natural_curvature'])
                                      + terms[0]).tolist(),
            'rod.natural_curvature_terms': _sum(values['rod.natural_curvature_terms'], terms[1:])}

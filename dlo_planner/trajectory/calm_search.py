@@ -65,18 +65,10 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
 
 @dataclass
 class _Wrong:
-    """A DLO whose stiffness is wrong, leg by leg.
+    """A DLO whose stiffness is wrong, leg by leg."""
 
-    Parameters
-    ----------
-    quick : DirectSimulator
-        DirectSimulator of the DLO as it is given.
-    factor : float
-        Factor of its stiffness.
-    """
-
-    quick: DirectSimulator
-    factor: float
+    quick: DirectSimulator  # DirectSimulator of the DLO as it is given
+    factor: float  # factor of its stiffness
 
     def __post_init__(self) -> None:
         rod = self.quick.rod
@@ -125,34 +117,16 @@ DEADLINE = 'calm, but not all is known of it: the deadline came first'
 
 @dataclass(eq=False)
 class CalmSearch:
-    """Looks for the fastest laws with which a plan's DLO stays calm, round by round.
-
-    Attributes
-    ----------
-    plan : Plan
-    fastest : TimedPath
-        TimedPath within limits alone.
-    tolerance : float
-        Tolerance in m.
-    simulator : DirectSimulator
-        DirectSimulator that verifies.
-    begin : Shape
-        Shape at the beginning.
-    obstacles : tuple of obstacle
-        Obstacles from which the DLO has to stay away.
-    progress : Progress
-    rounds : int or None
-        How many laws are simulated at most. If None, _ROUNDS.
-    """
+    """Looks for the fastest laws with which a plan's DLO stays calm, round by round."""
 
     plan: Plan
-    fastest: TimedPath
-    tolerance: float
-    simulator: DirectSimulator
-    begin: Shape
-    obstacles: tuple[Obstacle, ...]
+    fastest: TimedPath  # TimedPath within limits alone
+    tolerance: float  # tolerance in m
+    simulator: DirectSimulator  # DirectSimulator that verifies
+    begin: Shape  # Shape at the beginning
+    obstacles: tuple[Obstacle, ...]  # obstacles from which the DLO has to stay away
     progress: Progress
-    rounds: int | None = None
+    rounds: int | None = None  # how many laws are simulated at most. If None, _ROUNDS
 
     def __post_init__(self) -> None:
         self._rounds, self._aim, self._slower = 0, self.tolerance, 1.0
@@ -197,7 +171,8 @@ class CalmSearch:
     @property
     def over(self) -> bool:
         """Whether no other law is left to be tried."""
-        return (self._inside > 0 or self._rounds >= (self.rounds or _ROUNDS)
+        return (not self._first.converged or self._inside > 0
+                or self._rounds >= (self.rounds or _ROUNDS)
                 or self._missed_by.slowest > _SLOWEST * self.fastest.duration)
 
     def go_on(self, below: float = np.inf) -> Calm | None:
@@ -214,7 +189,8 @@ class CalmSearch:
         if used <= 1:
             return Calm(self, timed, motions, _worst([
                 replace(one, error_estimate=np.inf) for one in motions]))
-        self._inside = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
+        if motion.converged:
+            self._inside = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
         missed = self._missed_by
         if not missed.what or used < missed.least:
             missed = _Missed(name, used, timed.duration, missed.slowest)
@@ -231,11 +207,16 @@ class CalmSearch:
         what, least = self._missed_by.what, self._missed_by.least
         touch = ('loses a contact that the plan keeps' if means_to_touch(self.plan) else
                  'touches what the plan does not')
+        if not self._first.converged:
+            return Infeasible(f'limits: where the motion begins, the DLO is '
+                              f'{self._first.status}', 0, 'motion', np.inf, self.plan)
         if self._inside > 0:
             said = ('limits: however slow it is, the DLO touches what the plan does not, '
                     f'{self._inside:.3g} m deep')
         elif what == 'contact':
             said = f'limits: in motion the DLO {touch}'
+        elif what == 'motion':
+            said = f'limits: {self.reached}'
         else:
             said = (f'limits: the DLO is not calm: {self.reached}: expected at most '
                     f'{self.tolerance:.3g} m')
@@ -246,6 +227,8 @@ class CalmSearch:
     def reached(self) -> str:
         """What the best laws so far come to, in words; empty before there are any."""
         missed = self._missed_by
+        if missed.what == 'motion':
+            return 'no motion that was tried could be simulated to its end'
         return missed.what and (f'{missed.what} in motion, {missed.least * self.tolerance:.3g} m '
                                 f'at best, in {missed.duration:.3g} s')
 
@@ -338,29 +321,14 @@ class _Missed:
 
 @dataclass(frozen=True)
 class Calm:
-    """A motion that is calm.
+    """A motion that is calm."""
 
-    Attributes
-    ----------
-    search : CalmSearch
-        CalmSearch that found it.
-    timed : TimedPath
-    motions : list of InMotion
-        InMotion of each simulator.
-    motion : InMotion
-        The worse of them.
-    mode_margin : float
-        Part by which frequencies may be off, nan: not known.
-    status : str
-        COMPLETE, or what is not known of it.
-    """
-
-    search: CalmSearch
+    search: CalmSearch  # CalmSearch that found it
     timed: TimedPath
-    motions: list[InMotion]
-    motion: InMotion
-    mode_margin: float = np.nan
-    status: str = DEADLINE
+    motions: list[InMotion]  # InMotion of each simulator
+    motion: InMotion  # the worse of them
+    mode_margin: float = np.nan  # part by which frequencies may be off, nan: not known
+    status: str = DEADLINE  # COMPLETE, or what is not known of it
 
 
 @one_thread()

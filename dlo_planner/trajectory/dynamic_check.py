@@ -19,10 +19,11 @@ from dlo_planner.model.checks import figure, flag
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Value, brief, put
+from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.path import held_after
 from dlo_planner.plan.plan import Passes, Plan, arc_length_at, means_to_touch
-from dlo_planner.plan.swept import Nearness
+from dlo_planner.plan.swept import least_between
 from dlo_planner.progress import Progress
 from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.sliding_end import Feed, Instants, pushed
@@ -169,8 +170,8 @@ def _figures(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Sh
         return InMotion(False, lost, np.inf, lost, np.inf, near, near, np.inf, timed.duration,
                         times[1], lost, -np.inf if limited else np.nan, 1.0 if touches else np.nan)
     miss, swing, surface = simulated.position_error, simulated.swing, Surface.of(simulator.rod)
-    bodies = Nearness(plan.sheets, obstacles, surface, progress.check)
-    all_around = Nearness((), around, surface, progress.check)
+    bodies = Bodies(plan.sheets, obstacles, surface, progress.check)
+    all_around = Bodies((), around, surface, progress.check)
     touched = bool(around) and not simulated.least(all_around) > 0
     return InMotion(
         True, miss.max() if passed else np.nan, swing.max(),
@@ -217,41 +218,24 @@ def _of_elements(plan: Plan) -> float:
 
 @dataclass(frozen=True)
 class _Simulated:
-    """A simulated motion at n instants.
-
-    Attributes
-    ----------
-    shapes : sequence of Shape
-    calm : sequence of Shape
-        Shapes of the DLO that follows slowly.
-    position_error : ndarray, shape (n,)
-        Position error in m.
-    swing : ndarray, shape (n,)
-        Swing in m.
-    contact_force : float
-        Largest contact force, N; nan in a bore.
-    smooth_bore_force : float
-        See `InMotion`.
-    velocities : ndarray, shape (n, N + 1, 3) or None
-        Velocities of the nodes, m/s; None where the DLO touches something, or gets shorter.
-    step : float
-        Seconds between two instants.
-    """
+    """A simulated motion at n instants."""
 
     shapes: Sequence[Shape]
-    calm: Sequence[Shape]
-    position_error: Floats
-    swing: Floats
-    contact_force: float
-    smooth_bore_force: float = np.nan
+    calm: Sequence[Shape]  # shapes of the DLO that follows slowly
+    position_error: Floats  # (n,) position error in m
+    swing: Floats  # (n,) swing in m
+    contact_force: float  # largest contact force, N; nan in a bore
+    smooth_bore_force: float = np.nan  # see `InMotion`
+    # (n, N + 1, 3) or None velocities of the nodes, m/s; None where the DLO touches something, or
+    # gets shorter
     velocities: Floats | None = None
-    step: float = 0.0
+    step: float = 0.0  # seconds between two instants
 
-    def least(self, near: Nearness) -> float:
+    def least(self, near: Bodies) -> float:
         """Return the smallest distance from bodies in m, between the instants too where known."""
         if self.velocities is None:
             return near.least(self.shapes)
-        return near.least_between(self.shapes, self.velocities, self.step)
+        return least_between(near, self.shapes, self.velocities, self.step)
 
     def then(self, other: _Simulated) -> _Simulated:
         """Return this motion and another, which begins at the instant at which this one ends."""
@@ -323,7 +307,7 @@ def _instants(duration: float, period: float) -> int:
 def least_clearance(plan: Plan, obstacles: Sequence[Obstacle], surface: Surface,
                     shapes: Sequence[Shape]) -> float:
     """Return the least clearance in m of Shapes from a Plan's sheets and obstacles, nan if none."""
-    return Nearness(plan.sheets, obstacles, surface).least(shapes)
+    return Bodies(plan.sheets, obstacles, surface).least(shapes)
 
 
 def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:

@@ -1,6 +1,17 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The slowest period of a DLO, roughly."""
+"""The response of a DLO to a motion along a leg: its vibrations, excited by the time law.
+
+While the gripper is at the parameter u the DLO would hang in the equilibrium X(u). Its deviation
+from it is a sum of modes, displacement_i(u) y_i(t), with
+
+    y_i'' + 2 zeta_i w_i y_i' + w_i^2 y_i = -(slope_i(u) u'' + bend_i(u) u'^2),
+
+slope_i and bend_i the products, weighted by mass, of the mode with dX/du and d^2X/du^2. Along the
+way frequencies and modes change; where two come near to each other they turn into one another, so
+the coordinates turn with them. A time law is judged with it in milliseconds;
+`DirectSimulator.simulate` verifies the result.
+"""
 
 from __future__ import annotations
 
@@ -44,27 +55,13 @@ def slowest_period(rod: Rod) -> float:
 
 
 class Oscillators(NamedTuple):
-    """The m modes of a DLO at t + 1 instants of a time law; the last three are for `vibrated`.
+    """The m modes of a DLO at t + 1 instants of a time law; the last three are for `vibrated`."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (t + 1,)
-        Times in s.
-    parameters : ndarray, shape (t + 1,)
-        Parameters of the leg.
-    rates : ndarray, shape (t, m)
-        Angular frequencies between the instants, 1/s.
-    damping : ndarray, shape (t, m)
-        Damping ratios.
-    turns : ndarray, shape (t, m, m)
-        How the modes turn into one another.
-    """
-
-    times: Floats
-    parameters: Floats
-    rates: Floats
-    damping: Floats
-    turns: Floats
+    times: Floats  # (t + 1,) times in s
+    parameters: Floats  # (t + 1,) parameters of the leg
+    rates: Floats  # (t, m) angular frequencies between the instants, 1/s
+    damping: Floats  # (t, m) damping ratios
+    turns: Floats  # (t, m, m) how the modes turn into one another
 
 
 @kernel
@@ -156,50 +153,25 @@ _FEWEST, _MOST = 200, 20_000  # instants
 
 @dataclass(frozen=True)
 class Response:
-    """Modes of a DLO at n parameters of a leg; m modes, N + 1 nodes.
+    """Modes of a DLO at n parameters of a leg; m modes, N + 1 nodes."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (n,)
-    shapes : tuple of Shape
-        The n shapes.
-    rates : ndarray, shape (n, m)
-        Angular frequencies, 1/s.
-    damping : ndarray, shape (n, m)
-        Damping ratios.
-    displacements : ndarray, shape (n, m, N + 1, 3)
-        Displacements in m at a generalized mass of 1 kg.
-    slopes : ndarray, shape (n, m)
-        See above.
-    bends : ndarray, shape (n, m)
-        See above.
-    pulls : ndarray, shape (n, m, 3)
-        The same products with a shift of the gripper, of the DLO as it is.
-    masses : ndarray, shape (N + 1,)
-        Masses of the nodes, kg.
-    turning : ndarray, shape (n - 1, m, m)
-        Skew matrices: rates at which the modes turn into one another between parameters.
-    """
-
-    parameters: Floats
-    shapes: tuple[Shape, ...]
-    rates: Floats
-    damping: Floats
-    displacements: Floats
-    slopes: Floats
-    bends: Floats
-    pulls: Floats
-    masses: Floats
+    parameters: Floats  # (n,)
+    shapes: tuple[Shape, ...]  # the n shapes
+    rates: Floats  # (n, m) angular frequencies, 1/s
+    damping: Floats  # (n, m) damping ratios
+    displacements: Floats  # (n, m, N + 1, 3) displacements in m at a generalized mass of 1 kg
+    slopes: Floats  # (n, m) see above
+    bends: Floats  # (n, m) see above
+    pulls: Floats  # (n, m, 3) the same products with a shift of the gripper, of the DLO as it is
+    masses: Floats  # (N + 1,) masses of the nodes, kg
+    # (n - 1, m, m) skew matrices: rates at which the modes turn into one another between parameters
     turning: Floats
 
     @classmethod
     def of(cls, simulator: DirectSimulator, leg: Leg, first: Shape,
            parameters: Floats | None = None,
            check: Callable[[], None] = lambda: None) -> Response:
-        """Return the Response on a Leg that begins in the Shape `first`.
-
-        Shapes: parameters (n,).
-        """
+        """Return the Response on a Leg that begins in the Shape `first`; parameters (n,)."""
         u, shapes, modes = (_places(simulator, leg, first, check) if parameters is None else
                             (parameters, *_known(simulator, leg, first, parameters, check)))
         s = shapes[0].s
@@ -369,24 +341,14 @@ _ARRIVING = 0.5  # part of the tolerance that may be left of a vibration where a
 
 @dataclass(frozen=True)
 class Passage:
-    """How a DLO passes a center; n parameters and m modes as of its Response.
+    """How a DLO passes a center; n parameters and m modes as of its Response."""
 
-    Attributes
-    ----------
-    before : ndarray, shape (n,)
-        Distance in m of the free end from the center before it is passed; 0 from then on.
-    across : ndarray, shape (n, m, 3)
-        Displacements in m by the modes of what passes; before that, of the free end.
-    tangents : ndarray, shape (n, 3)
-        Tangents there.
-    ahead : ndarray, shape (n, m)
-        Displacements in m along the tangents.
-    """
-
+    # (n,) distance in m of the free end from the center before it is passed; 0 from then on
     before: Floats
+    # (n, m, 3) displacements in m by the modes of what passes; before that, of the free end
     across: Floats
-    tangents: Floats
-    ahead: Floats
+    tangents: Floats  # (n, 3) tangents there
+    ahead: Floats  # (n, m) displacements in m along the tangents
 
     @classmethod
     def of(cls, response: Response, s: Floats) -> Passage:
@@ -415,23 +377,12 @@ class Passage:
 
 @dataclass(frozen=True)
 class Case:
-    """One of the DLOs with which a law is judged.
-
-    Attributes
-    ----------
-    response : Response
-    holes : ndarray
-        As of its LegTask.
-    last : bool
-        Whether the plan ends with its leg.
-    allowed : float
-        Allowed deviation, as a multiple of the tolerance.
-    """
+    """One of the DLOs with which a law is judged."""
 
     response: Response
-    holes: Floats
-    last: bool
-    allowed: float
+    holes: Floats  # as of its LegTask
+    last: bool  # whether the plan ends with its leg
+    allowed: float  # allowed deviation, as a multiple of the tolerance
 
     @cached_property
     def passed(self) -> list[Passage]:

@@ -115,27 +115,16 @@ _ROUNDS = 4          # of slowing down to make room for a shift
 
 @dataclass(frozen=True)
 class LegTask:
-    """A leg to be gone through calmly.
-
-    Attributes
-    ----------
-    leg : Leg
-    response : Response
-        Response on it.
-    limits : Limits
-    holes : ndarray, shape (k, n)
-        Arc lengths that pass the k centers at the parameters of `response`, m, nan where none does.
-    last : bool
-        Whether the plan ends with it.
-    wrong : tuple of Response
-        Responses, at the same parameters, of DLOs whose stiffness is wrong.
-    """
+    """A leg to be gone through calmly."""
 
     leg: Leg
-    response: Response
+    response: Response  # Response on it
     limits: Limits
+    # (k, n) arc lengths that pass the k centers at the parameters of `response`, m, nan where none
+    # does
     holes: Floats
-    last: bool
+    last: bool  # whether the plan ends with it
+    # responses, at the same parameters, of DLOs whose stiffness is wrong
     wrong: tuple[Response, ...] = ()
 
     @cached_property

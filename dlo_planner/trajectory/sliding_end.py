@@ -1,6 +1,14 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a plan pushes a DLO into a bore: what is outside at each of its times."""
+"""The motion of a DLO that is pushed into a bore: the part outside gets shorter.
+
+The bore is tight and smooth. At the mouth the DLO keeps the mouth's direction and roll and slides
+along it freely. The walls carry the weight of the part inside, as the plan assumes; its inertia
+along the bore counts, as a mass at the mouth. The DLO is simulated up to the material point that is
+at the mouth as a short piece of the motion begins. While this point goes in, it is held as
+if the DLO behind the mouth was free of stress. Then the DLO is cut anew: positions, strains and
+velocities of the rest go on as they are.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +21,8 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.boundary_motion import Grips, Guide
 from dlo_planner.direct.continuation import between
-from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.discretization import Discretization, with_breaks
 from dlo_planner.direct.dynamics import first_shape, run
-from dlo_planner.direct.mesh import with_breaks
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
@@ -35,26 +42,13 @@ _NO_ELEMENT = 0.02  # of an element: a shorter one at the mouth is none
 
 @dataclass(frozen=True)
 class Feed:
-    """How a plan pushes a DLO into a bore.
+    """How a plan pushes a DLO into a bore."""
 
-    Attributes
-    ----------
-    simulator : DirectSimulator
-        DirectSimulator of the whole DLO.
-    mouth : Pose
-        Pose, x axis into the bore.
-    times : ndarray, shape (n,)
-        Times of the plan, s.
-    depths : ndarray, shape (n,)
-        Depths in m.
-    carried : ndarray, shape (n,)
-        Part of the weight at the mouth that the mouth carries, N, against gravity.
-    """
-
-    simulator: DirectSimulator
-    mouth: Pose
-    times: Floats
-    depths: Floats
+    simulator: DirectSimulator  # DirectSimulator of the whole DLO
+    mouth: Pose  # Pose, x axis into the bore
+    times: Floats  # (n,) times of the plan, s
+    depths: Floats  # (n,) depths in m
+    # (n,) part of the weight at the mouth that the mouth carries, N, against gravity
     carried: Floats
 
     @classmethod
@@ -135,42 +129,21 @@ _TOLERANCE = 1e-3  # of the length: of the simulation, as `simulate` has it
 
 @dataclass(frozen=True)
 class Outside:
-    """The part outside of the bore at n instants, as far as the motion could be simulated.
+    """The part outside of the bore at n instants, as far as the motion could be simulated."""
 
-    Attributes
-    ----------
-    shapes : list of Shape
-        The n shapes in motion.
-    calm : list of Shape
-        The n shapes, the equilibria in the same gripper.
-    forces : ndarray, shape (n,)
-        Sizes of the forces that the mouth exerts, N.
-    converged : bool
-        Whether every step was solved.
-    """
-
-    shapes: list[Shape]
-    calm: list[Shape]
-    forces: Floats
-    converged: bool
+    shapes: list[Shape]  # the n shapes in motion
+    calm: list[Shape]  # the n shapes, the equilibria in the same gripper
+    forces: Floats  # (n,) sizes of the forces that the mouth exerts, N
+    converged: bool  # whether every step was solved
 
 
 @dataclass(frozen=True)
 class Instants:
-    """What the gripper does at n instants of a motion.
-
-    Attributes
-    ----------
-    grippers : sequence of Pose
-    u : ndarray, shape (n,)
-        The plan's times that are reached there.
-    dt : float
-        Seconds between two instants.
-    """
+    """What the gripper does at n instants of a motion."""
 
     grippers: Sequence[Pose]
-    u: Floats
-    dt: float
+    u: Floats  # (n,) the plan's times that are reached there
+    dt: float  # seconds between two instants
 
     def part(self, begin: int, end: int | None = None) -> Instants:
         """Return the instants from one index to another, which is left out."""
@@ -179,10 +152,7 @@ class Instants:
 
 def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None,
            progress: Progress) -> Outside:
-    """Return the part Outside during a motion of the gripper.
-
-    Shapes: velocity (N + 1, 3).
-    """
+    """Return the part Outside during a motion of the gripper; velocity (N + 1, 3)."""
     grippers, u = instants.grippers, instants.u
     guide = Guide(grippers, instants.dt, velocity is None)
     shapes, calm, forces, k = [start], [start], [0.0], 0

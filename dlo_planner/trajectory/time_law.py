@@ -1,6 +1,12 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A small shift of the gripper beside its path, as a spline in time."""
+"""How a leg of the path is passed in time: from rest to rest, smoothed by moving averages.
+
+Before smoothing, the parameter u of the leg has a piecewise constant acceleration, as the fastest
+motion within limits has. It is then averaged over moving windows, one after the other: the gripper
+stays on its path, each window adds one continuous derivative, and a vibration whose period is the
+width of a window is not excited (input shaping with box filters). See `docs/theory.md`.
+"""
 
 from __future__ import annotations
 
@@ -19,18 +25,11 @@ DEGREE = 4  # jerks are continuous
 
 @dataclass(frozen=True, eq=False)
 class Shift(Value):
-    """A displacement (3,) of the gripper over the time of a leg, m, world axes; zero at both ends.
+    """A displacement (3,) of the gripper over the time of a leg, m, world axes; 0 at both ends."""
 
-    Attributes
-    ----------
-    knots : ndarray, shape (k,)
-        Knots in s, of a BSpline of degree 4, clamped at both ends.
-    coefficients : ndarray, shape (k - 5, 3)
-        Coefficients in m; the first and the last four are zero, so that the shift and its first
-        three derivatives vanish at both ends.
-    """
-
-    knots: Floats
+    knots: Floats  # (k,) knots in s, of a BSpline of degree 4, clamped at both ends
+    # (k - 5, 3) coefficients in m; the first and the last four are zero, so that the shift and its
+    # first three derivatives vanish at both ends
     coefficients: Floats
     _spline: BSpline = field(init=False, repr=False, compare=False)
 
@@ -67,24 +66,13 @@ _HALVINGS = 50  # of the duration by bisection: to rounding
 
 @dataclass(frozen=True, eq=False)
 class TimeLaw(Value):
-    """The parameter of a leg as a function of time.
+    """The parameter of a leg as a function of time."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (m,)
-        Parameters u, increasing.
-    rates : ndarray, shape (m,)
-        Rates du/dt there before smoothing, zero at both ends; u'' is constant in between.
-    windows : ndarray, shape (k,)
-        Widths of the moving averages, s, k >= 1.
-    shift : Shift or None
-        Shift of the gripper beside the leg, or None.
-    """
-
-    parameters: Floats
+    parameters: Floats  # (m,) parameters u, increasing
+    # (m,) rates du/dt there before smoothing, zero at both ends; u'' is constant in between
     rates: Floats
-    windows: Floats
-    shift: Shift | None = None
+    windows: Floats  # (k,) widths of the moving averages, s, k >= 1
+    shift: Shift | None = None  # shift of the gripper beside the leg, or None
     _progress: PPoly = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a motion keeps its limits: bounds of its speeds, accelerations and jerks at all times."""
+"""A plan as a smooth motion in time: its path, and a time law for each leg of the path.
+
+Whether it keeps its limits is proved: speeds, accelerations and jerks are bounded at all times.
+"""
 
 from __future__ import annotations
 
@@ -68,31 +71,16 @@ def _sizes(leg: Leg, at: Floats) -> Floats:
 
 
 class _Bounds(NamedTuple):
-    """Bounds between n pairs of times.
+    """Bounds between n pairs of times."""
 
-    Attributes
-    ----------
-    leg : ndarray, shape (n, 2, 3)
-        Of the leg's derivatives by u, linear and angular, first to third.
-    rate : ndarray, shape (n,)
-        Of u'.
-    change : ndarray, shape (n,)
-        Of u''.
-    jerk : float
-        Of u'''.
-    """
-
-    leg: Floats
-    rate: Floats
-    change: Floats
-    jerk: float
+    leg: Floats  # (n, 2, 3) of the leg's derivatives by u, linear and angular, first to third
+    rate: Floats  # (n,) of u'
+    change: Floats  # (n,) of u''
+    jerk: float  # of u'''
 
 
 def _bounds(leg: Leg, law: TimeLaw, ends: Floats, half: Floats) -> _Bounds:
-    """Return the _Bounds between n pairs of times.
-
-    Shapes: ends (4, 2 n), half (n,).
-    """
+    """Return the _Bounds between n pairs of times; ends (4, 2 n), half (n,)."""
     change, jerk = law.bounds
     sizes = np.abs(ends).reshape(4, 2, -1).max(axis=1)
     return _Bounds(leg.bounds(*np.split(ends[0], 2)), sizes[1] + half * change,

@@ -32,45 +32,24 @@ _STILL = 1e-12    # length of a derivative below which its direction has no mean
 
 @dataclass(frozen=True)
 class Bearing:
-    """The bounds |slopes u'' + bends u'^2| <= most at each of n parameters, for m quantities.
+    """The bounds |slopes u'' + bends u'^2| <= most at each of n parameters, for m quantities."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (n,)
-    slopes : ndarray, shape (n, m)
-    bends : ndarray, shape (n, m)
-    most : ndarray, shape (n, m)
-    """
-
-    parameters: Floats
-    slopes: Floats
-    bends: Floats
-    most: Floats
+    parameters: Floats  # (n,)
+    slopes: Floats  # (n, m)
+    bends: Floats  # (n, m)
+    most: Floats  # (n, m)
 
 
 class _Parameters(NamedTuple):
-    """A constraint of toppra at n parameters: F (a u'' + b u'^2 + c) <= g, with bounds of both.
+    """A constraint of toppra at n parameters: F (a u'' + b u'^2 + c) <= g, with bounds of both."""
 
-    Attributes
-    ----------
-    a, b, c : ndarray, shape (n, k)
-    sides : ndarray, shape (n, m, k)
-        The matrices F.
-    most : ndarray, shape (n, m)
-        The right-hand sides g.
-    accelerations : ndarray, shape (n, 2) or None
-        Least and largest u''.
-    squares : ndarray, shape (n, 2) or None
-        Least and largest u'^2.
-    """
-
-    a: Floats
+    a: Floats  # (n, k)
     b: Floats
     c: Floats
-    sides: Floats
-    most: Floats
-    accelerations: Floats | None = None
-    squares: Floats | None = None
+    sides: Floats  # (n, m, k) the matrices F
+    most: Floats  # (n, m) the right-hand sides g
+    accelerations: Floats | None = None  # (n, 2) or None least and largest u''
+    squares: Floats | None = None  # (n, 2) or None least and largest u'^2
 
 
 def fastest_rates(leg: Leg, limits: Limits,

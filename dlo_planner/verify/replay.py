@@ -17,12 +17,13 @@ from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.rod import Surface, before
 from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.goals import DirectionAt, PositionAt
 from dlo_planner.plan.path import GripperPath, held_after
 from dlo_planner.plan.plan import Plan, means_to_touch
 from dlo_planner.plan.requirements import Limits
-from dlo_planner.plan.swept import Nearness, violation_between
+from dlo_planner.plan.swept import violation_between
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import OnProgress, Progress, interrupted_by
 from dlo_planner.trajectory.dynamic_check import (
@@ -189,7 +190,7 @@ class _Replay:
                around: tuple[Obstacle, ...]) -> bool:
         """Whether a DLO that goes slowly through Shapes stays away from obstacles, between too."""
         surface = Surface.of(free.rod)
-        if not Nearness((), around, surface, self.progress.check).least(shapes) > 0:
+        if not Bodies((), around, surface, self.progress.check).least(shapes) > 0:
             return False
         demands = PlanRequirements((1.0, 1.0), self.progress.silent(), obstacles=around,
                                    surface=surface, simulator=free)

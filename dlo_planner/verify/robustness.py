@@ -15,34 +15,29 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
+from dlo_planner.identify.parameters import (
+    CAUSES,
+    VARIATION,
+    UncertainState,
+    Uncertainty,
+    stretched,
+)
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
-from dlo_planner.model.pose import displaced
 from dlo_planner.model.value import brief, put, same
 from dlo_planner.pictured import Answer
 from dlo_planner.plan.goals import Through
 from dlo_planner.plan.plan import Passes, Plan
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.verify.response import node_slopes
-from dlo_planner.verify.uncertain import Uncertain, mesh_of
-from dlo_planner.verify.uncertainty import (
-    CAUSES,
-    DRAWN,
-    VARIATION,
-    Uncertainty,
-    twist,
-    varied,
-)
 
 _NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a center
 _AT_ONCE = 25   # samples in one piece of work
 
-_Work: TypeAlias = tuple[DirectSimulator, Sequence[Shape], Sequence[Passes], Uncertainty, Floats]
+_Work: TypeAlias = tuple[UncertainState, Sequence[Shape], Sequence[Passes], Floats]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -149,9 +144,10 @@ def robustness(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
     if executor is not None:
         instance('executor', executor, Executor)
     steps = Progress(progress, deadline)
-    by_cause = _first_order(simulator, plan, uncertainty, steps)
-    draws = np.random.default_rng(seed).normal(size=(samples, len(DRAWN)))
-    work = [(simulator, plan.shapes, plan.via_points, uncertainty, draws[k:k + _AT_ONCE])
+    uncertain = UncertainState(simulator, uncertainty, 1 + VARIATION)
+    by_cause = _first_order(uncertain, plan, steps)
+    draws = uncertain.draw(np.random.default_rng(seed), samples)
+    work = [(uncertain, plan.shapes, plan.via_points, draws[k:k + _AT_ONCE])
             for k in range(0, samples, _AT_ONCE)]
     batches = [np.zeros((0, len(plan)))]
     for batch in (map if executor is None else executor.map)(_sampled, work):
@@ -193,54 +189,43 @@ def _acts_alike(shape: Shape, simulator: DirectSimulator) -> bool:
         for around in (mesh.surroundings, simulator.surroundings)))
 
 
-def _first_order(simulator: DirectSimulator, plan: Plan, uncertainty: Uncertainty,
-                 progress: Progress) -> Floats:
+def _first_order(uncertain: UncertainState, plan: Plan, progress: Progress) -> Floats:
     """Return (n, causes) root mean square misses."""
     out = np.zeros((len(plan), len(CAUSES)))
-    uncertain = Uncertain(simulator, uncertainty, 1 + VARIATION, 0.0, 0.0)
     stated, causes = np.zeros(uncertain.size), [CAUSES.index(name) for name in uncertain.causes]
     for k, (shape, passes) in enumerate(zip(plan.shapes, plan.via_points, strict=True)):
         if not passes or not uncertain.size:
             continue
         progress.check()
-        slopes = CubicSpline(shape.s, node_slopes(uncertain.varied(mesh_of(shape)), stated, shape))
+        s = np.minimum([s for _, s, _ in passes], shape.s[-1])
         squares = np.zeros((len(passes), len(CAUSES)))
-        for j, (_, s, _) in enumerate(passes):
-            inside = min(s, float(shape.s[-1]))
-            tangent = shape.frame_at(inside)[0][:, 0]
-            off = slopes(inside)
-            off -= np.outer(tangent, tangent @ off)  # it passes elsewhere along itself
+        for j, slopes in enumerate(uncertain.slopes(stated, shape)(s)):
+            tangent = shape.frame_at(float(s[j]))[0][:, 0]
+            off = slopes - np.outer(tangent, tangent @ slopes)  # it passes elsewhere along itself
             np.add.at(squares[j], causes, (off**2).sum(axis=0) * uncertain.deviations**2)
         out[k] = np.sqrt(squares[np.argmax(squares.sum(axis=1))])
     return out
 
 
 def _sampled(work: _Work) -> Floats:
-    """Return (m, n) largest misses of the samples that (m, k) draws stand for."""
-    simulator, shapes, passes, uncertainty, draws = work
+    """Return (m, n) largest misses of the samples z (m, k)."""
+    uncertain, shapes, passes, draws = work
     out = np.empty((len(draws), len(shapes)))
-    for i, draw in enumerate(draws):
-        rod = varied(simulator.rod, uncertainty, draw)
-        drawn = simulator if rod is simulator.rod else simulator.with_rod(rod)
+    for i, z in enumerate(draws):
+        drawn, offset = uncertain.simulator, uncertain.offset(z)
+        if uncertain.parameters.size:
+            drawn = drawn.with_rod(uncertain.rod(z))
         initial = None
         for k, shape in enumerate(shapes):
-            gripper = displaced(shape.gripper, twist(shape.gripper, uncertainty, draw))
             # it starts where the plan does, and then goes its own way
-            start = stretched(shape, rod.length) if initial is None else initial
-            reached = drawn.track([gripper], initial=start)[0]
+            start = stretched(shape, drawn.rod.length) if initial is None else initial
+            reached = drawn.track([shape.gripper.compose(offset)], initial=start)[0]
             initial = reached if reached.converged else initial
             out[i, k] = max((np.linalg.norm(_off(reached, center, s))
                              for center, s, _ in passes[k]), default=0.0)
             if not reached.converged:
                 out[i, k] = np.inf
     return out
-
-
-def stretched(shape: Shape, length: float) -> Shape:
-    """Return a Shape on a mesh of another length, to start from."""
-    share = length / shape.s[-1]
-    return replace(shape, s=np.append(shape.s[:-1] * share, length),
-                   state=shape.state.forgotten())
 
 
 def _off(shape: Shape, center: Floats, s: float) -> Floats:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.fitting import Fit
+from dlo_planner.identify.fit import Fit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.report import ValidationReport

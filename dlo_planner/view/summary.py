@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.fitting import Fit
+from dlo_planner.identify.fit import Fit
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value

@@ -12,6 +12,8 @@ from benchmarks.cosserat.stretch import Stretch
 from benchmarks.cosserat.swinging import swung
 from benchmarks.cosserat.touching import pressed
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 DENSITY, RADIUS, G = 1000.0, 5e-3, 9.81
 AREA = np.pi * RADIUS**2
 

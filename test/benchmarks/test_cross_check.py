@@ -12,6 +12,8 @@ import pytest
 from benchmarks.cross import refinement
 from benchmarks.cross.scenes import CONTACT, STATIC, scenes
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 KEPT = Path(__file__).parents[2] / 'docs' / 'validation' / 'cross_check.json'
 
 

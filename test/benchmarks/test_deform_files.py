@@ -14,6 +14,8 @@ from benchmarks import deform
 from benchmarks.deform_chain import save
 from benchmarks.deform_files import load, recordings
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 
 def hanging(frames=6, markers=12):
     """Return a cable (frames, markers, 3) that hangs between two grippers, m."""

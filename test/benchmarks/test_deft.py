@@ -2,17 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading tasks of others, in the plant."""
 
-import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
 from benchmarks import deft  # noqa: E402  mujoco may be missing
 from dlo_planner import DirectSimulator, Pose  # noqa: E402
+
+pytestmark = pytest.mark.sweep  # the package has tests of its own
 
 
 def test_the_grid_has_forty_different_cases():
@@ -51,34 +51,3 @@ def test_a_case_is_threaded():
     last = result.tips[-1] - case.task.cutout.center
     assert last @ case.task.cutout.normal == pytest.approx(0.05, abs=2e-3)
     assert result.outcome.miss < case.task.room
-
-
-def test_what_is_written(tmp_path):
-    assert deft.main(['--part', 'grid', '--cases', '1', '--output', str(tmp_path)]) == 0
-    kept = json.loads((tmp_path / 'deft.json').read_text())['deft']
-    assert list(kept) == ['start 1, 150 mm, A']
-    assert kept['start 1, 150 mm, A']['clean'] is True
-    assert '1 of 1 threaded without touching' in (tmp_path / 'deft.md').read_text()
-    assert (tmp_path / 'deft.png').stat().st_size > 5000
-
-
-def test_a_refusal_is_shown():
-    case = deft.grid()[0]
-    outcome = deft.Outcome(0, 'Infeasible: why')
-    result = deft.Result(case, outcome, np.nan, np.zeros((0, 3)), 0.1)
-    cells = deft.line(result)
-    assert cells[3] == 'no'
-    assert cells[-1] == 'Infeasible: why'
-    assert '0 of 1' in deft.total([result])
-    assert '1 refused' in deft.total([result])
-    assert deft.as_json([result])[case.name]['miss_m'] is None
-
-
-def test_each_ratio_has_a_table(tmp_path, monkeypatch):
-    outcome = deft.Outcome(0, 'Infeasible: why')
-    monkeypatch.setattr(deft, 'tried',
-                        lambda case: deft.Result(case, outcome, np.nan, np.zeros((0, 3)), 0.1))
-    deft.main(['--part', 'narrow', '--ratios', '1.4', '1.25', '--output', str(tmp_path)])
-    for ratio in '1.4', '1.25':
-        kept = json.loads((tmp_path / f'narrow_{ratio}.json').read_text())
-        assert list(kept[f'narrow_{ratio}']) == [f'{name}, {ratio}' for name in deft.NARROW]

@@ -8,6 +8,8 @@ import pytest
 from benchmarks import floor
 from benchmarks.cases import ANGLES, local, random_poses, rotations, turned, wire
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 
 @pytest.mark.parametrize('n', [32, 64])
 def test_benchmark_c_is_that_of_the_package(n):

@@ -13,6 +13,8 @@ from benchmarks.oracle.given import Given
 from benchmarks.oracle.kinds import KINDS
 from dlo_planner import DirectSimulator
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 KNOWN = frozen.load()
 
 

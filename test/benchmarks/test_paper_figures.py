@@ -20,6 +20,8 @@ from benchmarks.figures import (  # noqa: E402
 )
 from dlo_planner import DirectSimulator  # noqa: E402
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 
 def off(shape, reference):
     """Return the largest distance of a node, m."""

@@ -9,6 +9,8 @@ from benchmarks.peers import boundary, descent, ours
 from benchmarks.peers.compare import error_of
 from benchmarks.peers.reference import CASES, Reference
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 
 @pytest.mark.parametrize('case', CASES, ids=lambda case: case.name[0])
 def test_the_package_agrees_with_the_reference(case):

@@ -13,6 +13,8 @@ from cosseratbench.solver import Solver  # noqa: E402
 from benchmarks import suite  # noqa: E402
 from benchmarks.cosserat.solver import DloPlanner  # noqa: E402
 
+pytestmark = pytest.mark.sweep  # the package has tests of its own
+
 
 def test_it_is_a_solver_that_scores():
     assert isinstance(DloPlanner(), Solver)

@@ -79,6 +79,7 @@ def test_what_is_unknown_counts():
     assert 1e-4 < shifted[0].miss != shifted[2].miss
 
 
+@pytest.mark.sweep
 def test_a_closed_loop_sees_and_moves():
     def driver(task):
         def command(images, time, gripper):
@@ -92,6 +93,7 @@ def test_a_closed_loop_sees_and_moves():
     assert [image.stamp for image in seen] == pytest.approx(0.05 * np.arange(9), abs=2 * PERIOD)
 
 
+@pytest.mark.sweep
 def test_bench_on_an_executor_and_without(tmp_path):
     tasks, done = [bar_task(), bar_task(0.03)], []
     alone = bench(tasks, OpenLoop(pushed), progress=lambda *at: done.append(at))
@@ -140,6 +142,7 @@ def test_tasks_are_drawn(seed):
     assert draw_task(seed, 'hose', 0.0105).room == pytest.approx(0.0025)
 
 
+@pytest.mark.sweep
 def test_the_planner_drives():
     task = draw_task(1)
     trajectory = planned(task, Limits(linear_speed=0.08))
@@ -151,6 +154,7 @@ def test_the_planner_drives():
     assert poses[-1].matrix == pytest.approx(trajectory.at([trajectory.duration])[0][0].matrix)
 
 
+@pytest.mark.sweep
 def test_film(tmp_path):
     film = Film()
     run(bar_task(), OpenLoop(pushed), watch=film)

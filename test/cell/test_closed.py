@@ -38,6 +38,7 @@ def looking(look=0.6, **seeing):
     return replace(Looking.knowing(UNKNOWN, CAMERA, FAST, **seeing), look=look)
 
 
+@pytest.mark.sweep
 def test_what_is_promised_in_open_loop_is_observed():
     outcome = run(TASK, OpenLoop(in_open_loop))
     assert outcome.threaded
@@ -45,6 +46,7 @@ def test_what_is_promised_in_open_loop_is_observed():
     assert outcome.miss == pytest.approx(outcome.promised, abs=2e-4)
 
 
+@pytest.mark.sweep
 def test_looking_finds_the_hole_that_open_loop_misses():
     outcome = run(TASK, looking(), seed=3, unknowns=UNKNOWN, camera=CAMERA)
     assert outcome.threaded
@@ -53,6 +55,7 @@ def test_looking_finds_the_hole_that_open_loop_misses():
     assert not run(TASK, OpenLoop(in_open_loop), seed=3, unknowns=UNKNOWN).threaded
 
 
+@pytest.mark.sweep
 def test_corrections_on_the_way_are_executed_and_keep_what_was_promised():
     without, with_corrections = (
         run(TASK, looking(0.15, correction_period=period), seed=2, unknowns=UNKNOWN,
@@ -64,12 +67,14 @@ def test_corrections_on_the_way_are_executed_and_keep_what_was_promised():
     assert without.miss <= without.promised < TASK.room
 
 
+@pytest.mark.sweep
 def test_a_hole_whose_place_is_not_known_is_not_entered():
     outcome = run(TASK, looking(cutout=3e-3), camera=CAMERA)
     assert 'may miss the center by' in outcome.refused
     assert outcome.depth == 0
 
 
+@pytest.mark.sweep
 def test_it_stands_still_while_it_looks():
     command = looking()(TASK)
     assert {command((), PERIOD * k, TASK.start) for k in range(50)} == {TASK.start}

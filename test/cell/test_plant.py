@@ -94,6 +94,7 @@ def test_frequencies_of_a_cantilever():
     assert plant.frequencies == pytest.approx(frequencies[:3])
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(('ratio', 'step'), [(0.005, 1e-3), (0.02, 1e-3), (0.0, 2e-3)])
 def test_a_swing_has_the_frequency_and_the_damping(ratio, step):
     plant = Plant(beam(), at(), cells=16, damping=ratio, step=step)

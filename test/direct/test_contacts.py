@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, FarEnd, Plane, Pose, Rod, Sphere
-from dlo_planner.direct.contact import contacts_of
+from dlo_planner.direct.contact import contact_rows, contacts_of
 from dlo_planner.direct.shape import pack
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
@@ -24,7 +24,8 @@ def contacts_at(height, obstacles):
     system.contacts.node[:, 1:] = 3.0
     state = new_configuration(system)
     evaluate(system, state)
-    return contacts_of(direct.mesh, system, state, gripper), system.contacts.stiffness
+    contacts = contacts_of(direct.mesh.s, contact_rows(system, state), gripper.position)
+    return contacts, system.contacts.stiffness
 
 
 @pytest.mark.parametrize('gap', [-2e-6, 1e-6])

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What may act and does not: the answers of all that acts, by the way of a DLO that hangs freely.
 
-Each case is computed twice: as it is, and with `Culled.of` and `Stepper.swings` out of the way, by
-the solvers for obstacles and yielding.
+Each case is computed twice: as it is, and as if something acted in each step, by the solvers for
+obstacles and yielding.
 """
 
 import pickle
@@ -14,8 +14,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, parallel
+from dlo_planner.direct import step as step_module
 from dlo_planner.direct.boundary_motion import Grips, Guide
-from dlo_planner.direct.culling import Culled
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.stepper import Limits, Stepper
 
@@ -56,7 +56,7 @@ def all_acts(monkeypatch):
     """Return a function that makes the call of another with all that may act."""
     def call(function):
         with monkeypatch.context() as patch:
-            patch.setattr(Culled, 'of', lambda mesh, initial: None)
+            patch.setattr(step_module, '_acts', lambda *_: True)
             patch.setattr(Stepper, 'hangs_from', lambda stepper, now: False)
             return function()
     return call
@@ -65,11 +65,11 @@ def all_acts(monkeypatch):
 @pytest.fixture
 def free_alone(monkeypatch):
     """Have it fail where a step is made with all that may act."""
-    of_simulator, refused = DirectSimulator._with_all, 'the step was made with what does not act'
+    of_statics, refused = step_module._step, 'the step was made with what does not act'
 
-    def with_all(simulator, *arguments):
-        assert simulator.mesh.hangs, refused
-        return of_simulator(simulator, *arguments)
+    def free(*arguments, culled):
+        assert culled, refused
+        return of_statics(*arguments, culled=culled)
 
     of_stepper = Stepper._batch
 
@@ -77,7 +77,7 @@ def free_alone(monkeypatch):
         assert arguments[-1], refused
         return of_stepper(stepper, *arguments)
 
-    monkeypatch.setattr(DirectSimulator, '_with_all', with_all)
+    monkeypatch.setattr(step_module, '_step', free)
     monkeypatch.setattr(Stepper, '_batch', batch)
 
 
@@ -93,9 +93,8 @@ def assert_same(one, other, within=1e-9):
     assert (one.converged, one.jumped, one.status[:9]) == (
         other.converged, other.jumped, other.status[:9])
     assert len(one.contacts) == len(other.contacts)
-    assert one.history.left.keys() == other.history.left.keys()
-    for name, array in other.history.left.items():
-        np.testing.assert_allclose(one.history.left[name], array, rtol=1e-6, atol=1e-7)
+    for name, array in other.history.packed().items():
+        np.testing.assert_allclose(one.history.packed()[name], array, rtol=1e-6, atol=1e-7)
     assert np.abs(one.history.positions - other.history.positions).max() < within
     assert np.abs(one.history.tangents - other.history.tangents).max() < 100 * within
     assert one.mesh.surroundings == other.mesh.surroundings
@@ -164,7 +163,6 @@ def test_motions_are_the_same(around, all_acts):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-6)
     for ours, theirs in zip(one.shapes, other.shapes, strict=True):
         assert np.abs(ours.positions - theirs.positions).max() < 1e-8
-        assert ours.history.left.keys() == theirs.history.left.keys()
         assert np.abs(ours.history.positions - theirs.history.positions).max() < 1e-8
 
 
@@ -255,12 +253,12 @@ def test_what_is_remembered_acts(all_acts):
     bent = direct.track([turned(0)])[0]
     assert bent.dissipated > 0
     shape = direct.solve(turned(-80), bent)
-    assert shape.history.left['set'].any()
+    assert shape.history.plastic.any()
     assert_same(shape, all_acts(lambda: direct.solve(turned(-80), bent)))
     still = direct.simulate([turned(-80)] * 3, 0.01, shape)
     assert np.abs(still.shapes[-1].positions - shape.positions).max() < 1e-8
     hung = direct.with_set(bent).solve(turned(-80))
-    assert hung.history.left['set'].any()
+    assert hung.history.plastic.any()
 
 
 def test_a_shape_travels():

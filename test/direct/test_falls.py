@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from friction_limits import column
+from references.friction import column
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 from scipy.spatial.transform import Rotation
 from sweeps.contact import FALLS_ON, fallen, random_way
 
 from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod, Sheet
-from dlo_planner.direct.contact import friction_work
 from dlo_planner.direct.continuation import fell
 from dlo_planner.direct.step import step
 
@@ -159,6 +158,6 @@ def test_what_friction_takes_is_no_fall():
     taken = (before.energy - after.energy
              + float(pull @ (after.gripper.position - before.gripper.position)))
     assert taken > 1e-3 and after.converged and kicks == 0
-    assert friction_work(after.history.left) == pytest.approx(taken, rel=0.02)
+    assert after.history.friction_work == pytest.approx(taken, rel=0.02)
     assert not fell(before, after)
     assert fell(before, replace(after, energy=after.energy - taken))

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from kirchhoff import equilibrium, is_minimum, true_rod
+from references.kirchhoff import equilibrium, is_minimum, true_rod
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Pose, Rod

@@ -4,9 +4,18 @@
 
 import numpy as np
 import pytest
+from references.vibrations import (
+    GAUSS,
+    WEIGHT,
+    G,
+    beam_frequencies,
+    plane_rod,
+    polynomials,
+    ring,
+    slowest,
+)
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
-from vibrating import GAUSS, WEIGHT, G, beam_frequencies, plane_rod, polynomials, ring, slowest
 
 from dlo_planner import Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod, with_plug
 

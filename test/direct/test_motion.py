@@ -7,20 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from motion_cases import (
+from references.planar_motions import (
     CASES,
     DENSITY,
     LEVEL,
     REFERENCE_C,
     STIFFNESS,
+    Wire,
+    links,
     motion_of,
     reference,
     rod,
+    spectral,
     tilted,
     tips,
     wild_turn,
 )
-from planar_wires import Wire, links, spectral
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from motion_cases import LEVEL, rod, tilted
+from references.planar_motions import LEVEL, rod, tilted
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Plane, Pose, Rod

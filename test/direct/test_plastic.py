@@ -305,11 +305,11 @@ def test_a_set_keeps_its_turn_on_another_mesh():
     rod = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)
     shape = DirectSimulator(rod, basis='local', n_elements=32).solve(Pose.identity())
     past = shape.history
-    turn = np.diff(past.s) @ past.left['set']
+    turn = np.diff(past.s) @ past.plastic
     assert abs(turn).max() > 0.01
     for elements in (64, 47):
         finer = DirectSimulator(rod, basis='local', n_elements=elements).mesh
-        again = finer.past(past).left['set']
+        again = finer.past(past).plastic
         np.testing.assert_allclose(np.diff(finer.s) @ again, turn, rtol=0, atol=1e-12)
 
 

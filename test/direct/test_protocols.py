@@ -3,15 +3,20 @@
 """Protocols of the field: what slender rods are known for; default settings if none are named.
 
 Romero et al. (2021), Physical validation of simulators in computer graphics; references by SciPy
-(`planar_rods`, `twisted_rods`) and closed forms. docs/protocols.md lists them all.
+(`references.buckling`) and closed forms. docs/protocols.md lists them all.
 """
 
 import numpy as np
 import pytest
-from friction_limits import capstan
-from planar_rods import Planar, critical, level_cantilever
+from references.buckling import (
+    Planar,
+    arch_that_snaps,
+    critical,
+    level_cantilever,
+    moment_that_buckles,
+)
+from references.friction import capstan
 from scipy.spatial.transform import Rotation
-from twisted_rods import arch_that_snaps, moment_that_buckles
 
 from dlo_planner import Capsule, DirectSimulator, FarEnd, PointLoad, Pose, Rod
 

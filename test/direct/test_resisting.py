@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from motion_cases import tilted
+from references.planar_motions import tilted
 
 from dlo_planner import DirectSimulator, Rod
 from dlo_planner.direct.boundary_motion import Grips, Guide

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from kirchhoff import true_held_rod
+from references.kirchhoff import true_held_rod
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, PointLoad, Pose, Rod
@@ -99,7 +99,7 @@ def test_the_first_shape_is_near(monkeypatch):
     direct = DirectSimulator(cable(2000.0))
     for gripper, end in spans(6):
         shape = direct.solve(gripper, far_end=end)
-        _, strains, past = near[-1][1]
-        force = -past.left['hold'][-3:]
+        _, strains, past, _ = near[-1][1]
+        force = -past.hold[-3:]
         np.testing.assert_allclose(force, shape.far_wrench[:3], rtol=0.05,
                                    atol=0.05 * np.linalg.norm(force))

@@ -4,8 +4,8 @@
 
 import numpy as np
 import pytest
+from references.stepped import Stepped, random_stepped
 from scipy.integrate import quad
-from stepped import Stepped, random_stepped
 
 from dlo_planner import DirectSimulator, InvalidRod, InvalidTask, Piecewise, PointLoad, Pose, Rod
 

@@ -20,12 +20,12 @@ def grippers(count):
 
 
 def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
-    made, relax = [], step.solve
+    made, relax = [], step.minimum
 
     def counted(*arguments):
         made.append(None)
         return relax(*arguments)
-    monkeypatch.setattr(step, 'solve', counted)
+    monkeypatch.setattr(step, 'minimum', counted)
     among = DirectSimulator(STRIP, obstacles=[Sheet.around(HOLE, thickness=0.0), BAR])
     start, *before, last = grippers(4)
     shape = DirectSimulator(STRIP).solve(start)

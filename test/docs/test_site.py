@@ -89,6 +89,7 @@ def test_equations_are_drawn_without_a_network(monkeypatch):
         assert ('bold' in text) == (r'\mathbf' in formula)
 
 
+@pytest.mark.sweep
 def test_rosdoc2_finds_the_site():
     yaml = pytest.importorskip('yaml')
     package = (ROOT / 'package.xml').read_text()
@@ -114,6 +115,7 @@ def test_the_site_is_configured_from_the_wrapper_of_rosdoc2(tmp_path):
     assert done.stdout.split() == ['one.more', dlo_planner.__version__, str(ROOT)], done.stderr
 
 
+@pytest.mark.sweep
 def test_the_site_builds_without_a_warning(tmp_path):
     pytest.importorskip('sphinx')
     # pickled and written to a folder of the test: two runs at once do not meet

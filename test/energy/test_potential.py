@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -65,8 +67,8 @@ def plastic(curly, basis, rng):
     rod = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), yield_curvature=(0.4, 0.7),
               yield_torsion=0.5, section_model='round', hardening=0.1)
     here = discretized(rod, basis)
-    past = here.start.leaving(set=0.1 * rng.normal(size=here.start.left['set'].shape))
-    return here.system(BASE, history=past)
+    past = replace(here.start, plastic=0.1 * rng.normal(size=here.start.plastic.shape))
+    return here.system(BASE, memory=past)
 
 
 def touching(curly, basis, rng):

@@ -11,6 +11,7 @@ TUTORIALS = sorted((Path(__file__).parents[2] / 'examples' / 'tutorials').glob('
 NEEDS_ROS = {'cell_in_ros'}  # runs among the tests of the node
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('path', [path for path in TUTORIALS if path.stem not in NEEDS_ROS],
                          ids=lambda path: path.stem)
 def test_a_tutorial_runs(path, capsys, tmp_path, monkeypatch):

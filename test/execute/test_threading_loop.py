@@ -37,6 +37,7 @@ def test_a_slip_before_the_sheet_is_seen_and_it_tries_again():
     assert came.end is Phase.STOP or came.clean
 
 
+@pytest.mark.sweep
 def test_a_dlo_that_keeps_swinging_is_not_threaded():
     came = threaded(2, replace(KINDS['bump'], bump=0.1))
     assert came.end is Phase.STOP

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from dlo_planner import DirectSimulator, Observation, Pose, Rod, fit_rod
 from dlo_planner.identify import ObservedMotion
-from dlo_planner.identify.misfit import seen_in
+from dlo_planner.identify.residuals import positions_in_motion
 
 MESH = {'basis': 'local', 'n_elements': 12}
 NOISE, DRAWS = 1e-3, 20
@@ -93,7 +93,7 @@ def test_draws_at_rest_are_off_by_the_covariance(known):
 def test_draws_of_a_motion_are_off_by_the_covariance():
     rng, found = np.random.default_rng(12), []
     motion = DirectSimulator(SWINGING, **FEW).simulate(SWUNG, STEP)
-    exact = seen_in(motion, TIMES, S[2::2])
+    exact = positions_in_motion(motion, TIMES, S[2::2])
     for _ in range(DRAWS):
         seen = ObservedMotion(SWUNG, STEP, TIMES, exact + NOISE * rng.normal(size=exact.shape),
                               S[2::2])

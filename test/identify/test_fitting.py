@@ -18,7 +18,7 @@ from dlo_planner import (
     fit_rod,
 )
 from dlo_planner.identify import ObservedMotion
-from dlo_planner.identify.observed import Observed
+from dlo_planner.identify.residuals import MeasurementModel
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.progress import Progress
 
@@ -83,8 +83,8 @@ def test_slopes_against_differences(known, rng):
     names = ('bending_stiffness', 'torsional_stiffness', 'natural_curvature')
     points = list(observed(rng, 3e-3, known))
     assert known or any(nearest_ends(guess, points))
-    here = Observed(Unknowns(guess, names), points, (), np.diag([0.01] * 3 + [0.002] * 3), {},
-                    Progress())
+    here = MeasurementModel(Unknowns(guess, names), points, (),
+                            np.diag([0.01] * 3 + [0.002] * 3), {}, Progress())
     x = 0.3 * rng.normal(size=here.size)
     at = here.at(x)
     slope = 2 * np.einsum('mi,mik->k', at.away, at.slopes)
@@ -96,15 +96,15 @@ def test_slopes_against_differences(known, rng):
 def nearest_ends(rod, points):
     """Yield whether points of each observation are nearest to an end of the DLO."""
     for one in points:
-        counts = Observed(Unknowns(rod, ('natural_twist',)), [one], (), np.zeros((0, 6)), {},
-                          Progress()).at(np.zeros(1)).counts
+        counts = MeasurementModel(Unknowns(rod, ('natural_twist',)), [one], (), np.zeros((0, 6)),
+                                  {}, Progress()).at(np.zeros(1)).counts
         yield counts[:, 0].any() and not counts[:, 0].all()
 
 
 def test_a_nearest_point_tells_two_numbers_and_three_beyond_the_end():
     pose, rod = POSES[0], Rod(1.0, 0.0, 0.02, 0.015)
     points = [[0.5, 0.01, 1.0], [0.95, 0.0, 1.02], [1.03, 0.02, 0.99], [-0.01, 0.005, 1.0]]
-    at = Observed(Unknowns(rod, ('natural_twist',)), [Observation(pose, points)], (),
+    at = MeasurementModel(Unknowns(rod, ('natural_twist',)), [Observation(pose, points)], (),
                   np.zeros((0, 6)), {}, Progress()).at(np.zeros(1))
     assert at.counts.sum(axis=1).tolist() == [2, 2, 3, 3]
     np.testing.assert_allclose(np.linalg.norm(at.away, axis=1),

@@ -21,10 +21,8 @@ from dlo_planner import (
     Uncertainty,
 )
 from dlo_planner.identify import Estimate, gripper_at
-from dlo_planner.identify.memory import Consistency
-from dlo_planner.identify.predicted_miss import PredictedMiss, _bound, crossing
-from dlo_planner.identify.settling import settled
-from dlo_planner.verify.response import node_slopes
+from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of, crossing
+from dlo_planner.identify.smoother import Consistency
 
 CURLY = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2), tip_mass=0.01,
             point_masses=((0.6, 0.01),), natural_twist=0.3)
@@ -39,7 +37,7 @@ def test_a_node_at_the_end_stays_on_a_shorter_dlo():
     z = np.zeros(plain.uncertain.size)
     z[plain.uncertain.columns('length')[0]] = -0.005
     assert ended.uncertain.rod(z).nodes == (0.995,)
-    one, other = (observer.uncertain.varied(observer.uncertain.simulator.mesh).by_length
+    one, other = (observer.uncertain.mesh(observer.uncertain.simulator.mesh).by_length
                   for observer in (plain, ended))
     for name, slope in one.items():
         np.testing.assert_allclose(other[name], slope, atol=1e-9)
@@ -50,15 +48,15 @@ def test_slopes_against_shapes_of_other_rods(options, rng):
     # the other side is the simulator of the Rod that the state stands for, nothing of the observer
     uncertain = Observer(DirectSimulator(CURLY, **options), WIDE, bias=1e-3).uncertain
     z = 0.5 * uncertain.deviations * rng.normal(size=uncertain.size)
-    varied = uncertain.varied(uncertain.simulator.mesh)
+    mesh = uncertain.simulator.mesh
 
     def nodes(z):
         simulator = DirectSimulator(uncertain.rod(z), **options)
         return simulator.solve(START.compose(uncertain.offset(z))).positions
 
-    shape = settled(varied, z, START.compose(uncertain.offset(z)))
+    shape = uncertain.equilibrium(z, mesh, START.compose(uncertain.offset(z)))
     np.testing.assert_allclose(shape.positions, nodes(z), atol=2e-6)
-    slopes = node_slopes(varied, z, shape)
+    slopes = uncertain.slopes(z, shape)(shape.s)
     for k, (name, unit) in enumerate(zip(uncertain.names, uncertain.deviations, strict=True)):
         if name.startswith('camera'):
             assert not slopes[:, :, k].any()
@@ -336,7 +334,7 @@ def test_what_is_no_longer_remembered_still_counts(monkeypatch, name, turns):
     looks = [truth.seen(rng, pose, outliers=0.0) for pose in poses]
     found = []
     for kept in (100, 2):
-        monkeypatch.setattr(f'dlo_planner.identify.memory.{name}', kept)
+        monkeypatch.setattr(f'dlo_planner.identify.smoother.{name}', kept)
         estimate = OBSERVER.begin()
         for look in looks:
             estimate = OBSERVER.update(estimate, look)
@@ -351,11 +349,11 @@ def test_what_is_no_longer_remembered_still_counts(monkeypatch, name, turns):
 
 def test_the_bound_of_a_normal_distribution():
     one = np.diag([1.0, 1.0])
-    assert _bound(np.zeros(2), 4 * one) == pytest.approx(2 * np.sqrt(-2 * np.log(0.05)), rel=5e-3)
+    assert bound_of(np.zeros(2), 4 * one) == pytest.approx(2 * np.sqrt(-2 * np.log(0.05)), rel=5e-3)
     # far off the center only the direction of the miss counts: 1.645 standard deviations
-    assert _bound(np.array([0.0, 50.0]), one) == pytest.approx(51.655, abs=0.05)
-    assert _bound(np.zeros(2), np.diag([1.0, 0.0])) == pytest.approx(1.960, rel=0.01)
-    assert _bound(np.array([3.0, 4.0]), 0 * one) == pytest.approx(5.0)
+    assert bound_of(np.array([0.0, 50.0]), one) == pytest.approx(51.655, abs=0.05)
+    assert bound_of(np.zeros(2), np.diag([1.0, 0.0])) == pytest.approx(1.960, rel=0.01)
+    assert bound_of(np.array([3.0, 4.0]), 0 * one) == pytest.approx(5.0)
 
 
 def test_the_covariance_of_a_miss_against_other_states(rng):

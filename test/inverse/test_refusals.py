@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from hanging import hanging_and_stable
+from references.hanging import hanging_and_stable
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
@@ -146,3 +146,14 @@ def test_where_there_is_a_way_the_certificate_shows_it():
     assert refused.value.constraint == 'workspace.upper.x' or refused.value.certificate == ''
     assert certificate(DirectSimulator(ROD), HOLE, np.linspace(0, 0.5, 9)).endswith(
         'in reach of each other')
+
+
+def test_a_refusal_of_two_cut_outs_says_how_many_shapes_pass_both():
+    inverse = InverseSimulator(DirectSimulator(LONG))
+    above = CutOut(Pose.looking_along((0, 0, 2.5), (0, 0, 1)))
+    with pytest.raises(Infeasible) as refused:
+        inverse.thread_two(CutOut(Pose.looking_along((0, 0, 1), (0, 0, 1))), above)
+    assert refused.value.constraint == 'reach'
+    told = pickle.loads(pickle.dumps(refused.value)).certificate
+    assert 'no stable one passes both' in told
+    assert float(re.search(r'by ([\d.e-]+) m', told).group(1)) > 0

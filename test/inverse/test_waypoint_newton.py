@@ -132,21 +132,21 @@ def test_two_points_are_passed_by_an_equilibrium(options, roll):
     simulator, shape = hanging(RODS[0], options)
     chord = 0.97 * (shape.frame_at(0.8)[1] - shape.frame_at(0.35)[1]) + [0.01, -0.02, 0.015]
     two = TwoPoints(simulator, chord)
-    before = Passing(shape, shape.gripper.position - shape.frame_at(0.35)[1], 0.8, depth=0.65)
+    before = Passing(shape, shape.gripper.position - shape.frame_at(0.35)[1], (0.8,), depth=0.65)
     found = two.at(before, 0.65, roll)
-    passed = found.shape.frame_at(found.second)[1] - found.shape.frame_at(0.35)[1]
+    passed = found.shape.frame_at(found.further[0])[1] - found.shape.frame_at(0.35)[1]
     np.testing.assert_allclose(passed, chord, atol=2e-10)
     is_that_of(simulator, found.shape)
     made = Rotation.from_matrix(found.shape.gripper.rotation @ shape.gripper.rotation.T).as_rotvec()
     assert two.axis(shape) @ made == pytest.approx(roll, abs=5e-3)  # since the axis rolls as well
-    end, depth = two.from_end(found.shape, 0.65)
-    passed = end.shape.frame_at(1.0)[1] - end.shape.frame_at(1.0 - depth)[1]
+    end = two.from_end(found.shape, 0.65)
+    passed = end.shape.frame_at(1.0)[1] - end.shape.frame_at(1.0 - end.depth)[1]
     np.testing.assert_allclose(passed, chord, atol=2e-10)
 
 
 def test_what_cannot_be_passed_is_told():
     simulator, shape = hanging(RODS[0], OPTIONS[0])
-    before = Passing(shape, np.zeros(3), 0.8, depth=0.65)
+    before = Passing(shape, np.zeros(3), (0.8,), depth=0.65)
     assert TwoPoints(simulator, np.array([0.9, 0.0, 0.0])).at(before, 0.65) is None
     just_too_short = TwoPoints(simulator, np.array([0.7, 0.0, 0.3]))
     assert just_too_short.at(before, 0.65) is None

@@ -43,20 +43,21 @@ def drawn(rng, grip, **options):
 @pytest.mark.parametrize('grip', GRIPS)
 @pytest.mark.parametrize('options', SIMULATORS)
 def test_it_finds_what_the_thorough_search_finds(grip, options, rng, monkeypatch):
-    quick, look = [], step.holding_on
+    quick, look = [], step.held_nearby
 
     def watched(*given):
-        quick.append(look(*given) is not None)
-        return look(*given)
+        found = look(*given)
+        quick.append(found is not None)
+        return found
 
     for _ in range(4):
         simulator, shape, gripper, end = drawn(rng, grip, **options)
         if not shape.converged or shape.stability < 0.02:
             continue
         with monkeypatch.context() as patch:
-            patch.setattr(step, 'holding_on', watched)
+            patch.setattr(step, 'held_nearby', watched)
             found = simulator.solve(gripper, shape, far_end=end)
-            patch.setattr(step, 'holding_on', lambda *_: None)
+            patch.setattr(step, 'held_nearby', lambda *_: None)
             true = simulator.solve(gripper, shape, far_end=end)
         assert found.converged and true.converged and found.jumped == true.jumped
         np.testing.assert_allclose(found.positions, true.positions, rtol=0, atol=3e-9)
@@ -68,7 +69,6 @@ def test_it_finds_what_the_thorough_search_finds(grip, options, rng, monkeypatch
         assert found.energy == pytest.approx(true.energy, rel=1e-8, abs=1e-8 * size)
         assert found.stability == pytest.approx(true.stability, rel=1e-3)
         assert found.violation <= 1e-10
-        assert found.state.left.left.keys() == true.state.left.left.keys()
     assert any(quick)
 
 
@@ -76,7 +76,7 @@ def test_two_millimeters_take_three_steps_and_no_way_in_parts(monkeypatch):
     wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
     simulator, gripper = DirectSimulator(wire, n_elements=64), Pose((0, 0, 1), (0, 0, 0, 1))
     known = simulator.solve(gripper, far_end=Pose((0.8, 0, 1), (0, 0, 0, 1)))
-    monkeypatch.setattr(step, 'advance_boundary', None)  # the way in parts begins with it
+    monkeypatch.setattr(step, '_advanced', None)  # the way in parts begins with it
     shape = simulator.solve(gripper, known, far_end=Pose((0.802, 0, 1.001), (0, 0, 0, 1)))
     assert shape.converged and shape.iterations <= 3
     again = simulator.solve(gripper, shape, far_end=shape.far_end)
@@ -101,9 +101,9 @@ def test_a_finer_mesh_goes_on_from_a_coarser_one(rng, monkeypatch):
     simulator, shape, _, _ = drawn(rng, 'clamped', basis='local', n_elements=32)
     fine = DirectSimulator(simulator.rod, basis='local', n_elements=200)
     with monkeypatch.context() as patch:
-        patch.setattr(step, 'holding_on', lambda *_: None)
+        patch.setattr(step, 'held_nearby', lambda *_: None)
         true = fine.solve(shape.gripper, shape, far_end=shape.far_end)
-    monkeypatch.setattr(step, 'advance_boundary', None)
+    monkeypatch.setattr(step, '_advanced', None)
     found = fine.solve(shape.gripper, shape, far_end=shape.far_end)
     np.testing.assert_allclose(found.positions, true.positions, rtol=0, atol=1e-9)
 
@@ -115,7 +115,7 @@ def test_what_moves_far_is_led_there(away):
     known = simulator.solve(here, far_end=(0.8, 0, 0))
     end = FarEnd.of((0.8 + away, 0, 0))
     past = step.past_of(simulator.mesh, known, None)
-    assert step.holding_on(simulator.mesh, here, known, end, past) is None
+    assert statics.held_nearby(simulator.mesh, here, known.element_strains, past, end, True) is None
     assert simulator.solve(here, known, far_end=end).converged
 
 
@@ -124,12 +124,12 @@ def test_a_saddle_between_two_grips_is_left_to_the_thorough_search():
     simulator = DirectSimulator(Rod(1.0, 0.0, 1.0, 0.8), basis='local', n_elements=32)
     here = Pose.identity()
     straight = simulator.solve(here, far_end=FarEnd(Pose((1.0, 0, 0), (0, 0, 0, 1)), 'aligned'))
-    known = replace(straight, element_strains=np.zeros_like(straight.element_strains))
     for pressed, stable in ((0.9, True), (1.1, False)):  # of the Euler load
         forces = np.zeros(5)
         forces[2] = pressed * 4 * np.pi**2  # N
-        found = step.holding_on(simulator.mesh, here, known, straight.far_end,
-                                   simulator.mesh.start.leaving(hold=forces))
+        found = statics.held_nearby(
+            simulator.mesh, here, np.zeros_like(straight.element_strains),
+            replace(simulator.mesh.start, hold=forces), straight.far_end, True)
         assert (found is not None) == stable
 
 

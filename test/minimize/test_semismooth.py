@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
-from dlo_planner.direct.statics import EXACT, MAX_ITERATIONS, TOLERANCE, shape_of
-from dlo_planner.direct.step import bearing_on, corrected_by, past_of
-from dlo_planner.minimize.contact_solver import follow_contact
+from dlo_planner.direct.step import corrected_by, past_of
 from dlo_planner.minimize.semismooth import tangent_predictor
 
 LEVEL = (0, 0, 0, 1)
@@ -51,7 +49,7 @@ def test_what_is_carried_along_is_the_derivative_of_the_shape(bearing):
     simulator, shape = bearing
     position, mesh = shape.gripper.position, simulator.mesh
     past = past_of(mesh, shape, None)
-    slid = np.zeros_like(past.left['point_slid'])
+    slid = np.zeros_like(past.points.slid)
     errors = []
     for step in (2e-3, 1e-3):
         twist = np.array([0, 0.5, 0, 1, 0, -1]) * step
@@ -97,40 +95,6 @@ def test_a_row_of_nodes_on_a_table_takes_few_steps(options):
         held = shape.gripper_wrench[2] + sum(contact.force for contact in shape.contacts)
         assert held == pytest.approx(0.05 * 9.81, rel=1e-9)
         assert shape.positions[:, 2].min() > -0.098 - 1e-9
-
-
-@pytest.mark.parametrize('obstacle', [BAR, ROUGH])
-def test_a_step_by_one_kernel_is_that_by_many(obstacle):
-    wire = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
-    start = Pose((0.4, -0.2, 0.8), LEVEL)  # not at the origin: places are the world's
-    simulator = DirectSimulator(wire, basis='local', n_elements=64, obstacles=[moved(obstacle)])
-    shape = simulator.track([Pose(start.position + (0, 0, z), LEVEL)
-                             for z in (0.2, 0.1, 0.05, 0.0)])[-1]
-    gripper = Pose(start.position + (0.002, 0, -0.005), (0, 0.01, 0, np.sqrt(1 - 1e-4)))
-    mesh, past = simulator.mesh, past_of(simulator.mesh, shape, None)
-    whole, kicks = bearing_on(mesh, gripper, shape, past)
-    begin = (np.array(shape.gripper.rotation), past.left['point_slid'],
-             np.array(shape.element_strains), gripper.position - shape.gripper.position)
-    before = np.hstack([past.positions - gripper.position, past.tangents])
-    found = follow_contact(mesh.system(gripper.rotation, gripper.position, past), begin, TOLERANCE,
-                           MAX_ITERATIONS, EXACT * wire.length, before)
-    parts = shape_of(mesh, gripper, found, past)
-    assert whole.converged and parts.converged and whole.contacts and kicks == found.kicks == 0
-    assert whole.iterations == parts.iterations
-    for name in ('positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench', 'energy',
-                 'elastic_energy', 'residual', 'stability', 'violation', 'dissipated'):
-        np.testing.assert_allclose(getattr(whole, name), getattr(parts, name), rtol=1e-12,
-                                   atol=1e-12, err_msg=name)
-    for one, other in zip(whole.contacts, parts.contacts, strict=True):
-        np.testing.assert_allclose(one.position, other.position, atol=1e-12)
-        np.testing.assert_allclose(one.vector, other.vector, atol=1e-12)
-    assert any(one.friction.any() for one in whole.contacts) == (obstacle is ROUGH)
-    after, other = whole.state.left, parts.state.left
-    assert after.left.keys() == other.left.keys()
-    for name in after.left:
-        np.testing.assert_allclose(after.left[name], other.left[name], atol=1e-12, err_msg=name)
-    np.testing.assert_allclose(after.tangents, other.tangents, atol=1e-12)
-    assert not whole.positions.flags.writeable
 
 
 def moved(bar):

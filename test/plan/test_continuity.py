@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hanging import no_pair
+from references.hanging import no_pair
 from scipy.spatial.transform import Rotation
 from sweeps import MASS
 from sweeps.cutouts import leaps, random_cutout, steps

@@ -39,6 +39,7 @@ def forgotten(client):
     return client
 
 
+@pytest.mark.sweep
 def test_the_small_bag_gives_the_same_shapes(forgotten):
     messages = recorded(BAG)
     shapes = [data for name, data in messages if name == 'predicted_shape']
@@ -51,6 +52,7 @@ def test_the_small_bag_gives_the_same_shapes(forgotten):
     assert lying == pytest.approx(0.43 + 0.75e-3, abs=1e-4)
 
 
+@pytest.mark.sweep
 def test_a_run_that_is_recorded_and_replayed_gives_the_same_shapes_bit_for_bit(
         forgotten, tmp_path):
     short_run(forgotten, tmp_path / 'bag', 6)

@@ -141,6 +141,7 @@ def test_what_is_seen_is_identified_and_counts_from_then_on(client, node, tracke
     assert until(lambda: looks() < 30)  # the new DLO is observed anew
 
 
+@pytest.mark.sweep
 def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker, truth, restored):
     assert until(lambda: int(values(client).get('estimate looks', 0)) >= 10)
     path, _ = client.plan_threading(START, HOLE.pose)

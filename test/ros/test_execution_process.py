@@ -72,12 +72,13 @@ def steps(client):
     return np.linalg.norm(np.diff(places, axis=0), axis=1)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('horizon', [0.0, 1.0])
 def test_a_process_that_was_stopped_for_seconds_makes_no_leap(planner, client, robot, horizon):
     client.set_parameters(execute__horizon=horizon)
     regular = executing(client)
     planner.process.send_signal(signal.SIGSTOP)
-    time.sleep(4.0)
+    time.sleep(2.5)  # longer than it may pause
     planner.process.send_signal(signal.SIGCONT)
     code, reason, _ = client.execution_in('stopped')
     assert code == 412 and (f'execute.{"horizon" if horizon else "longest_pause"} = ' in reason)
@@ -88,6 +89,7 @@ def test_a_process_that_was_stopped_for_seconds_makes_no_leap(planner, client, r
         assert largest(robot.told, Limits(), 0.02) <= 1.01
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGINT])
 def test_a_process_that_is_told_to_end_decelerates_first(planner, client, robot, number):
     regular = executing(client)

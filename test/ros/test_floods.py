@@ -51,6 +51,7 @@ def flood(send, pause=1e-3):
     thread.join()
 
 
+@pytest.mark.sweep
 def test_clouds_do_not_starve_identify(client, node):
     client.shape_for(HERE)
     points = state(node).shape.positions_at(np.linspace(0, 1, 40) * state(node).shape.s[-1])
@@ -68,6 +69,7 @@ def test_clouds_do_not_starve_identify(client, node):
     client.trigger('reset')
 
 
+@pytest.mark.sweep
 def test_goals_do_not_starve_the_services_of_plans(client, node):
     with flood(lambda: client.send_goal(FAR), pause=1e-2):
         assert until(lambda: state(node).task)

@@ -66,6 +66,7 @@ def ended(process, *signals):
     return process.returncode, out.decode().split(), err.decode(), time.monotonic() - begun
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('signals', [
     [signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGINT],
     [signal.SIGTERM, signal.SIGINT, signal.SIGTERM]], ids=lambda found: '+'.join(

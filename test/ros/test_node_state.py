@@ -23,7 +23,7 @@ from msg_helpers.poses import pose_from_msg, pose_msg
 
 
 def test_of_obstacles_and_parameters_sent_at_once_none_is_lost(inside, node):
-    rng, number = np.random.default_rng(5), 250
+    rng, number = np.random.default_rng(5), 60
     pauses = rng.uniform(0, 4e-3, (2, number))
 
     def send_obstacles():

@@ -53,6 +53,7 @@ def inside(*command):
                           capture_output=True, check=False, timeout=4 * PATIENCE)
 
 
+@pytest.mark.sweep
 def test_it_starts_and_ends_as_nobody_in_a_read_only_system(domain):
     if not shutil.which('unshare') or inside('true').returncode != 0:
         pytest.skip('this machine lets nobody make a read-only system')

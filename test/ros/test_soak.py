@@ -2,9 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The short form of the soak: odd messages of every kind, also while it executes; faults."""
 
-import json
-from collections import Counter
-
 import numpy as np
 import pytest
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -13,12 +10,9 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from soak.doors import SERVICES, TOPICS
 from soak.faults import obstacle_publisher_vanished
-from soak.fuzzing import Result, Soak
-from soak.latencies import Latency
-from soak.reporting import Report
+from soak.fuzzing import Soak
 from soak.stage import stage
-from soak.watching import OUTPUTS, not_finite
-from visualization_msgs.msg import Marker, MarkerArray
+from soak.watching import OUTPUTS
 
 
 @pytest.fixture(scope='module')
@@ -40,6 +34,7 @@ def test_odd_messages_change_nothing(soak):
     assert all(soak._fuzzer.sent[name] for name in (*TOPICS, *SERVICES))
 
 
+@pytest.mark.sweep
 def test_odd_messages_do_not_matter_to_an_execution(soak):
     soak.execution(30)
     assert soak.result.problems == []
@@ -79,25 +74,3 @@ def test_messages_are_thrown_at_all_that_the_node_opens(domain, monkeypatch):
         assert full(SERVICES) == opened(node, 'service')
         assert full(OUTPUTS) | {'/rosout', '/parameter_events', f'{name}/transition_event'} == (
             opened(node, 'publisher'))
-
-
-def test_what_is_not_finite_is_found():
-    marker = Marker()
-    assert not_finite(MarkerArray(markers=[marker])) == ''
-    marker.pose.orientation.w = float('nan')
-    assert not_finite(MarkerArray(markers=[Marker(), marker]), '~/markers') == (
-        '~/markers.markers[1].pose.orientation.w')
-
-
-def test_a_report_has_all_figures(tmp_path):
-    report = Report(0)
-    report.add_latency(Latency('plans', 30.0, 10, 9, 3.25, 4.5))
-    report.add_soak(Result(['odd'], Counter(a=2), Counter(a=1), [
-        (0.0, 100.0, 1.0, 5, 6), (60.0, 200.0, float('nan'), 5, 6), (90.0, 202.0, 2.0, 5, 6)], 3))
-    report.add_fault(obstacle_publisher_vanished, ['not so'], 1.0)
-    report.write(tmp_path)
-    read = json.loads((tmp_path / 'soak.json').read_text())
-    assert read['soak']['sent'] == {'a': 2} and read['latencies'][0]['median'] == 3.25
-    assert report.problems == read['problems'] == ['odd', 'obstacle_publisher_vanished: not so']
-    text = (tmp_path / 'soak.md').read_text()
-    assert '| plans | 30 | 10 | 9 | 3.2 | 4.5 |' in text and 'growth after it [%]: 1.0' in text

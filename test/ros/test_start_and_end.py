@@ -15,6 +15,7 @@ from dlo_planner import Pose
 HEARD = 5.0  # s in which a signal ends the process; what does not end is left after 6 s
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize('config', sorted(path.name for path in (ROOT / 'config').glob('*.yaml')))
 def test_every_dlo_in_config_hangs_whatever_the_node_is_called(domain, tmp_path, config):
     said = yaml.safe_load((ROOT / 'config' / config).read_text())['/**']['ros__parameters']
@@ -34,6 +35,7 @@ def test_every_dlo_in_config_hangs_whatever_the_node_is_called(domain, tmp_path,
         assert 'Traceback' not in planner.log
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize('seconds', [0.3, 1.0, 2.5])
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_signals_are_heard_while_it_starts(domain, tmp_path, seconds, number):
@@ -73,6 +75,7 @@ def test_a_file_that_is_not_there_is_said_in_a_line(domain, tmp_path):
         assert 'Traceback' not in planner.log
 
 
+@pytest.mark.sweep
 def test_whole_numbers_in_yaml_are_taken_for_doubles(domain, tmp_path):
     config = tmp_path / 'whole.yaml'
     config.write_text('dlo_planner:\n  ros__parameters:\n    rod: {length: 2, density: 8960, '
@@ -84,6 +87,7 @@ def test_whole_numbers_in_yaml_are_taken_for_doubles(domain, tmp_path):
         assert path.poses[-1].pose.position.z == pytest.approx(3.0)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(('argument', 'reason'), [
     ('rod.length:=-1.0', 'rod.length'),
     ('rod.section:=oval', "rod.section = 'oval'"),

@@ -10,6 +10,7 @@ from planner_process import ROOT
 PATH = ROOT / 'examples' / 'tutorials' / 'cell_in_ros.py'
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures('domain')
 def test_the_tutorial_of_the_node_runs():
     shape, positions, proof = runpy.run_path(str(PATH))['main']()

@@ -248,6 +248,7 @@ def test_no_planner_is_said(domain):
         assert 'there is no service /nobody/replan' in viewer.page.message.content
 
 
+@pytest.mark.sweep
 def test_in_the_browser(domain, plan):
     with viewed(allow_execute=True) as (planner, viewer), looking_at(
             viewer.page.page.url) as look:

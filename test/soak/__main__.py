@@ -1,13 +1,15 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The long form: odd messages for minutes, latencies, faults; a report as Markdown and JSON.
+"""The long form: odd messages for minutes, latencies, faults; what is wrong, and all as JSON.
 
 python test/soak [--minutes 10] [--messages 20000] [--seed 0] [--output soak_output]
 """
 
 import argparse
+import json
 import os
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 from time import monotonic
@@ -23,7 +25,6 @@ from domain_coordinator import domain_id  # noqa: E402
 from soak.faults import WITH_A_NODE, WITHOUT  # noqa: E402
 from soak.fuzzing import NodeEnded, Soak  # noqa: E402
 from soak.latencies import BESIDE, RATES, latency  # noqa: E402
-from soak.reporting import Report  # noqa: E402
 from soak.stage import stage  # noqa: E402
 
 ROUND = 500        # messages between two looks
@@ -42,24 +43,32 @@ def main():
     parser.add_argument('--output', type=Path, default=Path('soak_output'))
     given = parser.parse_args()
     given.output.mkdir(parents=True, exist_ok=True)
-    report = Report(given.seed)
+    found = {'seed': given.seed, 'latencies': [], 'soak': {}, 'faults': []}
     with domain_id() as number:
         os.environ['ROS_DOMAIN_ID'] = str(number)
         with TemporaryDirectory() as directory, stage(Path(directory)) as made:
             for rate in RATES:
                 for beside in BESIDE:
-                    report.add_latency(latency(made, rate, LATENCY_TIME, beside))
+                    found['latencies'].append(asdict(latency(made, rate, LATENCY_TIME, beside)))
                 made.restore()
-            fuzz(made, report, given)
-            faults(report, [(one, made) for one in WITH_A_NODE])
-        faults(report, [(one,) for one in WITHOUT])
-    report.write(given.output)
-    print(report.markdown())
-    return min(len(report.problems), 1)
+            found['soak'] = vars(fuzz(made, given))
+            found['faults'] += faults([(one, made) for one in WITH_A_NODE])
+        found['faults'] += faults([(one,) for one in WITHOUT])
+    (given.output / 'soak.json').write_text(json.dumps(found, indent=1))
+    for one in found['latencies']:
+        print(f'{one["beside"]}, {one["rate"]:g} poses/s: {one["answered"]} of {one["sent"]} '
+              f'answered, {one["median"]:.1f} ms (median), {one["late"]:.1f} ms (99 %)')
+    first, *_, last = found['soak']['memory']
+    print(f'{sum(found["soak"]["sent"].values())} messages; memory {first[1]:.0f} to {last[1]:.0f} '
+          f'MB, descriptors {first[3]} to {last[3]}, threads {first[4]} to {last[4]}')
+    problems = found['soak']['problems'] + [
+        f'{one["fault"]}: {wrong}' for one in found['faults'] for wrong in one['problems']]
+    print('\n'.join(problems or ['nothing is wrong']))
+    return min(len(problems), 1)
 
 
-def fuzz(made, report, given):
-    """Throw messages for the given time, and at least as many as given if there is time."""
+def fuzz(made, given):
+    """Throw messages for the given time, and at least as many as given; return the Result."""
     soak = Soak(made, np.random.default_rng(given.seed))
     end, number = monotonic() + 60 * given.minutes * (1 - REST), 0
     try:
@@ -72,18 +81,20 @@ def fuzz(made, report, given):
                 break
     except NodeEnded as ended:
         soak.result.problems.append(str(ended))
-    report.add_soak(soak.close())
+    return soak.close()
 
 
-def faults(report, wanted):
-    """Let faults happen, one after the other."""
+def faults(wanted):
+    """Let faults happen, one after the other; return what was wrong after each."""
+    found = []
     for fault, *arguments in wanted:
         begun = monotonic()
         try:
             wrong = fault(*arguments)
         except Exception as error:  # the others are tried all the same
             wrong = [f'{type(error).__name__}: {str(error)[-500:]}']
-        report.add_fault(fault, wrong, monotonic() - begun)
+        found.append({'fault': fault.__name__, 'problems': wrong, 'seconds': monotonic() - begun})
+    return found
 
 
 if __name__ == '__main__':

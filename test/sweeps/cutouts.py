@@ -3,7 +3,7 @@
 """Random cut-outs and bores: planned and replayed, or refused and the refusal confirmed."""
 
 import numpy as np
-from hanging import directions_in_first, no_start, no_way
+from references.hanging import directions_in_first, no_start, no_way
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod, replay

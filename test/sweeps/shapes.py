@@ -7,9 +7,9 @@ Jacobi's condition, integrated from the free end, tells whether that is a minimu
 """
 
 import numpy as np
-from kirchhoff import equilibrium, is_minimum, true_held_rod
+from references.kirchhoff import equilibrium, is_minimum, true_held_rod
+from references.stepped import random_stepped
 from scipy.spatial.transform import Rotation
-from stepped import random_stepped
 
 from dlo_planner import Capsule, DirectSimulator, Pose, Rod
 from sweeps import Outcome, timed

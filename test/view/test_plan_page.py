@@ -159,6 +159,7 @@ def test_nobody_can_share_it(page):
     assert page.url == 'http://localhost:' + page.url.rsplit(':', 1)[1]
 
 
+@pytest.mark.sweep
 def test_in_the_browser(page):
     with looking_at(page.url) as look:
         look.wait_for('drag the gripper or the cut-out')

@@ -1,9 +1,14 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One contact at one arc length: which forces keep all demands, and why none does.
+"""Keeping contact with an obstacle (paper, section 5.3, Fig. 15, 16).
 
-`inverse.contact_family` has the curve of shapes; this file has the plan's demands on it and
-its confirmation by the direct simulation.
+Arc length, place and direction at the contact leave the force of contact free: a curve of gripper
+poses and shapes (`inverse.contact_family`), whose admissible parts are intervals. A condition
+chooses from them, and the direct simulation confirms what is chosen.
+
+On a straight slide (footnote 19) the gripper goes straight towards the contact, its orientation
+kept. The one unknown is how far it has gone; it is found for each arc length that is to touch.
+Place and direction of the contact follow from the direct simulation, and drift.
 """
 
 from __future__ import annotations
@@ -42,23 +47,12 @@ _NEAR = 0.02              # of the length: contacts that are counted as the one
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """One contact task at one arc length.
-
-    Attributes
-    ----------
-    simulator : DirectSimulator
-    family : ContactFamily
-        A quick one, on a coarse mesh.
-    contact : Pose
-        Pose on the obstacle's surface: x axis along the DLO, z axis outwards.
-    demands : PlanRequirements
-        What the plan has to keep, the least force of the contact among it.
-    """
+    """One contact task at one arc length."""
 
     simulator: DirectSimulator
-    family: ContactFamily
-    contact: Pose
-    demands: PlanRequirements
+    family: ContactFamily  # a quick one, on a coarse mesh
+    contact: Pose  # Pose on the obstacle's surface: x axis along the DLO, z axis outwards
+    demands: PlanRequirements  # what the plan has to keep, the least force of the contact among it
 
     @classmethod
     def at(cls, simulator: DirectSimulator, contact: Pose, s: float,
@@ -430,19 +424,11 @@ def slide_straight(simulator: DirectSimulator, task: SlideContact, start: Pose |
 
 
 class _Trial(NamedTuple):
-    """A place of the gripper that was tried.
+    """A place of the gripper that was tried."""
 
-    Attributes
-    ----------
-    gone : float
-        Part of the straight way.
-    left : float
-        Arc length that is left to the one wanted, m: positive before it, negative beyond it; nan
-        where the DLO does not follow or does not touch.
-    shape : Shape
-    """
-
-    gone: float
+    gone: float  # part of the straight way
+    # arc length that is left to the one wanted, m: positive before it, negative beyond it; nan
+    # where the DLO does not follow or does not touch
     left: float
     shape: Shape
 

@@ -1,15 +1,22 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The penalties of a task as a function of the gripper's pose, with its derivatives.
+"""Any task (paper, section 5.1): a gripper pose that minimizes a penalty of the shape.
 
-A penalty is an object as in `plan.goals`, or a function of the shape: of (k,) numbers that
-it returns the sum of the squares counts, a single number counts itself. The slopes of a function
-are differences between shapes that the sensitivities predict.
+The paper's interlaced search: outside, the gripper's pose; inside, the direct simulation. The
+outer search is SciPy's: least squares where the penalty is a sum of squares, else BFGS. Its
+derivatives come from the sensitivities of the equilibrium, one factorization each instead of a
+dozen more equilibria.
+
+A penalty is an object as in `plan.goals`, or a function of the shape: of (k,) numbers that it
+returns the sum of the squares counts, a single number counts itself. The slopes of a function are
+differences between shapes that the sensitivities predict.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,48 +48,23 @@ _DIFFERENCE = 1e-6  # rad, and of the length
 class PenaltyFunction:
     """The penalties as functions of a twist x (6,) of the gripper since `start`.
 
-    A twist is a rotation vector, rad, before a displacement, m, in world axes.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-    penalties : list of Penalty
-    start : Pose
-        Pose of the gripper where the search begins.
-    initial : Shape, optional
-        Shape near it. If None, the natural shape is set down there.
-    progress : Progress, optional
-        Takes a report after each equilibrium.
-    most : int, optional
-        Equilibria at most, for the reports.
-
-    Attributes
-    ----------
-    scale : ndarray, shape (6,)
-        What counts as one in a twist: 1 rad, and the length of the DLO, m.
-    count : int
-        Equilibria computed.
-    worse : float
-        What is added to every penalty where there is no equilibrium.
-
-    Raises
-    ------
-    NotConverged
-        There is no equilibrium at the start.
+    A twist is a rotation vector, rad, before a displacement, m, in world axes. At the start there
+    has to be an equilibrium, else NotConverged is raised.
     """
 
     def __init__(self, simulator: DirectSimulator, penalties: list[Penalty], start: Pose,
                  initial: Shape | None = None, progress: Progress | None = None,
                  most: int = 0) -> None:
         self.simulator, self.penalties, self.start = simulator, penalties, start
-        self.count = 0
+        self.count = 0  # equilibria computed
         self._known: dict[bytes, Shape] = {}
         self._progress, self._most = progress or Progress(), most
+        # what counts as one in a twist: 1 rad, and the length of the DLO, m
         self.scale = np.array([1.0] * 3 + [simulator.rod.length] * 3)
         shape = simulator.solve(start, initial)
         if not shape.converged:
             raise NotConverged('start: no equilibrium was found there', shape)
-        self._last, self.worse = shape, 0.0
+        self._last, self.worse = shape, 0.0  # added to every penalty without an equilibrium
         self._depends_on_the_way = simulator.rod.yields or any(
             obstacle.friction for obstacle in simulator.obstacles)
         self._known[np.zeros(6).tobytes()] = shape
@@ -271,35 +253,14 @@ def minimize_penalty(simulator: DirectSimulator, penalties: Penalty | Sequence[P
     """
     clamping('simulator', simulator)
     instance('start', start, Pose)
-    task = _Penalties(judged_penalties(penalties), integer('max_iterations', max_iterations,
-                                                           minimum=1, maximum=1_000_000))
-    return least_penalty(simulator, task, start, initial, Progress(progress, deadline))
+    return least_penalty(simulator, Minimize(penalties, max_iterations), start, initial,
+                         Progress(progress, deadline))
 
 
-class PenaltyTask(Protocol):
-    """What the search needs of a task; `Minimize` has it."""
-
-    @property
-    def penalties(self) -> Sequence[Penalty]:
-        """One or several penalties."""
-
-    @property
-    def max_iterations(self) -> int:
-        """Equilibria at most."""
-
-
-@dataclass(frozen=True)
-class _Penalties:
-    """A PenaltyTask that is no Task."""
-
-    penalties: list[Penalty]
-    max_iterations: int
-
-
-def least_penalty(simulator: DirectSimulator, task: PenaltyTask, start: Pose,
+def least_penalty(simulator: DirectSimulator, task: Minimize, start: Pose,
                   initial: Shape | None, progress: Progress,
                   stability: float = STABILITY) -> PenaltyResult:
-    """Return the PenaltyResult of a PenaltyTask whose search begins at the Pose `start`.
+    """Return the PenaltyResult of a Minimize whose search begins at the Pose `start`.
 
     It is converged with that `stability` at least.
     """

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A threading through one cut-out, continued from where it begins through all depths.
+"""Threading through one cut-out: at every depth the DLO passes the center along the normal.
 
 The gripper rolls as its route says, or only where the DLO would hardly be stable. Such rolls come
 in jerks, each a corner of its path: afterwards the same plan is tried with even ones. The sum of
@@ -23,15 +23,13 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.continuation import (
-    Ahead,
+    DOUBTFUL,
     Aligned,
-    Condition,
+    Family,
+    Follower,
     Passing,
     Rolls,
-    Step,
-    as_replayed,
-    refusal_for_step,
-    step_to,
+    continue_family,
 )
 from dlo_planner.inverse.equilibria import (
     Candidate,
@@ -43,16 +41,18 @@ from dlo_planner.inverse.equilibria import (
     with_free_end,
 )
 from dlo_planner.inverse.route import (
+    NO_WAY,
     Route,
     find_route,
     gets_there,
     grid_nodes,
+    plan_family,
     quick_simulator,
     sweep,
     thinned,
+    with_certificate,
 )
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
-from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, flag, instance, number
 from dlo_planner.model.cutout import CutOut
@@ -60,40 +60,60 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder, kept_between
 from dlo_planner.plan.checks import PlanRequirements
-from dlo_planner.plan.continuity import largest_turn
 from dlo_planner.plan.plan import Plan, PlanStatus, truncate
-from dlo_planner.plan.waypoint import Holes, waypoint_of
+from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_of
 
 _FIRM = (1e3, 1e2, 1e1, 1.0)  # how much smoothness counts: features of 35 to 6 waypoints go
-_NO_ROLL = 1e-3               # rad between two waypoints
+_NO_ROLL = 1e-3     # rad between two waypoints
+_AS_STABLE = 0.8    # of what counts as doubtful, or of what there is: rolled evenly it may be less
+_FEW = 60           # waypoints at most of a plan that is only a trial
+_CURVES = 32        # depths at which a route is looked for
+_STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought from an initial one
+_AHEAD = 0.0, 0.15  # of the length: other smoothings of a route
+_PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of motion on the way
+_HALVINGS = 6       # of the depth between the last waypoint that is reached and the next one
+
+
+@dataclass(frozen=True)
+class Threading:
+    """What a threading through cut-outs is asked for, on its way through a search."""
+
+    cutouts: tuple[CutOut, ...]
+    depths: Floats  # (n,) depths in the first one, m
+    start: Pose | None  # whose roll is kept as far as possible
+    demands: PlanRequirements
+    initial: Shape | None = None  # before. If None, the DLO is set down in its natural shape
+    method: str = 'coupled'  # or 'nested', for waypoints
+
+    def at_most(self, most: int) -> Threading:
+        """Return a quick one: `most` of the depths, unreported; itself if there are no more."""
+        if len(self.depths) <= most:
+            return self
+        return replace(self, depths=thinned(self.depths, most), demands=self.demands.silent(),
+                       method='coupled')
+
+    def holes(self, length: float) -> Holes:
+        """Return the Holes that a DLO of this length (m) passes."""
+        return Holes(self.cutouts, length, self.demands.obstacles, self.demands.surface)
 
 
 @dataclass(frozen=True, eq=False)
 class EvenRolls:
-    """How far the gripper has rolled at n depths; a route for `continuation.step_to`.
+    """How far the gripper has rolled about the free axis at n depths: a route."""
 
-    Attributes
-    ----------
-    depths : ndarray, shape (n,)
-        Depths in m.
-    turned : ndarray, shape (n,)
-        Rotation about the free axis at each depth, rad.
-    """
+    depths: Floats  # (n,) m
+    turned: Floats  # (n,) rad
 
-    depths: Floats
-    turned: Floats
-
-    def roll(self, condition: Condition, passing: Passing, depth: float, target: float) -> float:
+    def roll(self, family: Family, passing: Passing, depth: float, target: float) -> float:
         """Return the roll (rad) to make between two depths, m."""
-        del condition, passing
+        del family, passing
         return float(np.diff(np.interp((depth, target), self.depths, self.turned))[0])
 
 
-def even_rolls(condition: Condition, depths: Floats,
-               passings: Sequence[Passing]) -> Iterator[EvenRolls]:
+def even_rolls(family: Family, depths: Floats, passings: Sequence[Passing]) -> Iterator[EvenRolls]:
     """Yield EvenRolls, ever less smooth, along the rolls between n Passings at n depths."""
     rolls = [Rotation.from_matrix(after.shape.gripper.rotation @ before.shape.gripper.rotation.T)
-             .as_rotvec() @ condition.axis(before.shape)
+             .as_rotvec() @ family.axis(before.shape)
              for before, after in zip(passings, passings[1:], strict=False)]
     if len(rolls) < 2 or np.abs(rolls).max() < _NO_ROLL:
         return
@@ -104,142 +124,40 @@ def even_rolls(condition: Condition, depths: Floats,
                                                 turned))
 
 
-_ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between two waypoints
-_DOUBTFUL = 0.05    # stability below which another roll is looked for
-_AS_STABLE = 0.8    # of that, or of what there is: rolled evenly it may be less
-
-
-@dataclass(frozen=True)
-class Threading:
-    """A threading through one cut-out.
-
-    Attributes
-    ----------
-    cutout : CutOut
-    depths : ndarray, shape (n,)
-        Depths in m.
-    start : Pose or None
-        Pose whose roll is kept as far as possible.
-    initial : Shape or None
-        Shape before. If None, the DLO is set down in its natural shape.
-    demands : PlanRequirements
-        What the plan has to keep.
-    method : str
-        'coupled' or 'nested', for waypoints.
-    """
-
-    cutout: CutOut
-    depths: Floats
-    start: Pose | None
-    initial: Shape | None
-    demands: PlanRequirements
-    method: str = 'coupled'
-
-    def at_most(self, most: int) -> Threading:
-        """Return a quick one: `most` of the depths, coupled, its steps unreported.
-
-        Itself, if it has no more depths.
-        """
-        if len(self.depths) <= most:
-            return self
-        return replace(self, depths=thinned(self.depths, most), demands=self.demands.silent(),
-                       method='coupled')
-
-
 def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
-                route: Rolls | None) -> Plan:
+                route: Rolls | None = None) -> Plan:
     """Return the Plan that continues a Candidate through all depths."""
-    length, cutout, demands = simulator.rod.length, task.cutout, task.demands
-    builder = PlanBuilder(task.depths, demands, initial=task.initial)
-    holes = Holes([cutout], length, demands.obstacles, demands.surface)
-    aligned = Aligned(simulator, cutout.normal, task.method)
-    may_roll = not is_axisymmetric(simulator.rod) and not isinstance(route, EvenRolls)
+    cutout, length = task.cutouts[0], simulator.rod.length
+    aligned, holes = Aligned(simulator, cutout.normal, task.method), task.holes(length)
     guess, reference, depth = begin
-    last, jerks = aligned.from_guess(guess, depth, reference), False
-    passings: list[Passing] = []
-    ahead = Ahead(aligned, task.depths) if route is None else None
-    for index, target in enumerate(task.depths):
-        demands.progress.check()
-        before = last if builder.waypoints else None
-        refusal = None
-        passing = None if ahead is None or before is None else ahead.passing(before, index)
-        if passing is None:
-            step = Step(None, depth, 0.0) if last is None else step_to(
-                aligned, last, depth, target, route)
-            refusal = _refusal(simulator, builder, before, target, step)
-            passing = step.passing if refusal is None else None
-        if before is not None and may_roll and (
-                passing is None or passing.shape.stability < _DOUBTFUL):
-            jerks = True
-            passing = _rolled(simulator, builder, aligned, before, target, passing)
-        if passing is None:
-            assert refusal is not None  # else there is one
-            raise refusal
-        last, depth = as_replayed(simulator, aligned, builder.last, passing, target), target
-        passings.append(last)
-        waypoint = waypoint_of(last.shape, cutout.center, length - target, cutout.normal,
-                               last.known)
-        builder.add(holes.passed(waypoint))
+
+    def waypoint(passing: Passing) -> Waypoint:
+        return holes.passed(waypoint_of(passing.shape, cutout.center, length - passing.depth,
+                                        cutout.normal, passing.known))
+
+    builder = PlanBuilder(task.depths, task.demands, initial=task.initial)
+    passings, rolled = continue_family(
+        builder, Follower(aligned, aligned.from_guess(guess, depth, reference), depth, task.depths,
+                          route), waypoint,
+        may_roll=not is_axisymmetric(simulator.rod) and not isinstance(route, EvenRolls))
     plan = builder.finished()
-    return _evenly(simulator, task, begin, plan, passings) if jerks else plan
-
-
-def _evenly(simulator: DirectSimulator, task: Threading, begin: Candidate, plan: Plan,
-            passings: Sequence[Passing]) -> Plan:
-    """Return a Plan with the rolls of `plan`, but even ones; `plan` itself if there is none."""
+    if not rolled:
+        return plan
     silent = replace(task, demands=task.demands.silent())
-    aligned = Aligned(simulator, task.cutout.normal, task.method)
-    for route in even_rolls(aligned, task.depths, passings):
+    for even in even_rolls(aligned, task.depths, passings):
         try:
-            even = thread_from(simulator, silent, begin, route)
+            smooth = thread_from(simulator, silent, begin, even)
         except Infeasible:
             continue
-        if even.stability.min() >= _AS_STABLE * min(_DOUBTFUL, plan.stability.min()):
-            return even
+        if smooth.stability.min() >= _AS_STABLE * min(DOUBTFUL, plan.stability.min()):
+            return smooth
     return plan
 
 
-def _refusal(simulator: DirectSimulator, builder: PlanBuilder, before: Passing | None,
-             target: float, step: Step) -> Infeasible | None:
-    """Return why a Step does not lead to the next waypoint, or None."""
-    if step.passing is None and step.leap:
-        return builder.refusal('continuity', step.leap, 'the gripper would have to leap at depth '
-                               f'{step.depth:.4g} m: the shapes that do the task turn back there')
-    if step.passing is None:
-        return builder.refusal('equilibrium', target - step.depth, 'no equilibrium with the '
-                               'tangent along the normal was found beyond depth '
-                               f'{step.depth:g} m')
-    shape = step.passing.shape
-    if shape.stability < -NEUTRAL:
-        return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the shape '
-                               f'that passes the cut-out; stability {shape.stability:.3g} < 0')
-    return refusal_for_step(simulator, builder, None if step.at_once else before, step.passing)
-
-
-def _rolled(simulator: DirectSimulator, builder: PlanBuilder, aligned: Aligned, before: Passing,
-            target: float, best: Passing | None) -> Passing | None:
-    """Return a Passing that is stable enough, the gripper rolled as little as that takes.
-
-    If there is none, the most stable one, or `best`.
-    """
-    most = largest_turn(builder.step / simulator.rod.length)
-    for part in _ROLLS:
-        rolled = aligned.at(before, target, part * most, True)
-        if rolled is None or best is not None and rolled.shape.stability <= best.shape.stability:
-            continue
-        if _refusal(simulator, builder, before, target, Step(rolled, target, 0.0)) is None:
-            best = rolled
-            if rolled.shape.stability >= _DOUBTFUL:
-                break  # no larger roll than needed: the gripper's path stays smooth
-    return best
-
-
-_FEW = 60           # waypoints at most of a plan that is only a trial
-_CURVES = 32        # depths at which a route is looked for
-_STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought from an initial one
-_AHEAD = 0.0, 0.15  # of the length: other smoothings of a route
-_PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of motion on the way
-NO_WAY = ('equilibrium', 'stability', 'start', 'continuity', 'direction', 'reach')
+def first_choice(simulator: DirectSimulator, task: Threading) -> Plan:
+    """Return the Plan of a Threading that begins with its first Candidate, without a route."""
+    return thread_from(simulator, task, next(start_candidates(simulator, task.cutouts[0],
+                                                              task.start)))
 
 
 def thread(simulator: DirectSimulator, task: Threading) -> Plan:
@@ -252,51 +170,27 @@ def thread(simulator: DirectSimulator, task: Threading) -> Plan:
     """
     task = replace(task, demands=task.demands.made_with(simulator))
     quick = quick_simulator(simulator)
-    if quick is simulator:
-        return _search(simulator, task)[0]
-    trial = replace(task, demands=task.demands.silent(quick), method='coupled')
-    _, begin, route = _search(quick, trial)
-    if begin is None:
-        begin = next(start_candidates(simulator, task.cutout, task.start))
-    return thread_from(simulator, task, begin, route)
+    own = quick is simulator
+    trial = task if own else replace(task, demands=task.demands.silent(quick), method='coupled')
+    candidates = start_candidates(quick, task.cutouts[0], task.start)
+    first: tuple[Candidate, Rolls | None] = next(candidates), None
 
+    def planned(task: Threading, way: tuple[Candidate, Rolls | None]) -> Plan:
+        return thread_from(quick, task, *way)
 
-def first_choice(simulator: DirectSimulator, task: Threading) -> Plan:
-    """Return the Plan of a Threading that begins with its first Candidate, without a route."""
-    return thread_from(simulator, task, next(start_candidates(simulator, task.cutout, task.start)),
-                       None)
-
-
-def _search(simulator: DirectSimulator,
-            task: Threading) -> tuple[Plan, Candidate | None, Rolls | None]:
-    """Return a Plan, its Candidate (None: the first one), and its route or None."""
-    candidates = start_candidates(simulator, task.cutout, task.start)
-    try:
-        return thread_from(simulator, task, next(candidates), None), None, None
-    except Infeasible as error:
-        refused = error
-    few = task.at_most(_FEW)
-    deepest = _depth(task, refused)
-    best: tuple[Candidate, Route | None] | None = None
-    for begin, route in _other_ways(simulator, task, candidates, refused):
-        task.demands.progress.check()
-        try:
-            if few is not task:
-                thread_from(simulator, few, begin, route)
-            return thread_from(simulator, task, begin, route), begin, route
-        except Infeasible as error:
-            depth = _depth(few if few is not task else task, error)
-            if depth > deepest:
-                deepest, best, refused = depth, (begin, route), error
-    if few is not task and best is not None:  # the same at all depths, as evidence
-        begin, route = best
-        return thread_from(simulator, task, begin, route), begin, route
-    raise refused
+    plan, way = plan_family(trial, planned, first, partial(_other_ways, quick, trial, candidates),
+                            _FEW)
+    if own:
+        return plan
+    if way is first:  # on its own mesh
+        return first_choice(simulator, task)
+    return thread_from(simulator, task, *way)
 
 
 def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterator[Candidate],
-                refused: Infeasible) -> Iterator[tuple[Candidate, Route | None]]:
+                refused: Infeasible | None) -> Iterator[tuple[Candidate, Rolls | None]]:
     """Yield other Candidates, each with a Route or None, after a refusal."""
+    assert refused is not None  # there is a first candidate
     if refused.constraint not in NO_WAY:  # a demand: another roll may keep it
         yield from ((begin, None) for begin in candidates)
         return
@@ -319,6 +213,37 @@ def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterato
         yield from ((begin, None) for begin in candidates)
 
 
+def _layers(simulator: DirectSimulator, shapes: HangingShapes, normal: Floats,
+            depths: Floats) -> tuple[Floats, list[Crossings]]:
+    """Return depths (k,), as many as are looked at, and the shapes along the normal at each."""
+    aligned = Aligned(simulator, normal)
+    depths = np.unique(np.linspace(depths[0], depths[-1], _CURVES))
+    return depths, [aligned.crossings(shapes, depth) for depth in depths]
+
+
+def _route(simulator: DirectSimulator, shapes: HangingShapes, task: Threading) -> Route | None:
+    """Return the Route through the curves of all depths, or of some where there are many."""
+    depths, layers = _layers(simulator, shapes, task.cutouts[0].normal, task.depths)
+    return find_route(layers, depths, _starts(simulator, layers[0], task), simulator.rod.length)
+
+
+def _starts(simulator: DirectSimulator, curve: Crossings, task: Threading) -> Floats:
+    """Return the cost (m,) of beginning at each of the Crossings; infinite where it cannot.
+
+    The DLO has to take the shape by itself. Among these shapes the cost is least where the gripper
+    is turned least from `start`.
+    """
+    cost = np.full(len(curve), np.inf)
+    most = _STARTS[task.initial is not None]
+    for k in np.unique(np.linspace(0, len(curve) - 1, min(len(curve), most)).astype(int)):
+        gripper = Pose.from_rotation(task.cutouts[0].center + curve.places[k], curve.grippers[k])
+        if gets_there(simulator, gripper, curve.ends[k], task.initial):
+            turn = 0.0 if task.start is None else angle_between(
+                gripper.rotation, task.start.rotation)
+            cost[k] = _PREFERENCE * turn**2
+    return cost
+
+
 def certificate(simulator: DirectSimulator, cutout: CutOut, depths: Floats) -> str:
     """Return in words at which depths (n,), m, stable shapes pass a cut-out, as `Infeasible` does.
 
@@ -328,9 +253,7 @@ def certificate(simulator: DirectSimulator, cutout: CutOut, depths: Floats) -> s
     shapes = hanging_shapes(quick.surroundings, grid_nodes(quick))
     if shapes is None:
         return ''
-    aligned = Aligned(quick, cutout.normal)
-    looked_at = np.unique(np.linspace(depths[0], depths[-1], _CURVES))
-    layers = [aligned.crossings(shapes, depth) for depth in looked_at]
+    looked_at, layers = _layers(quick, shapes, cutout.normal, depths)
     stable = np.array([len(layer) > 0 for layer in layers])
     reached = len(sweep(layers, np.zeros(len(layers[0])), quick.rod.length)[0])
     begin = (f'of {len(shapes.stability)} shapes in which the DLO hangs, {looked_at.size} depths '
@@ -348,36 +271,6 @@ def certificate(simulator: DirectSimulator, cutout: CutOut, depths: Floats) -> s
     return f'{begin}stable ones are along the normal at each, in reach of each other'
 
 
-def _route(simulator: DirectSimulator, shapes: HangingShapes, task: Threading) -> Route | None:
-    """Return the Route through the curves of all depths, or of some where there are many."""
-    aligned = Aligned(simulator, task.cutout.normal)
-    depths = np.unique(np.linspace(task.depths[0], task.depths[-1], _CURVES))
-    layers = [aligned.crossings(shapes, depth) for depth in depths]
-    return find_route(layers, depths, _starts(simulator, layers[0], task), simulator.rod.length)
-
-
-def _starts(simulator: DirectSimulator, curve: Crossings, task: Threading) -> Floats:
-    """Return the cost (m,) of beginning at each of the Crossings; infinite where it cannot.
-
-    The DLO has to take the shape by itself. Among these shapes the cost is least where the gripper
-    is turned least from `start`.
-    """
-    cost = np.full(len(curve), np.inf)
-    most = _STARTS[task.initial is not None]
-    for k in np.unique(np.linspace(0, len(curve) - 1, min(len(curve), most)).astype(int)):
-        gripper = Pose.from_rotation(task.cutout.center + curve.places[k], curve.grippers[k])
-        if gets_there(simulator, gripper, curve.ends[k], task.initial):
-            turn = 0.0 if task.start is None else angle_between(
-                gripper.rotation, task.start.rotation)
-            cost[k] = _PREFERENCE * turn**2
-    return cost
-
-
-def _depth(task: Threading, refused: Infeasible) -> tuple[float, bool]:
-    """Return what orders refusals: the depth reached, and whether only the start failed."""
-    return task.depths[refused.waypoint], refused.constraint == 'start'
-
-
 def trim_to_clearance(plan: Plan, cutout: CutOut, clearance: float, may_end: bool) -> Plan:
     """Return the part of a Plan in which the gripper is `clearance` m before the sheet."""
     rooms = np.array([(cutout.center - gripper.position) @ cutout.normal
@@ -391,9 +284,6 @@ def trim_to_clearance(plan: Plan, cutout: CutOut, clearance: float, may_end: boo
                      f'{rooms[index]:.3g} m before the sheet, gripper_clearance = {clearance:g} m',
                      index, 'gripper_clearance', float(clearance - rooms[index]),
                      truncate(plan, index, PlanStatus.PARTIAL))
-
-
-_HALVINGS = 6  # of the depth between the last waypoint that is reached and the next one
 
 
 def deepest(planned: Callable[[Floats], Plan], depths: Floats) -> Plan:
@@ -466,14 +356,11 @@ class Thread(Task):
         depths, demands = depths_on(context.rod.length, self.depths), context.demands
 
         def planned(depths: Floats) -> Plan:
-            try:
-                return thread(context.without_obstacles, Threading(
-                    self.cutout, depths, context.start, context.initial, demands, self.method))
-            except Infeasible as error:
-                if error.constraint in NO_WAY:
-                    error.prove = partial(certificate, context.without_obstacles, self.cutout,
-                                          depths)
-                raise
+            free = context.without_obstacles
+            return with_certificate(
+                partial(thread, free, Threading((self.cutout,), depths, context.start, demands,
+                                                context.initial, self.method)),
+                partial(certificate, free, self.cutout, depths))
 
         plan = deepest(planned, depths) if self.as_deep_as_possible else planned(depths)
         if self.gripper_clearance is None:

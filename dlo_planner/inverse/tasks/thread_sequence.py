@@ -10,15 +10,14 @@ continuous: the DLO, extended straight, aims at it.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.inverse.continuation import Family, Follower, Passing, continue_family
 from dlo_planner.inverse.equilibria import is_axisymmetric
 from dlo_planner.inverse.nearest_goals import nearest_goals
 from dlo_planner.inverse.route import quick_simulator, thinned
@@ -30,18 +29,16 @@ from dlo_planner.model.checks import instance, items, row
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.model.value import put
-from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
+from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import PlanRequirements
 from dlo_planner.plan.continuity import largest_shift, largest_turn
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.goals import Through
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import Holes, waypoint_at
+from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 _BLEND = 0.25         # of the length: from there on a cut-out ahead counts
-_LONGEST_STEP = 1 / 20  # of the length: depth steps of the continuation
 _FREE = 1e-3          # weight of the first normal, which decides only what is left free
-_SHORTEST_STEP = 1 / 200
 _SOON = 0.02          # share of a third one at which the second counts in full
 _COMPARED, _ROLLS = 8, 4  # depths and rolls at which start_candidates are compared
 _HIT = 0.01           # of the length: misses that need no comparison
@@ -49,166 +46,129 @@ _BETTER = 0.5         # of the squared misses: what another roll has to gain
 _PART = 0.7           # of the largest turn and shift, so that both together are no leap
 
 
-@dataclass(frozen=True)
-class CutoutSequence:
-    """A threading through k cut-outs.
+class NearestToCenters(Family):
+    """The shapes nearest to the centers of k cut-outs, with weights (k,), at depths in the first.
 
-    Attributes
-    ----------
-    cutouts : tuple of CutOut
-        The k cut-outs.
-    weights : ndarray, shape (k,)
-        Weights of their distances.
-    depths : ndarray, shape (n,)
-        Depths in the first one, m.
-    start : Pose or None
-        Pose whose roll is kept as far as possible.
-    demands : PlanRequirements
+    A step is kept in a ball about the shape before; if the nearest shape is farther away, it goes
+    towards it.
     """
 
-    cutouts: tuple[CutOut, ...]
-    weights: Floats
-    depths: Floats
-    start: Pose | None
-    demands: PlanRequirements
+    what = 'that are nearest to the centers'
+    longest, shortest = 1 / 20, 1 / 200
+    soft = True
 
-    @cached_property
-    def centers(self) -> Floats:
-        """(k, 3) m."""
-        return np.array([cutout.center for cutout in self.cutouts], dtype=float)
-
-    @cached_property
-    def apart(self) -> Floats:
-        """(k,) how deep a straight DLO is as its free end reaches each center, m."""
+    def __init__(self, simulator: DirectSimulator, cutouts: Sequence[CutOut],
+                 weights: Floats) -> None:
+        self.simulator, self.weights = simulator, weights
+        self.normals = [cutout.normal for cutout in cutouts]
+        self.centers = np.array([cutout.center for cutout in cutouts], dtype=float)
         legs = np.linalg.norm(np.diff(self.centers, axis=0), axis=1)
-        return np.concatenate([[0.0], legs.cumsum()])
+        self._reached = np.append(0.0, legs.cumsum())  # depth of a straight DLO at each center
+
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing at `depth` (m) near `before`, which leaves no roll free, or None."""
+        del roll
+        length = self.simulator.rod.length
+        part = (depth - before.depth) / length
+        shape = nearest_goals(self.simulator, self._goals(depth, before.shape.gripper),
+                              before.shape, _PART * largest_turn(part),
+                              _PART * largest_shift(part) * length)
+        if shape is None:
+            return None
+        further: list[float] = []
+        for center in self.centers[1:] if final else ():
+            s = Through(center, length - depth).passage(shape)
+            if s > length:
+                break
+            further.append(s)
+        return Passing(shape, shape.gripper.position - self.centers[0], tuple(further), depth)
+
+    def _goals(self, depth: float, gripper: Pose) -> GoalTable:
+        """Return what the DLO should be like at a depth, m, after the gripper was at a Pose."""
+        length = self.simulator.rod.length
+        share = np.clip((depth - self._reached) / (_BLEND * length) + 1, 0, 1)
+        share = share**2 * (3 - 2 * share)
+        weights = self.weights * share
+        weights[0] = self.weights[0]
+        if share[1] > 0:
+            # Two can be hit, whatever the weight: so the second one may decide what the normal did,
+            # and has to count in full before a third one does.
+            second = share[1] * max(_FREE, min(1.0, share[2] / _SOON))
+            weights[1] = self.weights[1] * (1.0 if share[1] == 1 else second)
+        further, rotation = len(weights) - 1, np.array(gripper.rotation)
+        return GoalTable(
+            np.array([POSITION, DIRECTION, *[THROUGH] * further, ROLL]),
+            np.full(further + 3, length - depth),
+            np.vstack([self.centers[0], self.normals[0], self.centers[1:], rotation[:, 0]]),
+            np.tile(rotation, (further + 3, 1, 1)),
+            np.array([weights[0], _FREE * float(1 - share[1]) * length, *weights[1:],
+                      _FREE * length]))
 
 
-def thread_sequence(simulator: DirectSimulator, cutouts: tuple[CutOut, ...], weights: Floats,
-                    depths: Floats, start: Pose | None, demands: PlanRequirements) -> Plan:
+def thread_sequence(simulator: DirectSimulator, task: Threading, weights: Floats) -> Plan:
     """Return the Plan; see `InverseSimulator.thread_sequence` for what the arguments mean.
 
     Several rolls to begin with are compared, with a quick simulator at a few depths; the one with
     the smallest errors is taken.
     """
-    task = CutoutSequence(cutouts, weights, depths, start, demands)
     quick = quick_simulator(simulator)
     if quick is simulator and is_axisymmetric(simulator.rod):
-        return _thread(simulator, task)  # all rolls are alike
-    few = replace(task, depths=thinned(depths, _COMPARED), demands=demands.silent(quick))
-    best: CutoutSequence | None = None
+        return _thread(simulator, task, weights)  # all rolls are alike
+    few = replace(task, depths=thinned(task.depths, _COMPARED), demands=task.demands.silent(quick))
+    best: Threading | None = None
     least, refused = np.inf, None
-    for begin in _rolled(simulator, task):
-        demands.progress.check()
+    for start in _rolled(simulator, task):
+        task.demands.progress.check()
         try:
-            plan = _thread(quick, replace(few, start=begin))
+            plan = _thread(quick, replace(few, start=start), weights)
         except Infeasible as error:
             refused = refused or error
             continue
         missed = sum((weight * miss) ** 2 for misses in plan.position_errors
                      for weight, miss in zip(weights, misses, strict=False))
         if missed < _BETTER * least:
-            least, best = missed, replace(task, start=begin)
+            least, best = missed, replace(task, start=start)
         if missed <= (_HIT * simulator.rod.length) ** 2 * max(weights) ** 2:
             break
     if best is None:
-        if quick is simulator and len(few.depths) < len(depths):
-            return _thread(simulator, task)  # closer waypoints may do, or tell more
+        if quick is simulator and len(few.depths) < len(task.depths):
+            return _thread(simulator, task, weights)  # closer waypoints may do, or tell more
         assert refused is not None  # one roll is tried at least
         raise refused
-    return _thread(simulator, best)
+    return _thread(simulator, best, weights)
 
 
-def _rolled(simulator: DirectSimulator, task: CutoutSequence) -> Iterator[Pose | None]:
+def _rolled(simulator: DirectSimulator, task: Threading) -> Iterator[Pose | None]:
     """Yield Poses, or None, from whose roll the DLO is turned least; first the requested one."""
     yield task.start
     if is_axisymmetric(simulator.rod):
         return
-    first = task.cutouts[0]
-    upright = (Pose.looking_along((0.0, 0.0, 0.0), first.normal) if task.start is None
+    upright = (Pose.looking_along((0.0, 0.0, 0.0), task.cutouts[0].normal) if task.start is None
                else task.start)
     for k in range(1, _ROLLS):
         turn = turned_by(2 * np.pi * k / _ROLLS * upright.direction)
         yield Pose.from_rotation(upright.position, turn @ upright.rotation)
 
 
-def _thread(simulator: DirectSimulator, task: CutoutSequence) -> Plan:
+def _thread(simulator: DirectSimulator, task: Threading, weights: Floats) -> Plan:
     """Return the Plan that begins with the roll of `task.start`."""
-    length, demands, centers = simulator.rod.length, task.demands, task.centers
-    holes = Holes(task.cutouts, length, demands.obstacles, demands.surface)
-    builder = PlanBuilder(task.depths, demands)
-    begin = thread(simulator, Threading(
-        task.cutouts[0], np.zeros(1), task.start, None,
-        PlanRequirements(demands.speeds, demands.progress.silent())))
-    shape, depth = begin.shapes[0], 0.0
-    for target in task.depths:
-        shape, depth = _follow(simulator, task, shape, depth, target)
-        if depth < target:
-            raise builder.refusal('equilibrium', target - depth, 'no stable shape was found that '
-                                  f'is nearest to the centers beyond depth {depth:g} m')
-        refusal = refusal_for_leap(simulator, builder, shape)
-        if refusal is not None:
-            raise refusal
-        waypoint = waypoint_at(shape, centers[0], length - target, None)
-        for center in centers[1:]:
-            s = Through(center, length - target).passage(shape)
-            if s > length:
-                break
-            waypoint = waypoint.with_via_point(center, s)
-        for k, (cutout, (_, s, _)) in enumerate(zip(task.cutouts, waypoint.via_points,
-                                                    strict=False)):
-            along = float(shape.frame_at(s)[0][:, 0] @ cutout.normal)
-            if along <= 0:
-                raise builder.refusal('direction', -along, f'the DLO would pass cut-out {k} '
-                                      'against its direction')
-        builder.add(holes.passed(waypoint))
+    family = NearestToCenters(simulator, task.cutouts, weights)
+    begin = thread(simulator, replace(
+        task, cutouts=task.cutouts[:1], depths=np.zeros(1), demands=PlanRequirements(
+            task.demands.speeds, task.demands.progress.silent()))).shapes[0]
+    holes, length, (first, *others) = task.holes(begin.s[-1]), begin.s[-1], family.centers
+
+    def waypoint(passing: Passing) -> Waypoint:
+        made = waypoint_at(passing.shape, first, length - passing.depth, None)
+        for center, s in zip(others, passing.further, strict=False):
+            made = made.with_via_point(center, s)
+        return holes.passed(made)
+
+    builder = PlanBuilder(task.depths, task.demands)
+    continue_family(builder, Follower(family, Passing(begin, begin.gripper.position - first,
+                                                      depth=0.0), 0.0, task.depths), waypoint)
     return builder.finished()
-
-
-def _goals(task: CutoutSequence, depth: float, length: float, gripper: Pose) -> GoalTable:
-    """Return what the DLO should be like at a depth, m, after the gripper was at a Pose."""
-    share = np.clip((depth - task.apart) / (_BLEND * length) + 1, 0, 1)
-    share = share**2 * (3 - 2 * share)
-    weights = task.weights * share
-    weights[0] = task.weights[0]
-    if share[1] > 0:
-        # Two can be hit, whatever the weight: so the second one may decide what the normal did,
-        # and has to count in full before a third one does.
-        second = share[1] * max(_FREE, min(1.0, share[2] / _SOON))
-        weights[1] = task.weights[1] * (1.0 if share[1] == 1 else second)
-    further, rotation = len(weights) - 1, np.array(gripper.rotation)
-    return GoalTable(
-        np.array([POSITION, DIRECTION, *[THROUGH] * further, ROLL]),
-        np.full(further + 3, length - depth),
-        np.vstack([task.centers[0], task.cutouts[0].normal, task.centers[1:], rotation[:, 0]]),
-        np.tile(rotation, (further + 3, 1, 1)),
-        np.array([weights[0], _FREE * float(1 - share[1]) * length, *weights[1:], _FREE * length]))
-
-
-def _follow(simulator: DirectSimulator, task: CutoutSequence, shape: Shape, depth: float,
-            goal: float) -> tuple[Shape, float]:
-    """Return the Shape nearest to the centers at the depth `goal`, and how far it came, m.
-
-    The nearest shape may be far from the one at `depth`, m: then the DLO goes towards it by one
-    step.
-    """
-    length = simulator.rod.length
-    step = _LONGEST_STEP * length
-    while True:
-        task.demands.progress.check()
-        target = min(goal, depth + step)
-        part = (target - depth) / length
-        nearest = nearest_goals(simulator, _goals(task, target, length, shape.gripper), shape,
-                                _PART * largest_turn(part), _PART * largest_shift(part) * length)
-        if nearest is not None:
-            shape, depth = nearest, target
-            if depth == goal:
-                break
-        elif step > _SHORTEST_STEP * length and target > depth:
-            step /= 2
-        else:
-            break
-    return shape, depth
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -248,9 +208,9 @@ class ThreadSequence(Task):
         if len(self.cutouts) <= 2:
             return threading_of(self.cutouts, self.depths).solve(context)
         weights = np.ones(len(self.cutouts)) if self.weights is None else self.weights
-        return thread_sequence(context.without_obstacles, self.cutouts, weights,
-                               depths_on(context.rod.length, self.depths), context.start,
-                               context.demands)
+        return thread_sequence(context.without_obstacles, Threading(
+            self.cutouts, depths_on(context.rod.length, self.depths), context.start,
+            context.demands), weights)
 
 
 def threading_of(cutouts: Sequence[CutOut],

@@ -11,10 +11,10 @@ is passed in its direction, possibly obliquely.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,30 +22,34 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import (
-    Ahead,
     Aligned,
-    Condition,
+    Family,
+    Follower,
     Passing,
     Step,
     TwoPoints,
     as_replayed,
-    refusal_for_step,
-    step_to,
+    refusal_for,
 )
-from dlo_planner.inverse.equilibria import Crossings, HangingShapes, hanging_shapes, with_free_end
+from dlo_planner.inverse.equilibria import (
+    Crossings,
+    HangingShapes,
+    hanging_shapes,
+    with_free_end,
+)
 from dlo_planner.inverse.route import (
     Route,
     gets_there,
     grid_nodes,
     motion,
     picked,
+    plan_family,
     quick_simulator,
     sweep,
-    thinned,
+    with_certificate,
 )
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
-from dlo_planner.inverse.tasks.thread import NO_WAY, Threading, first_choice
-from dlo_planner.minimize.newton import NEUTRAL
+from dlo_planner.inverse.tasks.thread import Threading, first_choice
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import instance
 from dlo_planner.model.cutout import CutOut
@@ -54,72 +58,191 @@ from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import PlanRequirements
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import Holes, waypoint_of
+from dlo_planner.plan.waypoint import waypoint_of
 
 _CURVES = 16        # depths at which a route is looked for, before the change and after it
 _CHANGES = 8        # changes that are tried
 _UNLIKE = 0.3       # rad: between the grippers of two that are tried
 _BEGINNINGS = 12    # of a route back that are examined
+_GUESSES = 9
+_DEMANDED = 4       # changes that are tried where a demand refuses them
+_FEW = 16           # waypoints at most where a way is only looked for
 
 
 @dataclass(frozen=True)
 class Change:
-    """The change of the motion: the free end is at the second center.
-
-    Attributes
-    ----------
-    passing : Passing
-    depth : float
-        Depth in m, in the first cut-out.
-    back : Route or None
-        Route before it.
-    on : Route or None
-        Route after it.
-    """
+    """The change of the motion: the free end is at the second center; routes before and after."""
 
     passing: Passing
-    depth: float
     back: Route | None = None
     on: Route | None = None
 
 
-@dataclass(frozen=True)
-class Pair:
-    """A threading through two cut-outs.
+def _chord(task: Threading) -> Floats:
+    """Return (3,) from the first center to the second, m."""
+    first, second = task.cutouts
+    return second.center - first.center
 
-    Attributes
-    ----------
-    first : CutOut
-    second : CutOut
-    depths : ndarray, shape (n,)
-        Depths in the first one, m.
-    start : Pose or None
-        Pose whose roll is kept as far as possible.
-    demands : PlanRequirements
+
+def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
+    """Return the Plan of a Threading; see `InverseSimulator.thread_two`.
+
+    As in `thread`, the search uses a quick simulator; it first follows one shape, then it uses the
+    sphere of all shapes, which takes a while: it is made once, and only if it is needed.
     """
+    if np.linalg.norm(_chord(task)) < 1e-6 * simulator.rod.length:
+        raise InvalidTask('second: expected another center than the first cut-out\'s')
+    quick = quick_simulator(simulator)
+    own = quick is simulator
+    trial = task if own else replace(task, demands=task.demands.silent(quick))
+    shapes = cache(lambda: hanging_shapes(quick.surroundings, grid_nodes(quick)))
 
-    first: CutOut
-    second: CutOut
-    depths: Floats
-    start: Pose | None
-    demands: PlanRequirements
+    def others(refused: Infeasible | None) -> Iterator[Change]:
+        del refused
+        sphere = shapes()
+        return iter(()) if sphere is None else other_changes(quick, trial, sphere)
 
-    def at_most(self, most: int) -> Pair:
-        """Return the same at `most` of its depths, its steps unreported; itself if that is all."""
-        if len(self.depths) <= most:
-            return self
-        return replace(self, depths=thinned(self.depths, most), demands=self.demands.silent())
+    def planned(task: Threading, change: Change) -> Plan:
+        return _thread_through(quick, task, change)
 
-    @property
-    def chord(self) -> Floats:
-        """(3,) from the first center to the second, m."""
-        return self.second.center - self.first.center
+    try:
+        plan, change = plan_family(trial, planned, _straight_there(quick, trial), others, _FEW,
+                                   _DEMANDED)
+    except LookupError:
+        raise _unreached(quick, trial, shapes()) from None
+    if own:
+        return plan
+    shape = simulator.solve(change.passing.shape.gripper, change.passing.shape)
+    refined = TwoPoints(simulator, _chord(task)).from_end(
+        shape, change.passing.depth) if shape.converged else None
+    if refined is None:
+        raise _unreached(simulator, task)
+    return _thread_through(simulator, task, replace(change, passing=refined))
 
 
-def other_changes(simulator: DirectSimulator, task: Pair,
+def _thread_through(simulator: DirectSimulator, task: Threading, change: Change) -> Plan:
+    """Return the Plan that goes through a Change, before and after it; raise Infeasible."""
+    length, depths, at = simulator.rod.length, task.depths, change.passing.depth
+    (first, second), builder = task.cutouts, PlanBuilder(task.depths, task.demands)
+    aligned = Aligned(simulator, change.passing.shape.frame_at(length - at)[0][:, 0])
+    aligned.normals = (first.normal,)
+    two = TwoPoints(simulator, _chord(task))
+    two.normals = (first.normal, second.normal)
+    if depths[0] < at and aligned.normal @ first.normal <= 0:  # so it is from the beginning
+        raise builder.refusal('direction', -float(aligned.normal @ first.normal), 'the DLO would '
+                              'pass cut-out 0 against its direction')
+    before = depths < at
+    steps: dict[int, Step] = {}
+    parts: tuple[tuple[Family, Route | None, Ints], ...] = (
+        (aligned, change.back, np.flatnonzero(before)[::-1]),
+        (two, change.on, np.flatnonzero(~before)))
+    for family, route, order in parts:
+        follower = Follower(family, change.passing, at, depths[order], route)
+        for k, index in enumerate(order):
+            task.demands.progress.check()
+            steps[int(index)] = step = follower.step(k)
+            if step.passing is None or family.against(step.passing):
+                break
+        if len(steps) < before.sum():
+            break  # it is refused before the change
+    holes, last = task.holes(length), None
+    for index, depth in enumerate(depths):
+        family = aligned if before[index] else two
+        step = steps.get(index, Step(None, at))  # none: those back from the change ended before
+        refusal = refusal_for(builder, family, last, step)
+        if refusal is not None or step.passing is None:
+            assert refusal is not None  # else there is one
+            raise refusal
+        last = as_replayed(family, builder.last, step.passing)
+        waypoint = waypoint_of(last.shape, first.center, length - depth, None, last.known)
+        for s in last.further if family is two else ():
+            waypoint = waypoint.with_via_point(second.center, s)
+        builder.add(holes.passed(waypoint))
+    return builder.finished()
+
+
+def _unreached(simulator: DirectSimulator, task: Threading,
+               shapes: HangingShapes | None = None) -> Infeasible:
+    """Return Infeasible: both centers cannot be passed at once."""
+    apart = float(np.linalg.norm(_chord(task)))
+    missing = max(apart - simulator.rod.length, 0.0)
+    builder = PlanBuilder(task.depths, task.demands)
+    if shapes is not None:
+        begin = _no_beginning(simulator, task, shapes)
+        if begin is not None:
+            return builder.refusal(
+                begin.constraint, begin.amount, 'stable shapes pass both centers, but the DLO, set '
+                'down in its natural shape, falls into none that leads to them')
+        missing = TwoPoints(simulator, _chord(task)).least_miss(shapes)
+    waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
+    return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
+                      'their directions as the free end reaches the second one', waypoint, 'reach',
+                      missing, builder.partial())
+
+
+def certificate(simulator: DirectSimulator, task: Threading) -> str:
+    """Return in words how many stable shapes pass both centers at once, as `Infeasible` does."""
+    quick = quick_simulator(simulator)
+    shapes = hanging_shapes(quick.surroundings, grid_nodes(quick))
+    if shapes is None:
+        return ''
+    _, depths, _ = at_the_second(quick, task, shapes)
+    begin = f'of {len(shapes.stability)} shapes in which the DLO hangs, '
+    if depths.size:
+        return (f'{begin}about {depths.size} stable ones pass both centers in their directions as '
+                f'the free end comes to the second, {depths.min():.4g} to {depths.max():.4g} m '
+                'deep in the first')
+    least = TwoPoints(quick, _chord(task)).least_miss(shapes)
+    return (f'{begin}no stable one passes both centers in their directions as the free end comes '
+            f'to the second; it is missed by {least:.3g} m at least')
+
+
+def _no_beginning(simulator: DirectSimulator, task: Threading,
+                  shapes: HangingShapes) -> Infeasible | None:
+    """Return why the DLO cannot begin along any direction that leads through both; None if it can.
+
+    It is the Infeasible with the smallest amount, of the constraint 'start' if there is one.
+    """
+    _, depths, along = at_the_second(simulator, task, shapes)
+    along, refusals = along[depths > task.depths[0]], []
+    for direction in along[::max(1, len(along) // _GUESSES)]:
+        try:
+            first_choice(simulator, _alone(task, direction, task.depths[:1]))
+        except Infeasible as error:
+            refusals.append(error)
+        else:
+            return None
+    return min(refusals, default=None, key=lambda one: (one.constraint != 'start', one.amount))
+
+
+def _alone(task: Threading, direction: Floats, depths: Floats) -> Threading:
+    """Return the threading through the first center alone, along a direction (3,)."""
+    cutout = CutOut(Pose.looking_along(task.cutouts[0].center, direction))
+    return Threading((cutout,), depths, task.start, PlanRequirements((1.0, 1.0)))
+
+
+def _straight_there(simulator: DirectSimulator, task: Threading) -> Change | None:
+    """Return the Change found by a threading along the line to the second center, or None."""
+    chord = _chord(task)
+    for share in np.linspace(1.0, 1.4, _GUESSES):
+        depth = share * float(np.linalg.norm(chord))
+        if depth >= simulator.rod.length:
+            return None
+        task.demands.progress.check()
+        try:
+            plan = first_choice(simulator, _alone(task, chord, np.linspace(0, depth, 6)))
+        except Infeasible:
+            continue
+        found = TwoPoints(simulator, chord).from_end(plan.shapes[-1], depth)
+        if found is not None:
+            return Change(found)
+    return None
+
+
+def other_changes(simulator: DirectSimulator, task: Threading,
                   shapes: HangingShapes) -> Iterator[Change]:
     """Yield Changes with their Routes, found among all HangingShapes, the best first."""
-    condition = TwoPoints(simulator, task.chord)
+    condition = TwoPoints(simulator, _chord(task))
     changes, depths, along = at_the_second(simulator, task, shapes)
     routes_on = _routes_on(condition, shapes, changes, depths, task)
     for k in _unlike(changes, np.array([cost for cost, _ in routes_on])):
@@ -131,18 +254,19 @@ def other_changes(simulator: DirectSimulator, task: Pair,
         shape = simulator.solve(guess.gripper, guess)
         solved = condition.from_end(shape, depths[k]) if shape.converged else None
         if solved is not None:
-            yield Change(*solved, back, routes_on[k][1])
+            yield Change(solved, back, routes_on[k][1])
 
 
-def at_the_second(simulator: DirectSimulator, task: Pair,
+def at_the_second(simulator: DirectSimulator, task: Threading,
                   shapes: HangingShapes) -> tuple[Crossings, Floats, Floats]:
     """Return all Crossings whose free end is at the second center, in the right directions.
 
     And their depths (m,) and directions (m, 3) in the first one.
     """
-    changes, depths = TwoPoints(simulator, task.chord).last_crossings(shapes)
+    changes, depths = TwoPoints(simulator, _chord(task)).last_crossings(shapes)
     along = _directions(shapes, changes, simulator.rod.length - depths)
-    right = (along @ task.first.normal > 0) & (changes.ends[:, :, 0] @ task.second.normal > 0)
+    first, second = task.cutouts
+    right = (along @ first.normal > 0) & (changes.ends[:, :, 0] @ second.normal > 0)
     return changes.chosen(right), depths[right], along[right]
 
 
@@ -166,7 +290,7 @@ def _unlike(changes: Crossings, costs: Floats) -> Iterator[int]:
 
 
 def _routes_on(condition: TwoPoints, shapes: HangingShapes, changes: Crossings, depths: Floats,
-               task: Pair) -> list[tuple[float, Route | None]]:
+               task: Threading) -> list[tuple[float, Route | None]]:
     """Return [(cost, Route or None)] of going on from each change to the deepest waypoint."""
     length, deepest = shapes.s[-1], task.depths[-1]
     if not len(changes):
@@ -201,7 +325,7 @@ def _routes_on(condition: TwoPoints, shapes: HangingShapes, changes: Crossings, 
 
 
 def _route_back(simulator: DirectSimulator, shapes: HangingShapes, change: Crossings, depth: float,
-                direction: Floats, task: Pair) -> Route | None:
+                direction: Floats, task: Threading) -> Route | None:
     """Return the Route from a change (Crossings of one) to where the DLO begins, or None."""
     length, first = simulator.rod.length, task.depths[0]
     if first >= depth:
@@ -222,240 +346,6 @@ def _route_back(simulator: DirectSimulator, shapes: HangingShapes, change: Cross
                                          zip(layers, picks, strict=True)]),
                          layers[-1].ends[best], length, True)
     return None
-
-
-_GUESSES = 9
-_DEMANDED = 4  # changes that are tried where a demand refuses them
-_FEW = 16  # waypoints at most where a way is only looked for
-
-
-def thread_two(simulator: DirectSimulator, first: CutOut, second: CutOut, depths: Floats,
-               start: Pose | None, demands: PlanRequirements) -> Plan:
-    """Return the Plan; see `InverseSimulator.thread_two` for what the arguments mean.
-
-    As in `thread`, the search uses a quick simulator; it first follows one shape, then it uses the
-    sphere of all shapes.
-    """
-    task = Pair(first, second, depths, start, demands)
-    if np.linalg.norm(task.chord) < 1e-6 * simulator.rod.length:
-        raise InvalidTask('second: expected another center than the first cut-out\'s')
-    quick = quick_simulator(simulator)
-    plan, change = _search(quick, task if quick is simulator else
-                           replace(task, demands=demands.silent(quick)))
-    if quick is simulator:
-        return plan
-    refined = _refined(simulator, task, change)
-    if refined is None:
-        raise _unreached(simulator, task)
-    return _thread_through(simulator, task, refined)
-
-
-def _search(simulator: DirectSimulator, task: Pair) -> tuple[Plan, Change]:
-    """Return a Plan and the Change that it makes."""
-    # all hanging shapes take a while: they are made once, and only if they are needed
-    shapes = cache(lambda: hanging_shapes(simulator.surroundings, grid_nodes(simulator)))
-    few, best = task, None
-    for number, change in enumerate(_changes(simulator, task, shapes)):
-        task.demands.progress.check()
-        if number >= _DEMANDED and best is not None and best[-1].constraint not in NO_WAY:
-            break  # a demand that refuses so many refuses all
-        tried = few
-        try:
-            if few is not task:
-                _thread_through(simulator, few, change)
-            tried = task
-            return _thread_through(simulator, task, change), change
-        except Infeasible as error:
-            depth = tried.depths[error.waypoint]
-            if best is None or depth > best[0]:
-                best = depth, change, tried, error
-        few = task.at_most(_FEW)
-    if best is None:
-        raise _unreached(simulator, task, shapes())
-    _, change, tried, refused = best
-    if tried is not task:  # the same at all depths, as evidence
-        return _thread_through(simulator, task, change), change
-    raise refused
-
-
-def _changes(simulator: DirectSimulator, task: Pair,
-             shapes: Callable[[], HangingShapes | None]) -> Iterator[Change]:
-    """Yield Changes: first the one found by following a single shape, if there is one."""
-    change = _straight_there(simulator, task)
-    if change is not None:
-        yield change
-    sphere = shapes()
-    if sphere is not None:
-        yield from other_changes(simulator, task, sphere)
-
-
-def _unreached(simulator: DirectSimulator, task: Pair,
-               shapes: HangingShapes | None = None) -> Infeasible:
-    """Return Infeasible: both centers cannot be passed at once."""
-    apart = float(np.linalg.norm(task.chord))
-    missing = max(apart - simulator.rod.length, 0.0)
-    if shapes is not None:
-        begin = _no_beginning(simulator, task, shapes)
-        if begin is not None:
-            return PlanBuilder(task.depths, task.demands).refusal(
-                begin.constraint, begin.amount, 'stable shapes pass both centers, but the DLO, set '
-                'down in its natural shape, falls into none that leads to them')
-        missing = TwoPoints(simulator, task.chord).least_miss(shapes)
-    waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
-    return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
-                      'their directions as the free end reaches the second one', waypoint, 'reach',
-                      missing, PlanBuilder(task.depths, task.demands).partial())
-
-
-def _no_beginning(simulator: DirectSimulator, task: Pair,
-                  shapes: HangingShapes) -> Infeasible | None:
-    """Return why the DLO cannot begin along any direction that leads through both; None if it can.
-
-    It is the Infeasible with the smallest amount, of the constraint 'start' if there is one.
-    """
-    _, depths, along = at_the_second(simulator, task, shapes)
-    along, refusals = along[depths > task.depths[0]], []
-    for direction in along[::max(1, len(along) // _GUESSES)]:
-        begin = CutOut(Pose.looking_along(task.first.center, direction))
-        try:
-            first_choice(simulator, Threading(begin, task.depths[:1], task.start, None,
-                                              PlanRequirements((1.0, 1.0))))
-        except Infeasible as error:
-            refusals.append(error)
-        else:
-            return None
-    return min(refusals, default=None, key=lambda one: (one.constraint != 'start', one.amount))
-
-
-def _straight_there(simulator: DirectSimulator, task: Pair) -> Change | None:
-    """Return the Change found by a threading along the line to the second center, or None."""
-    length, apart = simulator.rod.length, float(np.linalg.norm(task.chord))
-    along = CutOut(Pose.looking_along(task.first.center, task.chord))
-    for share in np.linspace(1.0, 1.4, _GUESSES):
-        depth = share * apart
-        if depth >= length:
-            return None
-        task.demands.progress.check()
-        try:
-            plan = first_choice(simulator, Threading(along, np.linspace(0, depth, 6), task.start,
-                                                     None, PlanRequirements((1.0, 1.0))))
-        except Infeasible:
-            continue
-        solved = TwoPoints(simulator, task.chord).from_end(plan.shapes[-1], depth)
-        if solved is not None:
-            return Change(*solved)
-    return None
-
-
-def _refined(simulator: DirectSimulator, task: Pair, change: Change) -> Change | None:
-    """Return the same Change, found with another simulator, or None."""
-    shape = simulator.solve(change.passing.shape.gripper, change.passing.shape)
-    if not shape.converged:
-        return None
-    solved = TwoPoints(simulator, task.chord).from_end(shape, change.depth)
-    return None if solved is None else replace(change, passing=solved[0], depth=solved[1])
-
-
-def _thread_through(simulator: DirectSimulator, task: Pair, change: Change) -> Plan:
-    """Return the Plan that goes through a Change, before and after it."""
-    length, depths = simulator.rod.length, task.depths
-    direction = change.passing.shape.frame_at(length - change.depth)[0][:, 0]
-    along = float(direction @ task.first.normal)
-    if along <= 0 and depths[0] < change.depth:  # it is passed along `direction` from the beginning
-        raise _direction_refusal(PlanBuilder(depths, task.demands), 'first', along)
-    steps: dict[int, _Followed] = {}
-    conditions = Aligned(simulator, direction), TwoPoints(simulator, task.chord)
-    parts: tuple[tuple[Condition, Route | None, Ints], ...] = (
-        (conditions[0], change.back, np.flatnonzero(depths < change.depth)[::-1]),
-        (conditions[1], change.on, np.flatnonzero(depths >= change.depth)))
-    for condition, route, order in parts:
-        passing, depth = change.passing, change.depth
-        ahead = (Ahead(condition, depths[order]) if route is None and condition is conditions[0]
-                 else None)
-        for k, index in enumerate(order):
-            task.demands.progress.check()
-            found = None if ahead is None else ahead.passing(passing, k)
-            step = (step_to(condition, passing, depth, depths[index], route) if found is None else
-                    Step(found, float(depths[index]), 0.0, True))
-            against = None if step.passing is None else _against(task, step.passing, step.depth)
-            steps[int(index)] = _Followed(step, against)
-            if step.passing is None or against is not None:
-                break
-            passing, depth = step.passing, step.depth
-        if len(steps) < np.sum(depths < change.depth):
-            break  # it is refused before the change
-    return _judged(simulator, task, change, conditions, steps)
-
-
-class _Followed(NamedTuple):
-    """A Step, and what `_against` returns of its Passing."""
-
-    step: Step
-    against: tuple[str, float] | None
-
-
-def _against(task: Pair, passing: Passing, depth: float) -> tuple[str, float] | None:
-    """Return the name of a cut-out that a Passing passes against its direction, and its cosine."""
-    shape = passing.shape
-    axes = passing.axes if passing.axes is not None else shape.frame_at(shape.s[-1] - depth)[0]
-    passes = [('first', task.first, axes)]
-    if passing.second is not None:
-        passes.append(('second', task.second, shape.frame_at(passing.second)[0]))
-    for name, cutout, axes in passes:
-        along = float(axes[:, 0] @ cutout.normal)
-        if along <= 0:
-            return name, along
-    return None
-
-
-def _direction_refusal(builder: PlanBuilder, name: str, along: float) -> Infeasible:
-    return builder.refusal('direction', -along, f'the DLO would pass the {name} cut-out against '
-                           'its direction')
-
-
-def _judged(simulator: DirectSimulator, task: Pair, change: Change,
-            conditions: tuple[Aligned, TwoPoints], steps: dict[int, _Followed]) -> Plan:
-    """Return the Plan of all waypoints, or raise Infeasible at the first impossible one."""
-    length, builder = simulator.rod.length, PlanBuilder(task.depths, task.demands)
-    holes = Holes([task.first, task.second], length, task.demands.obstacles, task.demands.surface)
-    before = None
-    for index, depth in enumerate(task.depths):
-        # without a step: those back from the change ended before this depth
-        step = steps.get(index, _Followed(Step(None, change.depth, 0.0), None))
-        refusal, passing = _refusal(simulator, task, builder, before, step), step.step.passing
-        if refusal is not None or passing is None:
-            assert refusal is not None  # else there is one
-            raise refusal
-        passing = as_replayed(simulator, conditions[int(depth >= change.depth)], builder.last,
-                              passing, depth)
-        second = passing.second if depth >= change.depth else None
-        waypoint = waypoint_of(passing.shape, task.first.center, length - depth, None,
-                               passing.known)
-        if second is not None:
-            waypoint = waypoint.with_via_point(task.second.center, second)
-        builder.add(holes.passed(waypoint))
-        before = passing
-    return builder.finished()
-
-
-def _refusal(simulator: DirectSimulator, task: Pair, builder: PlanBuilder, before: Passing | None,
-             judged: _Followed) -> Infeasible | None:
-    """Return why a Step does not lead to the next waypoint, or None."""
-    step, against = judged
-    passing, depth = step.passing, task.depths[len(builder.waypoints)]
-    if passing is None and step.leap:
-        return builder.refusal('continuity', step.leap, 'the gripper would have to leap: the '
-                               'shapes that pass the centers turn back there')
-    if passing is None:
-        return builder.refusal('equilibrium', abs(depth - step.depth), 'no equilibrium that passes '
-                               'the centers was found')
-    shape = passing.shape
-    if shape.stability < -NEUTRAL:
-        return builder.refusal('stability', -shape.stability, 'the DLO would not stay there; '
-                               f'stability {shape.stability:.3g} < 0')
-    if against is not None:
-        return _direction_refusal(builder, *against)
-    return refusal_for_step(simulator, builder, before, passing)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -489,6 +379,7 @@ class ThreadTwo(Task):
     def solve(self, context: PlanContext) -> Plan:
         """Return the Plan."""
         instance('context', context, PlanContext)
-        return thread_two(context.without_obstacles, self.first, self.second,
-                          depths_on(context.rod.length, self.depths), context.start,
-                          context.demands)
+        task = Threading((self.first, self.second), depths_on(context.rod.length, self.depths),
+                         context.start, context.demands)
+        free = context.without_obstacles
+        return with_certificate(partial(thread_two, free, task), partial(certificate, free, task))

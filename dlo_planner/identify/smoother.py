@@ -1,0 +1,558 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The most likely state after the looks so far, and its covariance.
+
+An iterated extended Kalman filter (Bell and Cathey 1993: each update is a Gauss-Newton search) in
+information form. A filter that keeps each look linearized at the estimate of its time becomes too
+sure of itself: the difference between two linearizations looks like information about what no look
+shows, such as stiffness against weight. So the looks from the last few poses of the gripper are
+remembered and searched together (a smoother with a fixed lag); older ones stay linearized. The
+robot's wandering error is an unknown at each of these poses, linked to the one before.
+
+Each look is judged before it is believed: by how far it moves the state, in units of what was
+expected (the normalized innovation of a Kalman filter: Bar-Shalom, Li, Kirubarajan 2001, 5.4), by
+how far the points stay off the DLO after it, and by how many of them are none of the DLO's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.stats import chi2
+
+from dlo_planner.direct.accuracy import surely_within
+from dlo_planner.direct.shape import Shape
+from dlo_planner.identify.estimate import Estimate, RobotError, way_between
+from dlo_planner.identify.noise_model import Mixture, mixture, mixture_cost
+from dlo_planner.identify.observation import Observation
+from dlo_planner.identify.residuals import from_either_end, point_residuals
+from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.model.pose import Pose, angle_between
+
+_POSES = 4        # of the gripper, whose looks are remembered
+_LOOKS = 8        # remembered at each of them
+_SAME = 0.02      # of the noise: poses that move the DLO by less are one
+_CONSTANT = 0.25    # of the robot's time: its error hardly changes meanwhile
+_FORGETTING = 0.9   # of what earlier looks say of the consistency, from look to look
+_PRIOR_DOF = 12.0   # degrees of freedom by which it is believed to be good before any look
+_ITERATIONS = 30
+_HALVINGS = 8
+_SETTLED = 1e-3   # mean square of the last step, in standard deviations of the estimate
+_STEADY = 1.05    # ratio of two successive scales of the residuals that count as equal
+_FARTHEST = 0.15  # of the length: by which one step may move a node
+_ENOUGH = 1e-4    # part of the decrease predicted for a step that it has to give (Armijo)
+_STILL = 1e-6     # of the noise: a smaller sway counts as none
+_RARE = 1e-4      # part of the looks that exceed a limit of consistency by chance
+_SEEN = 0.02      # part of a variance by which a look has to lower it to tell of that direction
+_MODEL = 1.5      # ratio of variances that the model's own errors may add to the residuals
+_MORE_OUTLIERS = 0.1  # part of the points by which more may be none of the DLO's than are stated
+
+
+class LookErrors(NamedTuple):
+    """What moves all points of a look together, another one in each, in standard deviations."""
+
+    sway: float = 0.0  # of the free end about its rest along each world axis, m
+    # rotation vector, rad, and way, m, of the gripper in the time by which the stamp may be wrong,
+    # world axes: the DLO moves along with it
+    late: tuple[float, ...] = (0.0,) * 6
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Points of a look less those of a shape."""
+
+    away: Floats    # (m, d) m: across the DLO (d = 2) without arc lengths, along the axes (3) else
+    axes: Floats    # (m, d, 3) directions of these components
+    s: Floats       # (m,) arc lengths of the DLO's points, m
+    tangents: Floats  # (m, 3) there
+    rows: Floats    # (m, d, k) derivatives along `axes` by the LookErrors
+    inside: Bools   # (m,) which arc lengths are known, and not those of the end
+
+    @classmethod
+    def of(cls, shape: Shape, points: Floats, s: Floats | None, errors: LookErrors,
+           bent: Floats | None) -> Look:
+        """Return the Look of points (m, 3), at s (m,) if known; for `bent` see Observer.update."""
+        # the distance along the DLO is left out beyond an end as well: the end itself is hardly
+        # ever among the points
+        off, at, frames, _ = point_residuals(shape, points, s, bent)
+        axes = frames[:, :, 1:].transpose(0, 2, 1) if s is None else np.tile(
+            np.eye(3), (at.size, 1, 1))
+        rows, length = [np.zeros((*axes.shape[:2], 0))], shape.s[-1]
+        if errors.sway:
+            rows.append(axes * (errors.sway * (at / length) ** 2)[:, None, None])
+        if any(errors.late):
+            turn, shift = np.array(errors.late[:3]), np.array(errors.late[3:])
+            arms = points - off - shape.gripper.position
+            rows.append(axes @ (shift + np.cross(turn, arms))[:, :, None])
+        return cls(np.einsum('mij,mj->mi', axes, off), axes, at, frames[:, :, 0],
+                   np.concatenate(rows, axis=2),
+                   np.zeros(at.size, dtype=bool) if s is None else at < length)
+
+
+class Information(NamedTuple):
+    """The information of looks about a state x, to second order about the present one x0.
+
+    Their cost is (x - x0)^T matrix (x - x0) / 2 - vector^T (x - x0), up to a constant.
+    """
+
+    matrix: Floats  # (n, n)
+    vector: Floats  # (n,)
+    scale: float    # noise by which the points were weighed, m
+
+    @classmethod
+    def of(cls, look: Look, slopes: Floats, fit: Mixture) -> Information:
+        """Return the Information of a Look whose predicted points have the derivatives `slopes`.
+
+        Shapes: slopes (m, d, n), along its axes.
+        """
+        root = (np.sqrt(fit.weights) / fit.scale)[:, None]
+        rows = (slopes * root[:, :, None]).reshape(-1, slopes.shape[2])
+        matrix, vector = rows.T @ rows, rows.T @ (look.away * root).ravel()
+        count = look.rows.shape[2]
+        if count:  # eliminated, as it is another one in each look (Schur complement)
+            across = rows.T @ (look.rows * root[:, :, None]).reshape(-1, count)
+            matrix = matrix - across @ fit.inner @ across.T
+            vector = vector - across @ fit.most_likely
+        return cls(matrix, vector, fit.scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframe:
+    """Looks at one pose of the gripper, oldest first."""
+
+    gripper: Pose     # as measured
+    looks: tuple[tuple[Floats, Floats | None], ...]  # points (m, 3), arc lengths (m,) or None
+    shape: Shape      # from which the next search begins
+    noise: float      # m, of these looks
+    errors: LookErrors
+    bent: Floats | None = None  # (k, 3), see `Observer.update`
+    link: float = 0.0   # correlation of the robot's error with that of the keyframe before
+    lasts: float = 0.0  # s from its first look to its last
+
+    def takes(self, other: Keyframe) -> bool:
+        """Return whether looks of another Keyframe can be added to this one."""
+        if self.bent is not None or other.bent is not None:
+            return False
+        near = _SAME * self.noise
+        return (self.noise, self.errors) == (other.noise, other.errors) and (
+            float(np.linalg.norm(self.gripper.position - other.gripper.position)) <= near
+            and self.shape.s[-1] * angle_between(self.gripper.rotation,
+                                                 other.gripper.rotation) <= near)
+
+    def stacked(self) -> Iterator[tuple[Floats, np.ndarray | None]]:
+        """Yield points (m, 3) and arc lengths (m,) or None, look by look if they sway."""
+        if self.errors != LookErrors():
+            yield from self.looks
+            return
+        for known in (True, False):
+            some = [look for look in self.looks if (look[1] is not None) == known]
+            if some:
+                points, s = zip(*some, strict=True)
+                yield np.concatenate(points), np.concatenate(s) if known else None
+
+
+@dataclass(frozen=True, eq=False)
+class Consistency:
+    """How well looks agree with what was expected before them: chi-squares, and their means."""
+
+    innovations: float = 0.0  # by which looks moved the state, and their degrees of freedom
+    expected: float = 0.0
+    residuals: float = 0.0    # of the points' distances from the DLO after each look
+    points: float = 0.0
+
+    def after(self, innovation: float, expected: float, residual: float,
+              points: float) -> Consistency:
+        """Return the Consistency after one more look; what is older counts less and less."""
+        return Consistency(*(_FORGETTING * old + new for old, new in zip(
+            (self.innovations, self.expected, self.residuals, self.points),
+            (innovation, expected, residual, points), strict=True)))
+
+    @property
+    def inflation(self) -> float:
+        """By what the covariance has to be multiplied, at least 1 (after Birge 1932)."""
+        return max(1.0, _ratio(self.innovations, self.expected),
+                   _ratio(self.residuals, self.points))
+
+
+def _ratio(chi_square: float, degrees: float) -> float:
+    """Return a chi-square by its mean and two deviations, which it hardly exceeds by chance."""
+    degrees += _PRIOR_DOF
+    return float((chi_square + _PRIOR_DOF) / (degrees + 2 * np.sqrt(2 * degrees)))
+
+
+@dataclass(frozen=True, eq=False)
+class LagWindow:
+    """What an estimate remembers: the looks from the last poses, and older ones linearized.
+
+    Of the state x (n,) and the robot's errors e at each keyframe (p, none where the robot is
+    exact), both in their standard deviations.
+    """
+
+    x: Floats       # (n + p,) mean by the prior and by forgotten looks; e at the last of them
+    matrix: Floats  # (n + p, n + p) their information matrix
+    keyframes: tuple[Keyframe, ...]  # oldest first
+    mean: Floats        # (n + p,) by all looks; e at the last keyframe
+    covariance: Floats  # (n + p, n + p)
+    consistency: Consistency = Consistency()
+
+    @classmethod
+    def of(cls, mean: Floats, covariance: Floats, p: int) -> LagWindow:
+        """Return the LagWindow without a look, of the state's mean (n,) and covariance (n, n)."""
+        whole = np.eye(mean.size + p)
+        whole[:mean.size, :mean.size] = covariance
+        mean = np.append(mean, np.zeros(p))
+        return cls(mean, cast(Floats, np.linalg.inv(whole)), (), mean, whole)
+
+    def with_linear(self, rows: Floats, right: Floats) -> LagWindow:
+        """Return it with k measurements of unit variance: rows (k, n) @ x = right (k,)."""
+        rows = np.hstack([rows, np.zeros((len(rows), self.x.size - rows.shape[1]))])
+        matrix = self.matrix + rows.T @ rows
+        gain = np.linalg.solve(rows @ self.covariance @ rows.T + np.eye(len(rows)),
+                               rows @ self.covariance).T
+        covariance = self.covariance - gain @ rows @ self.covariance
+        return replace(self, matrix=matrix,
+                       x=solved(matrix, self.matrix @ self.x + rows.T @ right),
+                       mean=self.mean + gain @ (right - rows @ self.mean),
+                       covariance=0.5 * (covariance + covariance.T))
+
+    def with_look(self, new: Keyframe, elapsed: float,
+                  robot: RobotError) -> tuple[LagWindow, Keyframe | None]:
+        """Return it with a Keyframe of one new look, and the Keyframe to be forgotten or None.
+
+        Looks at the same pose, with the same noise and sway, are joined in one Keyframe, as long as
+        the robot's error is hardly another.
+        """
+        old = self.keyframes
+        lasts = old[-1].lasts + elapsed if old else 0.0
+        if old and lasts <= _CONSTANT * robot.time and old[-1].takes(new):
+            last = replace(old[-1], looks=(*old[-1].looks, *new.looks), shape=new.shape,
+                           lasts=lasts)
+            if len(last.looks) <= _LOOKS:
+                return replace(self, keyframes=(*old[:-1], last)), None
+            half, lasts = _LOOKS // 2, 0.5 * lasts
+            first = replace(last, looks=last.looks[:half], lasts=lasts)
+            rest = replace(last, looks=last.looks[half:], link=robot.link(lasts, 0.0),
+                           lasts=lasts)
+            if len(old) > 1:  # older ones go first
+                return replace(self, keyframes=(*old[1:-1], first, rest)), old[0]
+            return replace(self, keyframes=(rest,)), first
+        moved = way_between(old[-1].gripper, new.gripper) if old else 0.0
+        keyframes = (*old, replace(new, link=robot.link(lasts if old else elapsed, moved)))
+        if len(keyframes) <= _POSES:
+            return replace(self, keyframes=keyframes), None
+        return replace(self, keyframes=keyframes[1:]), keyframes[0]
+
+
+def solved(matrix: Floats, right: Floats) -> Floats:
+    """Return x (n,) with matrix (n, n) @ x = right (n,)."""
+    return cast(Floats, np.linalg.solve(matrix, right))
+
+
+class _Evaluated(NamedTuple):
+    """A state y, and the Shape and the Looks of each keyframe there.
+
+    y (n + p (k + 1),) in standard deviations: the state, the robot's error at the last forgotten
+    keyframe, and at each of the k keyframes.
+    """
+
+    y: Floats
+    shapes: list[Shape]
+    looks: list[list[Look]]
+
+
+class _Equations(NamedTuple):
+    """The normal equations of a step."""
+
+    matrix: Floats       # information matrix of y
+    down: Floats         # minus the gradient of the cost
+    scales: list[float]  # noise with which each keyframe is weighed, m
+
+
+class LookUpdate:
+    """One more look at the DLO, `elapsed` s after the one before; see `Observer.update`."""
+
+    def __init__(self, estimate: Estimate, observation: Observation, outliers: float,
+                 elapsed: float, noise: float, errors: LookErrors, bent: Floats | None) -> None:
+        if errors.sway <= _STILL * noise:
+            errors = errors._replace(sway=0.0)
+        self._look = noise, errors, bent
+        self._estimate, self._observation = estimate, observation
+        self._uncertain, self._robot = estimate.uncertain, estimate.robot
+        self._outliers, self._elapsed = outliers, elapsed
+        self._n, self._p = self._uncertain.size, self._robot.acting.size
+        self._unit = np.append(self._uncertain.deviations,
+                               self._robot.deviations[self._robot.acting])
+        self._window = window_of(estimate)
+
+    def estimate(self) -> Estimate | None:
+        """Return the Estimate, or None if no equilibrium explains the look."""
+        first = self._first()
+        if not first.converged:
+            return None
+        s, points = self._observation.s, self._observation.points
+        if s is not None:
+            s = from_either_end(first, points, s)
+        before = self._window
+        window, forgotten = before.with_look(
+            Keyframe(self._observation.gripper, ((points, s),), first, *self._look),
+            self._elapsed, self._robot)
+        joined = bool(before.keyframes) and forgotten is None and (
+            len(window.keyframes) == len(before.keyframes))
+        if forgotten is not None:
+            folded = self._folded(window, forgotten)
+            if folded is None:
+                return None
+            window = folded
+        self._window = window
+        expected = self._expected(before, joined)
+        y = np.concatenate([self._estimate.mean / self._unit[:self._n]] + (
+            len(window.keyframes) + 1) * [expected[0][self._n:]])
+        here = self._at(y, [keyframe.shape for keyframe in window.keyframes])
+        last = np.inf
+        for _ in range(_ITERATIONS):
+            if here is None:
+                return None
+            equations = self._equations(here)
+            step = solved(equations.matrix, equations.down)
+            slope, scales = float(step @ equations.down), equations.scales
+            steady = last <= _STEADY * scales[-1] or scales[-1] == self._look[0]
+            if slope < _SETTLED * step.size and steady:
+                return self._result(here, step, equations, expected)
+            here, last = self._moved(here, step, slope, scales), scales[-1]
+        return None
+
+    def _first(self) -> Shape:
+        """Return the Shape at the gripper's pose of this look, with the state before it."""
+        estimate, simulator = self._estimate, self._uncertain.simulator
+        known, keyframes = estimate._shape, self._window.keyframes
+        if known is not None and keyframes and keyframes[-1].gripper == self._observation.gripper:
+            self._mesh = known.state.made_on
+            return known
+        gripper = estimate.actual(self._observation.gripper)
+        if known is not None and (simulator.accuracy is None
+                                  or surely_within(known, simulator.accuracy)):
+            self._mesh = known.state.made_on
+        else:
+            self._mesh = simulator.discretization(gripper, None)
+        return self._uncertain.equilibrium(estimate.mean, self._mesh, gripper, known)
+
+    def _expected(self, before: LagWindow, joined: bool) -> tuple[Floats, Floats]:
+        """Return mean (n + p,) and covariance of state and robot's error, before the look."""
+        if joined or not self._p:
+            return before.mean, before.covariance
+        moved = way_between(before.keyframes[-1].gripper, self._observation.gripper) if (
+            before.keyframes) else 0.0
+        link = self._robot.link(self._elapsed, moved)
+        transition = np.append(np.ones(self._n), np.full(self._p, link))
+        covariance = before.covariance * np.outer(transition, transition)
+        covariance[self._n:, self._n:] += (1 - link**2) * np.eye(self._p)
+        return before.mean * transition, covariance
+
+    def _errors(self, count: int) -> slice:
+        """Return where in y the robot's error is: 0 of the window, 1 to k of the keyframes."""
+        return slice(self._n + count * self._p, self._n + (count + 1) * self._p)
+
+    def _state(self, y: Floats, count: int) -> tuple[Floats, Floats]:
+        """Return the state (n,) and the robot's error (6,) at a keyframe, from number 1 on."""
+        return y[:self._n] * self._unit[:self._n], self._robot.twist(y[self._errors(count)])
+
+    def _at(self, y: Floats, before: Sequence[Shape]) -> _Evaluated | None:
+        """Return the _Evaluated at y, searched from Shapes `before`; None: not converged."""
+        shapes, looks = [], []
+        for count, (keyframe, known) in enumerate(zip(self._window.keyframes, before, strict=True),
+                                                  1):
+            shape, seen = self._seen(keyframe, *self._state(y, count), known)
+            if not shape.converged:
+                return None
+            shapes.append(shape)
+            looks.append(seen)
+        return _Evaluated(y, shapes, looks)
+
+    def _seen(self, keyframe: Keyframe, z: Floats, error: Floats,
+              known: Shape) -> tuple[Shape, list[Look]]:
+        """Return the Shape of a keyframe, and its Looks from there."""
+        gripper = keyframe.gripper.compose(self._uncertain.offset(z, error))
+        shape = self._uncertain.equilibrium(z, self._mesh, gripper, known, followed=False)
+        if not shape.converged:
+            return shape, []
+        bias = self._uncertain.camera(z)
+        return shape, [Look.of(shape, points - bias, s, keyframe.errors, keyframe.bent)
+                       for points, s in keyframe.stacked()]
+
+    def _equations(self, here: _Evaluated) -> _Equations:
+        """Return the _Equations of a step from a state."""
+        window, y, scales = self._window, here.y, []
+        size = window.x.size
+        matrix, down = np.zeros((y.size, y.size)), np.zeros(y.size)
+        matrix[:size, :size] = window.matrix
+        down[:size] = window.matrix @ (window.x - y[:size])
+        for count, (keyframe, shape, looks) in enumerate(zip(
+                window.keyframes, here.shapes, here.looks, strict=True), 1):
+            self._link(matrix, down, y, count, keyframe)
+            own = np.r_[0:self._n, self._errors(count)]
+            for one in self._information(y, count, keyframe, shape, looks):
+                matrix[np.ix_(own, own)] += one.matrix
+                down[own] += one.vector
+            scales.append(one.scale)
+        return _Equations(matrix, down, scales)
+
+    def _link(self, matrix: Floats, down: Floats, y: Floats, count: int,
+              keyframe: Keyframe) -> None:
+        """Add what the robot's error at one keyframe says of the error at the next."""
+        if not self._p:
+            return
+        link = keyframe.link
+        own, old = self._errors(count), self._errors(count - 1)
+        certain = np.eye(self._p) / (1 - link**2)
+        off = certain @ (y[own] - link * y[old])
+        matrix[own, own] += certain
+        matrix[old, old] += link**2 * certain
+        matrix[own, old] -= link * certain
+        matrix[old, own] -= link * certain
+        down[own] -= off
+        down[old] += link * off
+
+    def _information(self, y: Floats, count: int, keyframe: Keyframe, shape: Shape,
+                     looks: Sequence[Look]) -> Iterator[Information]:
+        """Yield the Information of a keyframe's Looks."""
+        (z, error), uncertain = self._state(y, count), self._uncertain
+        slopes_at = uncertain.slopes(z, shape, error if self._p else None)
+        kept = np.append(np.arange(self._n), self._n + self._robot.acting)
+        columns, numbers = uncertain.columns('camera')
+        for look in looks:
+            by_state = slopes_at(look.s)
+            by_state[:, numbers, columns] += 1.0
+            # a place moves along with the length, a point of known arc length does not
+            for column in uncertain.columns('length')[0]:
+                by_state[look.inside, :, column] -= look.tangents[look.inside] * (
+                    look.s[look.inside] / shape.s[-1])[:, None]
+            yield Information.of(look, look.axes @ by_state[:, :, kept] * self._unit,
+                                 self._mixture(look, keyframe, shape))
+
+    def _mixture(self, look: Look, keyframe: Keyframe, shape: Shape) -> Mixture:
+        return mixture(look.away, look.rows, keyframe.noise, self._outliers, shape.s[-1])
+
+    def _moved(self, here: _Evaluated, step: Floats, slope: float,
+               scales: Sequence[float]) -> _Evaluated | None:
+        """Return the _Evaluated after a step, halved until it lowers the cost; None: never."""
+        part, cost = 1.0, self._cost(here, scales)
+        for _ in range(_HALVINGS):
+            trial = self._at(here.y + part * step, here.shapes)
+            if trial is not None and all(
+                    np.abs(one.positions - other.positions).max() <= _FARTHEST * one.s[-1]
+                    for one, other in zip(here.shapes, trial.shapes, strict=True)) and (
+                    self._cost(trial, scales) <= cost - _ENOUGH * part * slope):
+                return trial
+            part *= 0.5
+        return None
+
+    def _cost(self, here: _Evaluated, scales: Sequence[float]) -> float:
+        """Return minus the logarithm of the likelihood, up to a constant: what is minimized."""
+        window, outliers, y = self._window, self._outliers, here.y
+        off = y[:window.x.size] - window.x
+        cost = 0.5 * float(off @ window.matrix @ off)
+        for count, (keyframe, shape, looks, scale) in enumerate(zip(
+                window.keyframes, here.shapes, here.looks, scales, strict=True), 1):
+            link = keyframe.link
+            wandered = y[self._errors(count)] - link * y[self._errors(count - 1)]
+            cost += 0.5 * float(wandered @ wandered) / (1 - link**2)
+            cost += sum(mixture_cost(look.away, look.rows, scale, outliers, shape.s[-1])
+                        for look in looks)
+        return cost
+
+    def _folded(self, window: LagWindow, keyframe: Keyframe) -> LagWindow | None:
+        """Return the LagWindow with a forgotten Keyframe, linearized; None: no equilibrium."""
+        y = np.append(self._window.mean, self._window.mean[self._n:])  # the state before the look
+        shape, looks = self._seen(keyframe, *self._state(y, 1), keyframe.shape)
+        if not shape.converged:
+            return None
+        size = window.x.size
+        matrix, vector = np.zeros((y.size, y.size)), np.zeros(y.size)
+        matrix[:size, :size], vector[:size] = window.matrix, window.matrix @ window.x
+        self._link(matrix, vector, np.zeros(y.size), 1, keyframe)
+        own = np.r_[0:self._n, self._errors(1)]
+        for one in self._information(y, 1, keyframe, shape, looks):
+            matrix[np.ix_(own, own)] += one.matrix
+            vector[own] += one.matrix @ y[own] + one.vector
+        if self._p:  # the error before it is forgotten (Schur complement)
+            old = np.r_[self._errors(0)]
+            across = np.linalg.solve(matrix[np.ix_(old, old)], matrix[np.ix_(old, own)]).T
+            vector = vector[own] - across @ vector[old]
+            matrix = matrix[np.ix_(own, own)] - across @ matrix[np.ix_(old, own)]
+        matrix = symmetric(matrix)
+        return replace(window, x=solved(matrix, vector), matrix=matrix)
+
+    def _result(self, here: _Evaluated, step: Floats, equations: _Equations,
+                expected: tuple[Floats, Floats]) -> Estimate:
+        window, keyframe, shape = self._window, self._window.keyframes[-1], here.shapes[-1]
+        points, s = keyframe.looks[-1]
+        z = here.y[:self._n] * self._unit[:self._n]
+        last = self._mixture(Look.of(shape, points - self._uncertain.camera(z), s, keyframe.errors,
+                                     keyframe.bent), keyframe, shape)  # of this look alone
+        now = np.r_[0:self._n, self._errors(len(window.keyframes))]
+        covariance = symmetric(np.linalg.inv(equations.matrix)[np.ix_(now, now)])
+        mean = (here.y + step)[now]
+        innovation, seen = innovation_of(*expected, mean, covariance)
+        # the model's own errors are no news of the noise; what is left counts in full
+        residual = max(last.residual / _MODEL, min(last.residual, last.degrees))
+        share = min(self._outliers + _MORE_OUTLIERS, 1.0)
+        most = share + 4 * np.sqrt(share * (1 - share) / len(self._observation.points))
+        surprise = max(innovation / _limit(seen), residual / _limit(last.degrees),
+                       last.outliers / most)
+        keyframes = tuple(replace(one, shape=shape)
+                          for one, shape in zip(window.keyframes, here.shapes, strict=True))
+        window = replace(window, keyframes=keyframes, mean=mean, covariance=covariance,
+                         consistency=window.consistency.after(innovation, seen, residual,
+                                                              last.degrees))
+        return estimate_of(self._estimate, window, looks=self._estimate.looks + 1, converged=True,
+                           misfit=last.misfit, outliers=last.outliers, surprise=float(surprise),
+                           _shape=shape)
+
+
+def window_of(estimate: Estimate) -> LagWindow:
+    """Return the LagWindow of an Estimate, a new one where nothing was seen."""
+    if estimate._memory is not None:
+        window: LagWindow = estimate._memory
+        return window
+    unit = estimate.uncertain.deviations
+    return LagWindow.of(estimate.mean / unit, estimate.covariance / np.outer(unit, unit),
+                        estimate.robot.acting.size)
+
+
+def estimate_of(estimate: Estimate, window: LagWindow, **changes: Any) -> Estimate:
+    """Return an Estimate with the mean and covariance of a LagWindow."""
+    unit = estimate.uncertain.deviations
+    n = unit.size
+    return replace(estimate, mean=window.mean[:n] * unit,
+                   covariance=window.covariance[:n, :n] * np.outer(unit, unit), _memory=window,
+                   **changes)
+
+
+def innovation_of(before: Floats, expected: Floats, after: Floats,
+                  left: Floats) -> tuple[float, float]:
+    """Return the chi-square by which a look moved a state, and its degrees of freedom.
+
+    The change of a Kalman filter's state has the covariance P- less P+; only directions count in
+    which the look lowered the variance.
+    """
+    root = np.linalg.cholesky(expected)
+    moved = solve_triangular(root, after - before, lower=True)
+    half = solve_triangular(root, left, lower=True)
+    values, vectors = np.linalg.eigh(symmetric(solve_triangular(root, half.T, lower=True)))
+    gained = 1.0 - values
+    seen = gained > _SEEN
+    return float(np.sum((vectors.T @ moved)[seen] ** 2 / gained[seen])), float(seen.sum())
+
+
+def _limit(degrees: float) -> float:
+    """Return what a chi-square of so many degrees of freedom hardly ever exceeds."""
+    return float(chi2.isf(_RARE, max(degrees, 1.0)))
+
+
+def symmetric(matrix: Floats) -> Floats:
+    """Return the symmetric part of a matrix (n, n)."""
+    return 0.5 * (matrix + matrix.T)

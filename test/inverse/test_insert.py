@@ -1,0 +1,265 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Insertion into a bore, and the force that it takes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sweeps.cutouts import MESHES, inserted, largest_step, random_bore
+
+from dlo_planner import (
+    CutOut,
+    DeadlineExceeded,
+    DirectSimulator,
+    FarEnd,
+    Infeasible,
+    InvalidTask,
+    InverseSimulator,
+    Plan,
+    Pose,
+    Rod,
+    replay,
+)
+from dlo_planner.inverse.tasks.insert import _Insertion, _unconverged
+from dlo_planner.plan.bore import Inside, pushing
+from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.checks import PlanRequirements
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+RODS = {'round': WIRE,
+        'bent': Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4), natural_twist=0.3),
+        'weighted': Rod(1.0, 0.05, (0.3, 0.6), 0.25, tip_mass=0.05, point_masses=((0.7, 0.02),))}
+BORE = CutOut(Pose.looking_along((0.1, 0, 1), (1, 0.2, 0)))
+DEPTHS = np.linspace(0, 0.95, 8)
+
+
+@pytest.mark.parametrize('name', ['round', 'bent'])
+def test_a_uniform_dlo_follows_its_first_shape(name):
+    direct = DirectSimulator(RODS[name], accuracy=1e-7)
+    inverse = InverseSimulator(direct)
+    plan = inverse.insert(BORE, depths=DEPTHS)
+    curve = direct.solve(plan.grippers[0], inverse.thread(BORE, depths=[0.0]).shapes[0])
+    for depth, gripper in zip(DEPTHS, plan.grippers, strict=True):
+        on = curve.at(depth)
+        assert np.linalg.norm(on.position - gripper.position) < 1e-6
+        np.testing.assert_allclose(on.rotation, gripper.rotation, atol=1e-5)
+    threading = inverse.thread(BORE, depths=DEPTHS)  # begins alike, and goes another way
+    np.testing.assert_allclose(threading.grippers[0].matrix, plan.grippers[0].matrix, atol=1e-6)
+    apart = [np.linalg.norm(a.position - b.position)
+             for a, b in zip(threading.grippers, plan.grippers, strict=True)]
+    assert max(apart) > 0.05
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+@pytest.mark.parametrize('name', RODS)
+def test_the_mouth_bears_nothing(name, basis):
+    rod = RODS[name]
+    direct = DirectSimulator(rod, basis=basis)
+    plan = InverseSimulator(direct).insert(BORE, depths=DEPTHS)
+    assert plan.fraction == 1 and plan.stability.min() > 0
+    assert set(DEPTHS) <= set(plan.depths)
+    for depth, gripper, shape in zip(plan.depths, plan.grippers, plan.shapes, strict=True):
+        if np.abs(shape.far_wrench).max() > 1e-6:
+            continue  # the mouth takes over a mass: another test
+        # a DLO cut off at the mouth, with nothing to hold it there
+        masses = [(s, m) for s, m in rod.point_masses if s <= 1 - depth]
+        cut = Rod(1 - depth, rod.mass_per_length, rod.bending_stiffness, rod.torsional_stiffness,
+                  rod.natural_curvature, rod.natural_twist, masses,
+                  0.0 if depth else rod.tip_mass)
+        end = DirectSimulator(cut, basis=basis).solve(gripper, shape).at(1 - depth)
+        assert np.linalg.norm(end.position - BORE.center) < 1e-7
+        assert np.linalg.norm(np.cross(end.direction, BORE.normal)) < 1e-6
+    bears = np.array([np.abs(shape.far_wrench).max() for shape in plan.shapes])
+    assert (bears > 1e-6).any() == (name == 'weighted')
+    asked = np.isin(plan.depths, DEPTHS) & (plan.depths > 0)
+    assert bears[asked].max() < 1e-6
+    report = replay(direct, plan)
+    assert report.converged and report.position_error < 1e-6 and report.misalignment < 1e-6
+
+
+def test_refused_and_named():
+    soft = InverseSimulator(DirectSimulator(Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)))
+    with pytest.raises(Infeasible) as caught:
+        soft.insert(BORE)
+    assert caught.value.waypoint == 0 and caught.value.constraint == 'stability'
+    stiff = InverseSimulator(DirectSimulator(WIRE))
+    with pytest.raises(InvalidTask, match='bore'):
+        stiff.insert(3)
+    with pytest.raises(InvalidTask, match=r'depths\[1\]'):
+        stiff.insert(BORE, depths=[0, 1.0])
+
+
+def test_the_bore_straightens_what_is_bent():
+    rod = RODS['bent']
+    direct = DirectSimulator(rod, basis='local')
+    plan = InverseSimulator(direct).insert(BORE, depths=[0.0, 0.4, 0.7])
+    assert np.isnan(plan.bore_moment[0]).all()  # nothing is inside
+    for depth, shape, moment in zip(plan.depths[1:], plan.shapes[1:], plan.bore_moment[1:],
+                                    strict=True):
+        mouth = Pose.from_rotation(BORE.center, shape.frames[-1])
+        # the part inside alone, with no weight, both ends held so that it is straight
+        inside = Rod(depth, rod.mass_per_length, rod.bending_stiffness, rod.torsional_stiffness,
+                     rod.natural_curvature)
+        far = Pose.from_rotation(BORE.center + depth * mouth.direction, mouth.rotation)
+        straight = DirectSimulator(inside, basis='local', gravity=(0, 0, 0)).solve(
+            mouth, far_end=FarEnd(far, 'sleeve'))
+        assert straight.converged and np.ptp(straight.tangents, axis=0).max() < 1e-8
+        np.testing.assert_allclose(moment, straight.gripper_wrench[3:], atol=1e-4)
+        assert np.linalg.norm(moment) == pytest.approx(np.hypot(0.3 * 0.6, 0.6 * 0.4))
+        assert np.abs(shape.far_wrench).max() < 1e-6  # and what is outside hangs by itself
+    straight = InverseSimulator(DirectSimulator(WIRE)).insert(BORE, depths=[0.0, 0.4])
+    np.testing.assert_allclose(straight.bore_moment[1], 0)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_the_mouth_takes_over_a_mass_part_by_part(basis):
+    rod = RODS['weighted']
+    plan = InverseSimulator(DirectSimulator(rod, basis=basis)).insert(BORE, depths=DEPTHS)
+    assert (np.diff(plan.depths) >= 0).all()
+    for depth, mass in ((0.0, 0.05), (0.3, 0.02)):
+        there = np.abs(plan.depths - depth) < 1e-9
+        bears = np.array([shape.far_wrench for shape in plan.shapes])[there]
+        assert len(bears) >= 3 and (np.diff(bears[:, 2]) > 0).all()
+        assert bears[-1, 2] == pytest.approx(9.81 * mass, rel=1e-4)  # in the end all of it
+        assert np.abs(bears[:, [0, 1, 3, 4, 5]]).max() < 1e-3 * 9.81 * mass
+    assert largest_step(plan) < 0.3  # the depths asked for are 0.14 m apart
+    closer = InverseSimulator(DirectSimulator(rod, basis=basis)).insert(
+        BORE, depths=np.linspace(0, 0.95, 57))
+    assert largest_step(closer) < 0.11
+
+
+def test_reasons_are_true():
+    rod = Rod(1.0, 0.05, 0.4, 0.25)
+    with pytest.raises(Infeasible) as caught:  # upright it would fall over
+        InverseSimulator(DirectSimulator(Rod(1.0, 0.05, 0.02, 0.02))).insert(
+            CutOut(Pose.looking_along((0, 0, 1), (0, 0, 1))))
+    assert caught.value.constraint in ('stability', 'start') and caught.value.amount > 0
+
+    def heavier(s):  # a DLO whose mass per length leaps is a smooth task all the same
+        return 0.05 if s < 0.5 else 0.15
+    plan = InverseSimulator(DirectSimulator(Rod(1.0, heavier, 0.4, 0.25))).insert(
+        BORE, depths=DEPTHS)
+    assert plan.fraction == 1
+    shape = DirectSimulator(rod).solve(Pose.identity())
+    poor = replace(shape, residual=1.0, converged=False)
+    error = _unconverged(PlanBuilder([0.3], PlanRequirements((1.0, 1.0))), poor, 0.1)
+    assert error.constraint == 'equilibrium' and error.amount == 0.1
+    error = _unconverged(PlanBuilder([0.3], PlanRequirements((1.0, 1.0))), replace(poor, stability=
+                                                                                   -0.2), 0.1)
+    assert error.constraint == 'stability' and error.amount == 0.2
+
+
+def test_random_insertions_do_not_leap():
+    rng = np.random.default_rng(5)
+    for how in MESHES[:2]:
+        what = inserted(*random_bore(rng), how).what
+        assert what == 'inserted' or what.startswith('refused')
+
+
+def test_the_deadline_counts():
+    with pytest.raises(DeadlineExceeded):
+        InverseSimulator(DirectSimulator(RODS['weighted'])).insert(BORE, deadline=1e-3)
+
+
+def test_a_turn_that_no_step_makes_smaller_is_refused(monkeypatch):
+    gripper, turned = _Insertion._gripper, Pose((0, 0, 0), (np.sin(0.5), 0, 0, np.cos(0.5)))
+
+    def folded(self, stop):
+        return gripper(self, stop).compose(turned) if stop.depth > 0.3 else gripper(self, stop)
+
+    monkeypatch.setattr(_Insertion, '_gripper', folded)
+    with pytest.raises(Infeasible, match='turn by 1 rad at once at depth 0.3') as refused:
+        InverseSimulator(DirectSimulator(WIRE)).insert(BORE, depths=DEPTHS)
+    assert (refused.value.waypoint, refused.value.constraint) == (3, 'continuity')
+
+
+BORE_WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+WEIGHT = BORE_WIRE.mass_per_length * 9.81
+INVERSE = InverseSimulator(DirectSimulator(BORE_WIRE, basis='local', n_elements=32))
+BORE_DEPTHS = (0.0, 0.3, 0.6)
+BENDS, ROOM = 0.03, 1e-3  # N m^2, m
+
+
+def bore(direction=(1, 0, 0), radius=1.75e-3):
+    return CutOut(Pose.looking_along((0, 0, 1), direction), radius=radius)
+
+
+def beam(length, **more):
+    """Return an Inside without weight that nothing outside holds."""
+    count = 60
+    return Inside(**{'lengths': np.diff(length * np.linspace(0, 1, count + 1) ** 1.5),
+                     'stiffness': np.tile(BENDS * np.eye(2), (count, 1, 1)),
+                     'natural': np.zeros((count, 2)), 'load': np.zeros((count + 1, 3)),
+                     'mouth': 1e-6 * np.eye(4), 'pushed': np.zeros(4), **more})
+
+
+@pytest.mark.parametrize('couple', [0.02, 0.1])
+def test_a_couple_at_the_mouth_wedges_a_beam_between_rim_and_wall(couple):
+    free = beam(1.0)
+    load = np.zeros((61, 3))
+    load[1, 1], load[0, 1] = couple / free.lengths[0], -couple / free.lengths[0]
+    arm = np.sqrt(6 * BENDS * 2 * ROOM / couple)
+    push = pushing(free._replace(load=load), np.full(61, ROOM), 1e-3)
+    assert push == pytest.approx(1e-3 * 2 * couple / arm, rel=0.1)
+
+
+@pytest.mark.parametrize('axis', [0, 1])
+def test_a_bent_beam_is_held_straight_by_three_forces(axis):
+    length, sag = 0.2, 6 * ROOM
+    natural = np.zeros((60, 2))
+    natural[:, axis] = 8 * sag / length**2
+    middle = 48 * BENDS / length**3 * (sag - 2 * ROOM)
+    push = pushing(beam(length, natural=natural), np.full(61, ROOM), 1e-3)
+    assert push == pytest.approx(1e-3 * 2 * middle, rel=0.05)
+
+
+def test_a_level_bore_rubs_by_the_weight_inside():
+    for mu in (0.1, 0.3):
+        plan = INVERSE.insert(bore(), depths=BORE_DEPTHS, friction=mu)
+        assert plan.insertion_force[0] == 0
+        shares = plan.insertion_force[1:] / (mu * WEIGHT * plan.depths[1:])
+        # the part outside carries a little of what lies lower than the middle of the mouth
+        assert (shares > 0.9).all() and (shares < 1.0).all()
+
+
+def test_weight_along_the_bore_counts():
+    mu, down, up = 0.2, np.radians(60), np.radians(20)
+    for angle, sign in ((down, -1), (up, 1)):
+        direction = (np.cos(angle), 0, sign * np.sin(angle))
+        plan = INVERSE.insert(bore(direction), depths=(0.0, 0.4), friction=mu)
+        expected = WEIGHT * 0.4 * (mu * np.cos(angle) + sign * np.sin(angle))
+        assert plan.insertion_force[1] == pytest.approx(expected, abs=0.1 * mu * WEIGHT * 0.4)
+
+
+def test_a_tighter_bore_holds_a_bent_wire_with_more_force():
+    rod = replace(BORE_WIRE, natural_curvature=(0.0, 1.5))
+    inverse = InverseSimulator(DirectSimulator(rod, basis='local', n_elements=32))
+    loose, tight = (inverse.insert(bore(radius=BORE_WIRE.radius + room), depths=BORE_DEPTHS,
+                                   friction=0.2).insertion_force[-1] for room in (3e-3, 3e-4))
+    assert tight > 1.3 * loose > 0.2 * WEIGHT * 0.6
+
+
+def test_what_is_not_stated_is_not_looked_at_and_named():
+    for hole, friction in ((bore(), None), (CutOut(bore().pose), 0.3)):
+        plan = INVERSE.insert(hole, depths=BORE_DEPTHS, friction=friction)
+        assert np.isnan(plan.insertion_force).all()
+        report = replay(INVERSE.simulator, plan)
+        assert np.isnan(report.insertion_force) and 'insertion_force' in report.not_looked_at
+        row, = (line for line in plan.summary().splitlines() if 'push into the bore' in line)
+        assert 'not looked at' in row
+    threaded = INVERSE.thread(bore(), depths=(0.0, 0.3))
+    assert 'push' not in threaded.summary()
+    assert 'insertion_force' not in replay(INVERSE.simulator, threaded).not_looked_at
+    with pytest.raises(InvalidTask, match='friction = -1'):
+        INVERSE.insert(bore(), friction=-1.0)
+
+
+def test_the_estimate_travels_with_plan_and_report(tmp_path):
+    plan = INVERSE.insert(bore(), depths=BORE_DEPTHS, friction=0.3)
+    report = replay(INVERSE.simulator, plan)
+    assert report.insertion_force == plan.insertion_force.max() > 0
+    assert 'insertion_force' not in report.not_looked_at
+    plan.save(tmp_path / 'plan.npz')
+    np.testing.assert_array_equal(Plan.load(tmp_path / 'plan.npz').insertion_force,
+                                  plan.insertion_force)

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Threading near the centers of more cut-outs."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dlo_planner import CutOut, DirectSimulator, InvalidTask, InverseSimulator, Pose, Rod
+
+WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+STRIP = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2))
+DIRECT = DirectSimulator(WIRE, n_elements=32)
+INVERSE = InverseSimulator(DIRECT)
+
+
+def hole(position, **size):
+    return CutOut(Pose.looking_along(position, (1, 0, 0)), **size)
+
+
+HOLES = [hole((0, 0, 1)), hole((0.2, 0.02, 0.99)), hole((0.4, 0.0, 0.93))]
+DEPTHS = np.linspace(0, 0.9, 31)
+
+
+@pytest.fixture(scope='module')
+def plan():
+    return INVERSE.thread_sequence(HOLES, depths=DEPTHS)
+
+
+def squares(shape, depth, holes, weights):
+    """Return the weighted squared distances, by sampling."""
+    points = shape.positions_at(np.linspace(1 - depth, 1, 2001))
+    first = np.linalg.norm(shape.at(1 - depth).position - holes[0].center)
+    others = [np.linalg.norm(points - one.center, axis=1).min() for one in holes[1:]]
+    return np.sum((np.array(weights) * [first, *others]) ** 2)
+
+
+@pytest.mark.parametrize('weights', [(1, 1, 1), (1, 5, 0.5)])
+def test_no_pose_nearby_is_better(weights, rng):
+    found = INVERSE.thread_sequence(HOLES, weights=weights, depths=[0.3, 0.6])
+    shape = found.shapes[1]
+    least = squares(shape, 0.6, HOLES, weights)
+    assert least == pytest.approx(np.sum((np.array(weights) * found.position_errors[1]) ** 2),
+                                  rel=1e-3)
+    assert least > 1e-5
+    for step in rng.normal(size=(30, 6)) * 0.01:
+        turn = Rotation.from_rotvec(step[:3]).as_matrix()
+        gripper = Pose.from_rotation(shape.gripper.position + step[3:],
+                                     turn @ shape.gripper.rotation)
+        assert squares(DIRECT.solve(gripper, shape), 0.6, HOLES, weights) > least * (1 - 1e-4)
+
+
+def test_two_are_hit_and_three_are_missed_by_what_is_said(plan):
+    assert plan.fraction == 1 and plan.stability.min() > 0
+    for depth, misses, miss in zip(DEPTHS, plan.position_errors, plan.position_error, strict=True):
+        # the second one is reached at 0.202, the third one at 0.41; it counts from 0.16 on
+        assert len(misses) == (1 if depth < 0.2 else 2 if depth < 0.41 else 3)
+        assert miss == pytest.approx(max(misses), rel=1e-12)
+        if depth < 0.16:
+            assert max(misses) < 1e-6
+    assert plan.position_error[-1] > 1e-3
+
+
+def test_the_way_is_continuous():
+    fine = INVERSE.thread_sequence(HOLES, depths=np.linspace(0.1, 0.6, 101))
+    steps = np.linalg.norm(np.diff([pose.position for pose in fine.grippers], axis=0), axis=1)
+    assert steps.max() < 4 * np.median(steps)
+    apart = [Rotation.from_matrix(b.rotation @ a.rotation.T).magnitude()
+             for a, b in zip(fine.grippers, fine.grippers[1:], strict=False)]
+    assert max(apart) < 0.05
+
+
+@pytest.mark.parametrize('rod', [WIRE, STRIP], ids=['wire', 'strip'])
+def test_what_the_dlo_can_reach_is_reached(rod):
+    inverse = InverseSimulator(DirectSimulator(rod, n_elements=32))
+    shape = inverse.thread(HOLES[0], depths=[0.6]).shapes[0]
+    on_it = [hole(shape.at(s).position) for s in (0.4, 0.55, 0.75, 0.9)]
+    found = inverse.thread_sequence(on_it, depths=[0.0, 0.6])
+    assert max(found.position_errors[1]) < 1e-5
+
+
+def test_one_and_two_are_exact():
+    depths = [0.0, 0.3, 0.6]
+    for holes, other in ((HOLES[:1], INVERSE.thread(HOLES[0], depths=depths)),
+                         (HOLES[:2], INVERSE.thread_two(*HOLES[:2], depths=depths))):
+        for one, two in zip(INVERSE.thread_sequence(holes, depths=depths).grippers,
+                            other.grippers, strict=True):
+            assert one == two
+
+
+@pytest.mark.parametrize(('change', 'named'), [
+    ({'cutouts': []}, 'cutouts'), ({'cutouts': [HOLES[0], 3]}, r'cutouts\[1\]'),
+    ({'weights': [1, 2]}, 'weights'), ({'weights': [1, 2, 0]}, r'weights\[2\]'),
+    ({'start': 3}, 'start')])
+def test_nonsense_is_named(change, named):
+    with pytest.raises(InvalidTask, match=named):
+        INVERSE.thread_sequence(**{'cutouts': HOLES, **change})
