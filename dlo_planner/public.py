@@ -7,8 +7,7 @@ The rest is in `dlo_planner.tasks`, `.penalties`, `.identify`, `.parallel`, `.ar
 
 from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.grasp import GraspedInside
-from dlo_planner.direct.mode_tracking import modes_along
-from dlo_planner.direct.modes import Modes
+from dlo_planner.direct.modes import Modes, modes_along
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator

@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dlo_planner.direct.accuracy import hanging_surely_within
 from dlo_planner.direct.discretization import Discretization
@@ -19,7 +19,7 @@ from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.geometry.basis import orthonormal_basis, very_twisted
 from dlo_planner.minimize.solve import RodTable, solve_free_many, solve_free_rods
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import freeze
 
@@ -32,38 +32,48 @@ def hangs_in_a_loop(simulator: DirectSimulator) -> bool:
     return newton and (mesh.hangs or simulator.history is None and mesh.may_hang)
 
 
-def hanging_shapes(simulator: DirectSimulator, positions: Floats, rotations: Floats,
-                   filled: Filled) -> NDArray[np.bool_]:
-    """Fill in what `DirectSimulator.solve` finds in many grippers.
+Columns: TypeAlias = dict[str, Any]  # arrays by the names of the attributes of `Shape`
+
+
+def hanging_shapes(simulator: DirectSimulator, positions: Floats,
+                   rotations: Floats) -> tuple[Columns, Bools]:
+    """Return what `DirectSimulator.solve` finds in many grippers, and (n,) where that is so.
 
     The interpreter is free meanwhile, so threads work side by side.
 
     Shapes: positions (n, 3), rotations (n, 3, 3).
     """
     mesh = simulator.mesh
-    solve_free_many(mesh.free, read_only(rotations), read_only(positions), read_only(mesh.natural),
-                    TOLERANCE, MAX_ITERATIONS, *filled.arrays)
-    filled.told()
-    good = ~_acting(mesh, positions, rotations, filled)
-    if simulator.accuracy is None:
-        return good
-    _, stability, truncated = filled.proofs.T
-    good &= hanging_surely_within(mesh.told_by_truncation, stability, truncated,
-                                  simulator.accuracy)
-    return good
+    columns, truncated = _filled(
+        partial(solve_free_many, mesh.free, read_only(rotations), read_only(positions),
+                read_only(mesh.natural), TOLERANCE, MAX_ITERATIONS),
+        len(positions), mesh.s.size - 1)
+    good: Bools = np.ones(len(positions), dtype=bool)
+    if not mesh.hangs:  # nothing acts on the shapes, or on the way of a DLO that is set down
+        local = configuration_at(mesh.system(np.eye(3), culled=True),
+                                 np.array(mesh.natural)).positions
+        before = positions[:, None] + np.einsum('nij,kj->nki', rotations, local)
+        good = columns['converged'] & ~acting(mesh, columns['element_strains'][:],
+                                              columns['positions'][:], before)
+    if simulator.accuracy is not None:
+        good = good & hanging_surely_within(mesh.told_by_truncation, columns['stability'],
+                                            truncated, simulator.accuracy)
+    return columns, good
 
 
-def _acting(mesh: Discretization, positions: Floats, rotations: Floats,
-            filled: Filled) -> NDArray[np.bool_]:
-    """Return (n,) whether something acts on the shapes, or on the way of a DLO that is set down."""
-    if mesh.hangs:
-        return np.zeros(len(positions), dtype=bool)
-    local = configuration_at(mesh.system(np.eye(3), culled=True), np.array(mesh.natural)).positions
-    before = positions[:, None] + np.einsum('nij,kj->nki', rotations, local)
-    strains, _, there = filled.stored[:3]
-    found: NDArray[np.bool_] = (acting(mesh, strains[:], there[:], before)
-                                | ~filled.columns['converged'])
-    return found
+def _filled(fill: Callable[..., None], n: int, elements: int) -> tuple[Columns, Floats]:
+    """Return columns that a compiled loop fills for n shapes, and (n,) their `truncation_error`."""
+    rows = (elements, 3), (elements + 1, 3, 3), (elements + 1, 3), (6,), (2,), (3,)
+    arrays, iterations = [np.empty((n, *row)) for row in rows], np.empty(n, dtype=np.int64)
+    fill(*arrays, iterations)
+    energies, proofs = arrays[4:]
+    residual, stability, truncated = proofs.T
+    names = 'element_strains', 'frames', 'positions', 'gripper_wrench'
+    return dict(zip(names, arrays, strict=False)) | {
+        'elastic_energy': energies[:, 0], 'energy': energies[:, 1], 'residual': residual,
+        'stability': stability, 'iterations': iterations,
+        'converged': hangs_still(residual, stability), 'jumped': np.zeros(n, dtype=bool),
+        'dissipated': np.zeros(n), 'violation': np.zeros(n)}, truncated
 
 
 def read_only(given: Floats) -> Floats:
@@ -75,51 +85,6 @@ def read_only(given: Floats) -> Floats:
     return array
 
 
-class Filled:
-    """The arrays that a loop over n grippers fills.
-
-    Attributes
-    ----------
-    stored : tuple of ndarray
-        What the loop fills, in its order, and after it `told`; n rows each.
-    columns : dict
-        The same by the names of the attributes of `Shape`.
-    proofs : ndarray, shape (n, 3)
-        Residual, stability, `truncation`.
-    """
-
-    def __init__(self, stored: tuple[NDArray[Any], ...]):
-        self.stored = stored
-        energies, self.proofs, *others = stored[4:]
-        self.columns = dict(zip(_SHAPE, stored, strict=False)) | {
-            'elastic_energy': energies[:, 0], 'energy': energies[:, 1],
-            'residual': self.proofs[:, 0], 'stability': self.proofs[:, 1],
-            } | dict(zip(_OTHERS, others, strict=True))
-
-    @classmethod
-    def new(cls, n: int, elements: int) -> Filled:
-        """Return one for n shapes of so many elements, in which nothing is filled yet."""
-        rows = (elements, 3), (elements + 1, 3, 3), (elements + 1, 3), (6,), (2,), (3,)
-        return cls((*(np.empty((n, *row)) for row in rows), np.empty(n, dtype=np.int64),
-                    np.empty(n, dtype=bool), np.empty(n, dtype=bool), np.empty(n), np.empty(n)))
-
-    @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
-        """What the loop fills, in its order."""
-        return self.stored[:7]
-
-    def told(self) -> None:
-        """Fill in what is said of such shapes besides what the loop does, after it."""
-        columns = self.columns
-        columns['converged'][:] = hangs_still(columns['residual'], columns['stability'])
-        columns['jumped'][:] = False
-        columns['dissipated'][:] = columns['violation'][:] = 0.0
-
-
-_SHAPE = 'element_strains', 'frames', 'positions', 'gripper_wrench'
-_OTHERS = 'iterations', 'converged', 'jumped', 'dissipated', 'violation'
-
-
 def even(simulator: DirectSimulator, rod: Rod) -> bool:
     """Return whether a Rod hangs freely and all is the same along it, as `hanging_rods` asks."""
     around = simulator.surroundings
@@ -128,31 +93,28 @@ def even(simulator: DirectSimulator, rod: Rod) -> bool:
 
 
 def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
-                 positions: NDArray[np.float64], rotations: NDArray[np.float64],
-                 ) -> tuple[dict[str, Any], NDArray[np.bool_]]:
-    """Return what `simulator.with_rod(rod).solve` finds for many rods, as arrays.
+                 positions: Floats, rotations: Floats,
+                 ) -> tuple[Columns, Bools]:
+    """Return what `simulator.with_rod(rod).solve` finds for many rods, and (n,) where that is so.
 
     Shapes: positions (n, 3), rotations (n, 3, 3).
     """
     mesh, accuracy = simulator.mesh, simulator.accuracy
     if not even(simulator, simulator.rod):
         mesh = simulator.with_rod(rods[0]).mesh
-    filled = Filled.new(len(rods), mesh.s.size - 1)
     own = mesh.free
     system = own._replace(**{name: getattr(own, name).copy() for name in (
         'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')})
-    table = _table(mesh, simulator.mesh.s, rods)
-    solve_free_rods(system, table, read_only(rotations), read_only(positions), TOLERANCE,
-                    MAX_ITERATIONS, *filled.arrays)
-    filled.told()
+    columns, truncated = _filled(
+        partial(solve_free_rods, system, _table(mesh, simulator.mesh.s, rods),
+                read_only(rotations), read_only(positions), TOLERANCE, MAX_ITERATIONS),
+        len(rods), mesh.s.size - 1)
     if accuracy is None:
-        return filled.columns, np.full(len(rods), True)
+        return columns, np.full(len(rods), True)
     even_rods: Sequence[Any] = rods  # whose parameters are numbers, see `even`
     lengths, twists = np.array([(rod.length, rod.natural_twist) for rod in even_rods]).T
-    _, stability, truncated = filled.proofs.T
-    return filled.columns, hanging_surely_within(~very_twisted(twists * lengths), stability,
-                                                 truncated,
-                                                 accuracy * (lengths / simulator.rod.length))
+    return columns, hanging_surely_within(~very_twisted(twists * lengths), columns['stability'],
+                                          truncated, accuracy * (lengths / simulator.rod.length))
 
 
 def _table(mesh: Discretization, s: Floats, rods: Sequence[Rod]) -> RodTable:
@@ -193,6 +155,6 @@ def _pulls(around: Surroundings, rods: Sequence[Rod], nodes: Floats) -> Floats:
     return -masses[:, :, None] * around.gravity - forces
 
 
-def scaled_nodes(s: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+def scaled_nodes(s: Floats, length: float) -> Floats:
     """Return nodes like `s` (N + 1,), m, of a DLO of another length, m."""
     return np.append(s[:-1] * (length / s[-1]), length)

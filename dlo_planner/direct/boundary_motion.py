@@ -3,15 +3,14 @@
 """How grips move: poses of grippers and far ends, and smooth motions through them."""
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items
 from dlo_planner.model.pose import Pose
@@ -19,90 +18,14 @@ from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 
 
-@kernel
-def along_spline(cubics: Floats, count: int, dt: float, places: Floats, frames: Floats,
-                 centers: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return rotations (k, 3, 3), positions (k, 3), twists (k, 6) at `places` (k,).
-
-    Args:
-        cubics: (4, n - 1, 7) their coefficients, highest first, of position and quaternion; the
-            latter has any size
-        count: n poses, at the places 0, 1, 2 ...; dt: s between them
-        frames, centers: (n, 3, 3), (n, 3) of the poses
-    """
-    rotations, positions = np.empty((places.size, 3, 3)), np.empty((places.size, 3))
-    twists = np.empty((places.size, 6))
-    value, rate = np.empty(7), np.empty(7)
-    for k in range(places.size):
-        nearest = int(np.rint(places[k]))
-        _fill_cubic(cubics, count, places[k], dt, value, rate)
-        _fill_twist(value, rate, twists[k])
-        if places[k] == nearest and 0 <= nearest < count:
-            for i in range(3):
-                positions[k, i] = centers[nearest, i]
-                for j in range(3):
-                    rotations[k, i, j] = frames[nearest, i, j]
-        else:
-            for i in range(3):
-                positions[k, i] = value[i]
-            _fill_rotation(value, rotations[k])
-    return rotations, positions, twists
-
-
-@kernel
-def _fill_cubic(cubics: Floats, count: int, place: float, dt: float, value: Floats,
-                rate: Floats) -> None:
-    """Fill value (7,) and rate (7,), 1/s, of the spline at a place, beyond its ends too."""
-    piece = min(max(int(np.floor(place)), 0), count - 2)
-    x = place - piece
-    for i in range(7):
-        a, b, c, d = (cubics[0, piece, i], cubics[1, piece, i], cubics[2, piece, i],
-                      cubics[3, piece, i])
-        value[i] = ((a * x + b) * x + c) * x + d
-        rate[i] = ((3 * a * x + 2 * b) * x + c) / dt
-
-
-@kernel
-def _fill_twist(value: Floats, rate: Floats, twist: Floats) -> None:
-    """Fill (6,) velocity and angular velocity, world, of a pose (7,) and its rate (7,)."""
-    x, y, z, w = value[3], value[4], value[5], value[6]
-    a, b, c, d = rate[3], rate[4], rate[5], rate[6]
-    half = 0.5 * (x * x + y * y + z * z + w * w)
-    for i in range(3):
-        twist[i] = rate[i]
-    twist[3] = (w * a - d * x + y * c - z * b) / half
-    twist[4] = (w * b - d * y + z * a - x * c) / half
-    twist[5] = (w * c - d * z + x * b - y * a) / half
-
-
-@kernel
-def _fill_rotation(value: Floats, rotation: Floats) -> None:
-    """Fill (3, 3) of the quaternion, of any size, in a pose (7,) (Diebel 2006, eq. 125)."""
-    x, y, z, w = value[3], value[4], value[5], value[6]
-    s = 1 / (x * x + y * y + z * z + w * w)
-    rotation[0, 0] = s * (x * x - y * y - z * z + w * w)
-    rotation[1, 1] = s * (y * y - x * x - z * z + w * w)
-    rotation[2, 2] = s * (z * z - x * x - y * y + w * w)
-    rotation[0, 1], rotation[1, 0] = 2 * s * (x * y - z * w), 2 * s * (x * y + z * w)
-    rotation[0, 2], rotation[2, 0] = 2 * s * (x * z + y * w), 2 * s * (x * z - y * w)
-    rotation[1, 2], rotation[2, 1] = 2 * s * (y * z - x * w), 2 * s * (y * z + x * w)
-
-
-class Guide(Value):
+class GripTrajectory(Value):
     """The smooth motion of a grip through n poses at the times 0, dt, 2 dt, ...
 
     Position and quaternion are cubic splines with continuous second derivatives (the quaternion is
     normalized), so that velocities and accelerations are continuous: inertia feels no jerk that is
     not in the poses. Between two neighbors a grip turns the shorter way.
 
-    Parameters
-    ----------
-    poses : sequence of Pose
-        The n poses.
-    dt : float
-        Time step in s.
-    at_rest : bool, optional
-        Whether the velocity is zero at time 0; else it is what the poses say.
+    `at_rest`: whether the velocity is zero at time 0; else it is what the poses say. dt in s.
     """
 
     PARTS = ('poses', 'dt', 'at_rest')
@@ -135,19 +58,18 @@ class Guide(Value):
             first, many = self.poses[0], (len(places), 1)
             return (np.tile(first.rotation, (*many, 1)), np.tile(first.position, many),
                     np.zeros((len(places), 6)))
-        return along_spline(self._cubics, len(self.poses), self.dt, places, *self._given)
-
-    @cached_property
-    def _cubics(self) -> Floats:
-        """(4, n - 1, 7) coefficients of the spline."""
-        spline: Any = self._spline  # there is one where the poses differ
-        return np.ascontiguousarray(spline.c)
-
-    @cached_property
-    def _given(self) -> tuple[Floats, Floats]:
-        """What `along` returns for the poses: not as the spline rounds them."""
-        return (np.array([pose.rotation for pose in self.poses]),
-                np.array([pose.position for pose in self.poses]))
+        values, rates = self._spline(places), self._spline(places, 1) / self.dt
+        rotations, positions = Rotation.from_quat(values[:, 3:]).as_matrix(), values[:, :3].copy()
+        nearest = np.rint(places).astype(int)
+        given = (places == nearest) & (nearest >= 0) & (nearest < len(self.poses))
+        for k in np.flatnonzero(given):  # not as the spline rounds them
+            pose = self.poses[nearest[k]]
+            rotations[k], positions[k] = pose.rotation, pose.position
+        # the quaternion has any size: omega = 2 q' q* / |q|^2
+        (v, w), (dv, dw) = ((one[:, 3:6], one[:, 6:]) for one in (values, rates))
+        turning = 2 * (w * dv - dw * v + np.cross(v, dv)) / np.sum(values[:, 3:] ** 2, axis=1)[
+            :, None]
+        return rotations, positions, np.hstack([rates[:, :3], turning])
 
 
 def _spline(poses: Sequence[Pose], at_rest: bool) -> Any:
@@ -165,26 +87,17 @@ def _spline(poses: Sequence[Pose], at_rest: bool) -> Any:
     return scipy.interpolate.CubicSpline(np.arange(n), values, bc_type=tuple(ends))
 
 
-class Grips(Value):
-    """All that holds a DLO in motion.
-
-    Parameters
-    ----------
-    gripper : Guide
-        Motion of the gripper.
-    far_end : Guide, optional
-        Motion of the far end. None where it is free.
-    grip : str, optional
-        Grip of `FarEnd`; unused where it is free.
-    """
+class BoundaryMotion(Value):
+    """All that holds a DLO in motion; `grip` is that of `FarEnd`, unused where the end is free."""
 
     PARTS = ('gripper', 'far_end', 'grip')
 
-    gripper: Guide
-    far_end: Guide | None
+    gripper: GripTrajectory
+    far_end: GripTrajectory | None
     grip: str
 
-    def __init__(self, gripper: Guide, far_end: Guide | None = None, grip: str = 'clamped'):
+    def __init__(self, gripper: GripTrajectory, far_end: GripTrajectory | None = None,
+                 grip: str = 'clamped'):
         put(self, gripper=gripper, far_end=far_end, grip=grip)
 
     def at(self, place: float) -> tuple[Pose, FarEnd | None]:
@@ -213,7 +126,7 @@ def ends_of(far_ends: Iterable[Any] | None, count: int) -> list[FarEnd | None]:
 
 
 def moving_grips(grippers: Sequence[Pose], ends: Sequence[FarEnd | None], dt: float, at_rest: bool,
-                 initial: Shape | None) -> Grips:
+                 initial: Shape | None) -> BoundaryMotion:
     """Return the smooth motion of what holds a DLO, at instants `dt` (s) apart."""
     if len({None if end is None else end.grip for end in ends}) > 1:
         raise InvalidTask('far_ends: expected the same grip from the beginning to the end of a '
@@ -221,8 +134,8 @@ def moving_grips(grippers: Sequence[Pose], ends: Sequence[FarEnd | None], dt: fl
     if initial is not None and initial.far_end is not None and ends[0] is None:
         raise InvalidTask('initial is held at its far end: expected a Shape whose far end is '
                           'free, as it is in the motion, or far_ends')
-    gripper = Guide(grippers, dt, at_rest)
+    gripper = GripTrajectory(grippers, dt, at_rest)
     if ends[0] is None:
-        return Grips(gripper)
+        return BoundaryMotion(gripper)
     held = [end.pose for end in ends if end is not None]
-    return Grips(gripper, Guide(held, dt, at_rest), ends[0].grip)
+    return BoundaryMotion(gripper, GripTrajectory(held, dt, at_rest), ends[0].grip)

@@ -365,7 +365,7 @@ def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: flo
     effects, needs = system.effects, system.needs
     held = Problem(
         system.lengths, system.natural, system.stiffness, system.scale, system.basis, base, origin,
-        Terms(effects.elastic, _with_set(effects.plastic, plastic), effects.load, effects.anchor,
+        Terms(effects.elastic, with_set(effects.plastic, plastic), effects.load, effects.anchor,
               hold, effects.contact),
         Structure(_displaced(needs.displaced, hold), needs.attached,
                   _with_rows(needs.border, hold)),
@@ -375,7 +375,7 @@ def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: flo
 
 
 @kernel
-def _with_set(plastic: Any, strain: Floats) -> Any:
+def with_set(plastic: Any, strain: Floats) -> Any:
     """Return a PlasticSection with another plastic strain; None for None."""
     if plastic is None:
         return plastic

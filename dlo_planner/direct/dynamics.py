@@ -19,7 +19,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.integrator import KinematicState, Scheme, credit_renewal
+from dlo_planner.direct.integrator import Scheme, credit_renewal
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Boxed, Motion
 from dlo_planner.direct.shape import Shape
@@ -188,32 +188,20 @@ _STILL = 1e-7  # of the length: what moves no farther rests
 
 
 @dataclass(frozen=True)
-class Recipe:
-    """What a motion was computed with, so that it can be repeated.
-
-    Attributes
-    ----------
-    instants : int
-        Number of instants.
-    integrator : str
-        One of INTEGRATORS.
-    tolerance : float
-        Tolerance in m; infinite: only what cannot be solved or gains energy is halved.
-    steps : tuple of int
-        Numbers of halvings of the steps made, in their order.
-    """
+class IntegrationOptions:
+    """What a motion was computed with, so that it can be repeated."""
 
     instants: int
     integrator: str
-    tolerance: float
-    steps: tuple[int, ...] = ()
+    tolerance: float  # m; infinite: only what cannot be solved or gains energy is halved
+    steps: tuple[int, ...] = ()  # numbers of halvings of the steps made, in their order
 
     def scheme(self, dt: float, halvings: int) -> Scheme:
         """Return the Scheme of a step of dt (s), halved so often."""
         return Scheme.named(self.integrator, dt / (1 << halvings))
 
 
-class Begun(NamedTuple):
+class InitialConditions(NamedTuple):
     """How a motion begins: the Shape that was given, if any, that on its mesh, velocities."""
 
     initial: Shape | None
@@ -229,7 +217,8 @@ class Trace(NamedTuple):
     samples: Floats | None
 
 
-def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floats:
+def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
+             trace: Trace) -> Floats:
     """Return (n,) how far, in m, nodes are from the true ones at most until each instant.
 
     Looked at are all nodes at the instants and some of them after each step. What halving
@@ -244,7 +233,7 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
         velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
     now = finer.begin(finer_start(mesh, begun), velocity)
     found = np.full(len(trace.places), np.inf)
-    found[0] = worst = _apart(now.nodes.position[::2], trace.positions[0])
+    found[0] = worst = _apart(now.positions[::2], trace.positions[0])
     made = at = 0  # steps, and time in the shortest ones
     for level, steps in groupby(plan.steps):
         left, size = 2 * len(list(steps)), 1 << (HALVINGS - level)
@@ -264,11 +253,11 @@ def error_of(stepper: Stepper, begun: Begun, plan: Recipe, trace: Trace) -> Floa
                 worst = max(worst, _apart(batch.samples[ends], trace.samples[(made + ends) // 2]))
             for instant in batch.kept:
                 k = round(instant.place)
-                worst = found[k] = max(worst, _apart(instant.nodes.position[::2],
+                worst = found[k] = max(worst, _apart(instant.positions[::2],
                                                      trace.positions[k]))
             now, made, at, left = batch.last, made + count, at + size * count, left - count
     if now.place == trace.places[-1]:  # of one that ended early, between two instants
-        found[-1] = max(worst, _apart(now.nodes.position[::2], trace.positions[-1]))
+        found[-1] = max(worst, _apart(now.positions[::2], trace.positions[-1]))
     return _estimate(coarse, plan, found)
 
 
@@ -293,7 +282,7 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
     return batch._replace(errors=np.zeros(0))
 
 
-def _estimate(coarse: Discretization, plan: Recipe, found: Floats) -> Floats:
+def _estimate(coarse: Discretization, plan: IntegrationOptions, found: Floats) -> Floats:
     """Return the errors (n,) that differences `found` (n,) from a finer motion tell, m."""
     rounding = 1e-15 * coarse.s.size * coarse.s[-1]
     second = plan.integrator != 'paper' and not coarse.surroundings.obstacles
@@ -306,7 +295,7 @@ def _apart(one: Floats, other: Floats) -> float:
     return float(np.linalg.norm(one - other, axis=-1).max())
 
 
-def finer_start(mesh: Discretization, begun: Begun) -> Shape:
+def finer_start(mesh: Discretization, begun: InitialConditions) -> Shape:
     """Return the Shape at time 0 on a mesh whose elements are halves of those of the motion.
 
     A DLO at rest hangs otherwise there: this is a part of the error, and no reason to swing. So is
@@ -349,38 +338,23 @@ _GAIN = 1e-3         # of the energy that has moved: what a motion may gain by r
 
 
 class Run(NamedTuple):
-    """What the steps of a motion came to.
+    """What the steps of a motion came to."""
 
-    Attributes
-    ----------
-    reached : list of TimePoint
-        TimePoints at 0, 1, 2 ...; the last one is where it ended: not solved, or the last before a
-        step that gained energy.
-    steps : list of int
-        Halvings of all steps.
-    local : float
-        Sum of their local errors, m.
-    status : str
-        Status of `Motion`.
-    message : str
-        Message of `Motion`.
-    samples : ndarray, shape (k, m, 3), or None
-        Places after each step, see `StepBatch`.
-    """
-
-    reached: list[TimePoint]
-    steps: list[int]
-    local: float
-    status: str = 'complete'
+    reached: list[TimePoint]  # at 0, 1, 2 ...; the last one is where it ended: not solved, or the
+                              # last before a step that gained energy
+    steps: list[int]          # halvings of all steps
+    local: float              # m, sum of their local errors
+    status: str = 'complete'  # as of `Motion`, like `message`
     message: str = ''
-    samples: Floats | None = None
+    samples: Floats | None = None  # (k, m, 3) places after each step, see `StepBatch`
 
 
-def simulate(stepper: Stepper, begun: Begun, plan: Recipe, progress: Progress) -> Motion:
+def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
+             progress: Progress) -> Motion:
     """Return the Motion that begins so; see `DirectSimulator.simulate`."""
     first = stepper.begin(begun.start, begun.velocity)
     if begun.velocity is not None:
-        check_velocity(stepper.masses, begun.velocity, first.nodes.velocity)
+        check_velocity(stepper.masses, begun.velocity, first.velocities)
     if not begun.start.converged:
         ended = Run([first], [], 0.0, 'unsolved', 'the shape at time 0 was not found')
         return _motion(stepper, ended, plan.tolerance, None)
@@ -397,12 +371,12 @@ def run(stepper: Stepper, first: TimePoint, instants: int, tolerance: float,
 
     And whether all steps were good; the last TimePoint is where it ended, see `Run`.
     """
-    plan = Recipe(instants, 'generalized_alpha', tolerance)
+    plan = IntegrationOptions(instants, 'generalized_alpha', tolerance)
     made = _run(stepper, first, plan, progress)
     return made.reached, made.status == 'complete'
 
 
-def _run(stepper: Stepper, first: TimePoint, plan: Recipe, progress: Progress) -> Run:
+def _run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: Progress) -> Run:
     """Return the Run that begins with the TimePoint `first`."""
     pace, reached = _Pace(stepper, first, plan), [first]
     while len(reached) < plan.instants:
@@ -414,7 +388,7 @@ def _run(stepper: Stepper, first: TimePoint, plan: Recipe, progress: Progress) -
         after = batch.refused
         if pace.stuck and after is not None:
             status = 'energy' if after.converged else 'unsolved'
-            end = after.with_shape(replace(after.shape, converged=False))
+            end = replace(after, given=replace(after.shape, converged=False))
             if status == 'energy':  # what has made energy is no instant of this DLO
                 end = pace.now
             return pace.run(reached if end.place == reached[-1].place else [*reached, end], status,
@@ -425,19 +399,14 @@ def _run(stepper: Stepper, first: TimePoint, plan: Recipe, progress: Progress) -
 class _Pace:
     """Makes the steps of a motion, as long as they may be.
 
-    Attributes
-    ----------
-    now : TimePoint
-        At the end of the last good step.
-    stuck : bool
-        Whether the next step is not good, however short it is.
+    It is `stuck` where the next step after `now` is not good, however short it is.
     """
 
-    def __init__(self, stepper: Stepper, first: TimePoint, plan: Recipe) -> None:
+    def __init__(self, stepper: Stepper, first: TimePoint, plan: IntegrationOptions) -> None:
         self.now, self.stuck = first, False
         self._stepper, self._plan = stepper, plan
         self._fixed = plan.integrator == 'paper'
-        self._past = _before(first.nodes, stepper.dt)
+        self._past = _before(first.row.nodes, stepper.dt)
         self._at = self._level = self._calm = 0  # time in the shortest steps; halvings; steps
         self._steps: list[int] = []
         self._errors: list[float] = []
@@ -526,10 +495,11 @@ class _Pace:
         return min(most, calm + (self._at // size + calm) % 2)
 
 
-def _before(nodes: KinematicState, dt: float) -> list[tuple[float, Floats]]:
+def _before(nodes: Floats, dt: float) -> list[tuple[float, Floats]]:
     """Return two times with node positions, dt apart, as if they had moved on evenly till now."""
-    return [(-k * dt, nodes.position - k * dt * nodes.velocity
-             + 0.5 * (k * dt) ** 2 * nodes.acceleration) for k in (2, 1)]
+    position, velocity, acceleration, _ = nodes
+    return [(-k * dt, position - k * dt * velocity + 0.5 * (k * dt) ** 2 * acceleration)
+            for k in (2, 1)]
 
 
 def _reason(status: str, stepper: Stepper, now: TimePoint, place: float) -> str:

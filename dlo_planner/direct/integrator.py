@@ -15,29 +15,26 @@ the grip, the plastic strain, forces and anchors of contacts) is kept in the row
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 
-from dlo_planner.direct.contact import contact_rows, forces_after
+from dlo_planner.direct.discretization import placed, with_set
+from dlo_planner.direct.statics import is_obstructed, outcome
 from dlo_planner.energy.ccd import sweeps_through
-from dlo_planner.energy.contact import ContactSet
 from dlo_planner.energy.elastic import Elastic
-from dlo_planner.energy.gap import penetration_of_point
-from dlo_planner.energy.grip import GripConstraint, constraint_violation
+from dlo_planner.energy.grip import GripConstraint
 from dlo_planner.energy.inertia import InertiaTerm
-from dlo_planner.energy.plastic import PlasticSection, add_plastic, return_map
+from dlo_planner.energy.plastic import add_plastic
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
-from dlo_planner.energy.scene import translated
-from dlo_planner.energy.terms import KKTBorder, Structure, Terms, potential, stored
+from dlo_planner.energy.terms import Structure, Terms, may_act, potential, stored
 from dlo_planner.geometry.kinematics import point_inside
-from dlo_planner.geometry.record import Record
+from dlo_planner.geometry.record import Record, copy
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import COARSER, solve_contact
-from dlo_planner.minimize.contact_table import with_contacts
-from dlo_planner.minimize.convergence import SETTLED, decrement_of, is_stationary
+from dlo_planner.minimize.convergence import SETTLED, decrement_of
 from dlo_planner.minimize.hessian import (
     LEAST_SHIFT,
     assembled_definite,
@@ -65,166 +62,77 @@ ELASTIC, STATIC, KINETIC, WORK, POWER, DAMPED, DISSIPATED, RUBBED, PUSHED = rang
 
 
 class SchemeCoefficients(Record):
-    """Of a `Scheme` of integration and of a DLO's damping, as kernels want them.
-
-    Attributes
-    ----------
-    alpha_m, alpha_f, beta, gamma : float
-        Coefficients of the Scheme.
-    dt : float
-        Time step, s.
-    stiffness : float
-        Acceleration per displacement in the Scheme, 1/s^2.
-    velocity_gain : float
-        Velocity per displacement in the Scheme, 1/s.
-    third : float
-        Local error per divided difference of four places, s^3: `Scheme.third`.
-    slow : float
-        Damping in proportion to mass, 1/s.
-    viscous : float
-        Damping in proportion to stiffness, s.
-    masses : ndarray, shape (N + 1,)
-        Masses of the nodes, kg.
-    """
+    """Of a `Scheme` of integration and of a DLO's damping, as kernels want them."""
 
     alpha_m: float
     alpha_f: float
     beta: float
     gamma: float
-    dt: float
-    stiffness: float
-    velocity_gain: float
-    third: float
-    slow: float
-    viscous: float
-    masses: Floats
+    dt: float             # s
+    stiffness: float      # 1/s^2, acceleration per displacement
+    velocity_gain: float  # 1/s, velocity per displacement
+    third: float          # s^3, `Scheme.third`
+    slow: float           # 1/s, damping in proportion to mass
+    viscous: float        # s, damping in proportion to stiffness
+    masses: Floats        # (N + 1,) kg, of the nodes
 
 
 class StepOptions(Record):
-    """How steps are solved, and until when they are good.
+    """How steps are solved, and until when they are good."""
 
-    Attributes
-    ----------
-    tolerance : float
-        Largest residual at the end of a search.
-    rounding : float
-        What rounding errors may leave of it.
-    ctol, kept : float
-        By how much a constraint may be violated: what is aimed at, and what still counts, m.
-    maxiter : int
-        Newton steps at most.
-    nearby : bool
-        Whether a shape near the start is sought first, without all guards.
-    spring : float
-        Stiffness of contacts, N/m.
-    share : ndarray, shape (3,)
-        How much each axis of the far end counts in its grip.
-    sleeve : bool
-        Whether the far end slides through its grip.
-    error : float
-        Largest local error, m.
-    gain, noise : float
-        Part of the energy that has moved which may be gained, and J in addition.
-    began : float
-        Energy balance when the motion began, J.
-    any_error : bool
-        Whether a step may have any local error once the DLO has touched an obstacle.
-    """
-
-    tolerance: float
-    rounding: float
-    ctol: float
-    kept: float
-    maxiter: int
-    nearby: bool
-    spring: float
-    share: Floats
-    sleeve: bool
-    error: float
-    gain: float
-    noise: float
-    began: float
-    any_error: bool
+    tolerance: float  # largest residual at the end of a search
+    rounding: float   # what rounding errors may leave of it
+    ctol: float       # m, by how much a constraint may be violated: what is aimed at,
+    kept: float       # and what still counts
+    maxiter: int      # Newton steps at most
+    nearby: bool      # whether a shape near the start is sought first, without all guards
+    spring: float     # N/m, of contacts
+    share: Floats     # (3,) how much each axis of the far end counts in its grip
+    sleeve: bool      # whether the far end slides through its grip
+    error: float      # m, largest local error
+    gain: float       # part of the energy that has moved which may be gained,
+    noise: float      # and J in addition
+    began: float      # J, energy balance when the motion began
+    any_error: bool   # whether a step may have any local error once the DLO has touched an obstacle
 
 
 class StepBuffer(Record):
     """Points in time of a motion, in r rows; the first PAST are past, the next one is now.
 
-    Attributes
-    ----------
-    times : ndarray, shape (r,)
-        s.
-    bases, origins, twists : ndarray, shape (r, 3, 3), (r, 3), (r, 6)
-        Of the gripper: rotation, position, m, velocity, m/s, and angular velocity, rad/s.
-    targets, axes, end_twists : ndarray, shape (r, 3), (r, 3, 3), (r, 6)
-        The same of the grip of the far end.
-    held : ndarray, shape (r, K, 6)
-        What that grip holds, as of a GripConstraint; K = 0: the far end is free.
-    reach : ndarray, shape (r,)
-        By how much the grip may be missed, m; below zero where it is out of reach.
-    nodes : ndarray, shape (4, r, N + 1, 3)
-        Position, velocity, acceleration and mean acceleration of the nodes: a `KinematicState`.
-    bends : ndarray, shape (4, r, N, 3)
-        The same of the strains.
-    frames : ndarray, shape (r, N + 1, 3, 3)
-        Rotations of the nodes.
-    wrenches, end_wrenches : ndarray, shape (r, 6)
-        Of the gripper and of the far end's grip on the DLO.
-    proofs : ndarray, shape (r, 4)
-        Residual, stability, local error of the step there, m, violation of constraints, m.
-    iterations, evaluations : ndarray of int, shape (r,)
-        Of the search; the latter of methods that count them.
-    energies : ndarray, shape (r, 9)
-        At ELASTIC, STATIC (elastic and loads), KINETIC; WORK and POWER of the grips; lost by
-        damping, plasticity, friction; PUSHED: what contacts did along the chords of steps. J, W.
-    converged, touched : ndarray, shape (r,)
-        Whether the shape is an equilibrium; whether the DLO has touched an obstacle so far.
-    reactions : ndarray, shape (r, K)
-        Forces of the far end's grip, N.
-    plastic : ndarray, shape (r, N, J)
-        Plastic strain, as of a PlasticSection.
-    node_forces : ndarray, shape (r, M, N + 1)
-        Multipliers of M bodies at the nodes, N.
-    starts : ndarray of int, shape (2, r + 1)
-        Where the points of contact and the contacts of each row begin, in what follows.
-    point_of, points : ndarray, shape (c, 2), (c, 14)
-        Element and obstacle; multiplier, fraction, anchor (world), normal, shear, slid: as of a
-        ContactSet after the step.
-    contact_of, contacts : ndarray, shape (c, 2), (c, 12)
-        Obstacle and element; what else `contact_rows` returns.
-    full : ndarray of bool, shape (1,)
-        Whether there was no room for the contacts of the step after the last good one.
+    K motions of the far end are held, M bodies may be touched. Units: m, s, N, kg, rad, J.
     """
 
-    times: Floats
-    bases: Floats
-    origins: Floats
+    times: Floats         # (r,)
+    bases: Floats         # (r, 3, 3), (r, 3), (r, 6) of the gripper: rotation, position, velocity
+    origins: Floats       # and angular velocity
     twists: Floats
-    targets: Floats
+    targets: Floats       # the same of the grip of the far end
     axes: Floats
     end_twists: Floats
-    held: Floats
-    reach: Floats
-    nodes: Floats
-    bends: Floats
-    frames: Floats
-    wrenches: Floats
+    held: Floats          # (r, K, 6) what that grip holds, as of a GripConstraint
+    reach: Floats         # (r,) by how much it may be missed; below zero where it is out of reach
+    nodes: Floats         # (4, r, N + 1, 3) position, velocity, acceleration, mean acceleration
+    bends: Floats         # (4, r, N, 3) the same of the strains
+    frames: Floats        # (r, N + 1, 3, 3)
+    wrenches: Floats      # (r, 6) of the gripper and of the far end's grip on the DLO
     end_wrenches: Floats
-    proofs: Floats
-    iterations: Ints
-    evaluations: Ints
-    energies: Floats
-    converged: Bools
-    touched: Bools
-    reactions: Floats
-    plastic: Floats
-    node_forces: Floats
-    starts: Ints
-    point_of: Ints
-    points: Floats
-    contact_of: Ints
+    proofs: Floats        # (r, 4) residual, stability, local error, violation of constraints
+    iterations: Ints      # (r,)
+    evaluations: Ints     # (r,) of methods that count them
+    energies: Floats      # (r, 9) at ELASTIC, STATIC (elastic and loads), KINETIC; WORK, POWER of
+                          # the grips; lost by damping, plasticity, friction; PUSHED: what contacts
+                          # did along the chords of steps
+    converged: Bools      # (r,)
+    touched: Bools        # (r,) whether the DLO has touched an obstacle so far
+    reactions: Floats     # (r, K) forces of the far end's grip
+    plastic: Floats       # (r, N, J) plastic strain
+    node_forces: Floats   # (r, M, N + 1)
+    starts: Ints          # (2, r + 1) where points and contacts of each row begin in what follows
+    point_of: Ints        # (c, 2) element and obstacle; (c, 14) multiplier, fraction, anchor
+    points: Floats        # (world), normal, shear, slid: as of `ContactPoints` after the step
+    contact_of: Ints      # (c, 2) obstacle and element; (c, 12) what else `contact_rows` returns
     contacts: Floats
-    full: Bools
+    stopped: Bools        # (2,) after the last good step: no room for its contacts; something acts
 
 
 # ------------------------------------------------------------------------------------------------
@@ -232,14 +140,17 @@ class StepBuffer(Record):
 
 
 @kernel
-def integrate(system: Problem, how: SchemeCoefficients, impact: SchemeCoefficients,
-              buffer: StepBuffer, budget: Floats, options: StepOptions, guess: Floats) -> int:
+def integrate(system: Problem, full: Problem, culled: bool, how: SchemeCoefficients,
+              impact: SchemeCoefficients, buffer: StepBuffer, budget: Floats,
+              options: StepOptions, guess: Floats) -> int:
     """Fill rows of a StepBuffer as long as each step is good; return the row of the last good one.
 
-    The row after that, if there is one, is of a step that is not, unless the buffer is full.
+    The row after that, if there is one, is of a step that is not, unless the buffer says `stopped`.
 
     Args:
         system: Problem of the DLO at rest
+        full: the same with all that may act; culled: whether `system` is without, and steps end
+            where something acts
         how, impact: of the scheme, and of an implicit Euler's with the same steps: once the DLO has
             touched an obstacle its forces may be impulses, of which a scheme that carries
             accelerations along would make energy
@@ -251,7 +162,11 @@ def integrate(system: Problem, how: SchemeCoefficients, impact: SchemeCoefficien
     """
     for row in range(PAST + 1, buffer.times.size):
         _take_step(system, how, impact, buffer, row, options, guess)
-        if buffer.full[0] or not (buffer.converged[row] and is_good(buffer, row, budget, options)):
+        if culled:
+            buffer.stopped[1] = may_act(full.effects, full, buffer.bends[0, row],
+                                        buffer.nodes[0, row], buffer.nodes[0, row - 1])
+        if buffer.stopped[0] or buffer.stopped[1] or not (
+                buffer.converged[row] and is_good(buffer, row, budget, options)):
             return row - 1
     return buffer.times.size - 1
 
@@ -280,7 +195,7 @@ def _solve_step(system, how, buffer, row, options, guess):
     ahead = _guess(how, buffer.bends, row, 0.0 if buffer.touched[row] else 1.0)
     if implicit_step(system, how, buffer, row, row - 1, ahead, options, check):
         return
-    if buffer.node_forces.shape[1] and not buffer.full[0]:
+    if buffer.node_forces.shape[1] and not buffer.stopped[0]:
         # from where the DLO is known to be outside of obstacles
         implicit_step(system, how, buffer, row, row - 1, buffer.bends[0, row - 1].copy(), options,
                       check)
@@ -458,26 +373,12 @@ def _yields(plastic):
 @kernel
 def _remembering(system, buffer, row, memory, options):
     """Return the Problem of the DLO at rest in the grips of a row, with what steps have left."""
-    effects = system.effects
-    held = Problem(
-        system.lengths, system.natural, system.stiffness, system.scale, system.basis, system.base,
-        buffer.origins[row],
-        Terms(effects.elastic, _with_set(effects.plastic, buffer, memory), effects.load,
-              effects.anchor, _with_grip(effects.hold, buffer, row, memory, options),
-              effects.contact),
-        Structure(system.needs.displaced, system.needs.attached,
-                  _border(system.needs.border, buffer.held.shape[1])),
-        system.proximal_point, system.proximal_weight)
-    return _with_contacts(effects.contact, held, buffer, row, memory, options)
-
-
-@kernel
-def _with_set(plastic, buffer, memory):
-    """Return a PlasticSection with the plastic strain of a row; None for None."""
-    if plastic is None:
-        return plastic
-    return PlasticSection(plastic.direction, plastic.limit, plastic.share, plastic.kind,
-                          plastic.strength, plastic.ellipse, buffer.plastic[memory].copy())
+    begin, end = buffer.starts[0, memory], buffer.starts[0, memory + 1]
+    index, points = buffer.point_of[begin:end], buffer.points[begin:end]
+    return placed(system, system.base, buffer.origins[row],
+                  _with_grip(system.effects.hold, buffer, row, memory, options), options.spring,
+                  buffer.plastic[memory], buffer.node_forces[memory], index[:, 0], index[:, 1],
+                  points[:, 0], points[:, 1], points[:, 2:5], points[:, 5:8], points[:, 8:11])
 
 
 @kernel
@@ -491,41 +392,11 @@ def _with_grip(hold, buffer, row, memory, options):
 
 
 @kernel
-def _border(border, rows):
-    """Return an empty KKTBorder of so many rows; None for None."""
-    out = border
-    if border is not None:
-        none = np.empty((rows, 0, 3))
-        out = KKTBorder(none, none, np.empty((0, 0)), np.zeros(1))
-    return out
-
-
-@kernel
-def _with_contacts(contact, system, buffer, row, memory, options):
-    """Return the Problem with the contacts that a row has left; itself without obstacles."""
-    if contact is None:
-        return system
-    begin, end = buffer.starts[0, memory], buffer.starts[0, memory + 1]
-    count, origin = end - begin, buffer.origins[row]
-    vectors = np.empty((3, count, 3))
-    for c in range(count):
-        for i in range(3):
-            vectors[0, c, i] = buffer.points[begin + c, 2 + i] - origin[i]
-            vectors[1, c, i] = buffer.points[begin + c, 5 + i]
-            vectors[2, c, i] = buffer.points[begin + c, 8 + i]
-    contacts = ContactSet(
-        options.spring, buffer.node_forces[memory].copy(), buffer.point_of[begin:end, 0].copy(),
-        buffer.point_of[begin:end, 1].copy(), buffer.points[begin:end, 0].copy(),
-        buffer.points[begin:end, 1].copy(), vectors[0], vectors[1], vectors[2], options.spring)
-    return with_contacts(system, contacts, translated(contact.scene, origin))
-
-
-@kernel
 def _is_blocked(contact, problem, buffer, row, q):
     """Whether an obstacle is between the shape in the row before and the unknowns q (m, 3)."""
     if contact is None:
         return False
-    if contact.scene.kind.size == 0:
+    if not is_obstructed(contact):
         return False
     state, origin = new_configuration(problem), buffer.origins[row]
     state.q[:] = q
@@ -543,7 +414,7 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
     """Seek the minimum from q (m, 3)."""
     if contact is None:
         return _unobstructed(problem, how, q, buffer, row, memory, options, check)
-    if contact.scene.kind.size == 0:
+    if not is_obstructed(contact):
         return _unobstructed(problem, how, q, buffer, row, memory, options, check)
     previous, origin = np.empty((buffer.nodes.shape[2], 6)), buffer.origins[row]
     for k in range(previous.shape[0]):
@@ -612,30 +483,27 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
         problem: with the multipliers of its constraints at the end; state: Configuration there
         residual, stability, iterations, violation: of the search
     """
-    origin, places, strains = buffer.origins[row], buffer.nodes[0, row], buffer.bends[0, row]
-    buffer.frames[row] = state.rotations
-    for k in range(places.shape[0]):
-        for i in range(3):
-            places[k, i] = state.positions[k, i] + origin[i]
-    for e in range(strains.shape[0]):
-        for i in range(3):
-            strains[e, i] = state.strains[e, i]
-    for i in range(3):
-        buffer.wrenches[row, i] = state.base_force[i]
-        buffer.wrenches[row, 3 + i] = state.base_moment[i]
+    (strains, buffer.frames[row], positions, _, wrenches, hold, plastic, forces, contacts, _, _,
+     lost, missed, inside, stationary) = outcome(problem, state, buffer.origins[row], residual,
+                                                 options.rounding, True)
+    copy(positions, buffer.nodes[0, row])
+    copy(strains, buffer.bends[0, row])
+    buffer.wrenches[row], buffer.end_wrenches[row] = wrenches[0], wrenches[1]
     _move_on(how, buffer.nodes, row)
     _move_on(how, buffer.bends, row)
-    violation = max(violation, _gripper_inside(problem.effects.contact, origin))
-    bound = buffer.held.shape[1] > 0 or _bodies(problem.effects.contact) > 0
-    converged = (is_stationary(problem, state, residual, options.rounding)
-                 and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
-                 and violation <= options.kept)
-    if converged and buffer.held.shape[1]:
-        converged = _missed(problem.effects.hold, state) <= buffer.reach[row]
-    _keep_grip(problem.effects.hold, state, buffer, row)
-    _keep_contacts(problem.effects.contact, problem, state, buffer, row)
-    buffer.energies[row, DISSIPATED] = buffer.energies[memory, DISSIPATED] + _keep_set(
-        problem.effects.plastic, problem, state, buffer, row)
+    violation = max(violation, inside)
+    bound = buffer.held.shape[1] > 0 or is_obstructed(problem.effects.contact)
+    converged = (stationary and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
+                 and violation <= options.kept and missed <= buffer.reach[row])
+    if buffer.held.shape[1]:
+        buffer.reactions[row] = hold
+    if plastic.shape[1]:
+        buffer.plastic[row] = plastic
+    buffer.energies[row, DISSIPATED] = buffer.energies[memory, DISSIPATED] + lost
+    buffer.starts[0, row + 1] = buffer.starts[0, row]
+    buffer.starts[1, row + 1] = buffer.starts[1, row]
+    if is_obstructed(problem.effects.contact):
+        _keep_contacts(problem.effects.contact, forces, contacts, buffer, row)
     proof = buffer.proofs[row]
     proof[0], proof[1], proof[3] = residual, stability, violation
     buffer.iterations[row], buffer.converged[row] = iterations, converged
@@ -643,73 +511,18 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
 
 
 @kernel
-def _bodies(contact):
-    """Return how many obstacles there are."""
-    if contact is None:
-        return 0
-    return contact.scene.kind.size
-
-
-@kernel
-def _gripper_inside(contact, origin):
-    """Return how deep the gripper holds the axis in an obstacle, m: no force can push it out."""
-    if contact is None:
-        return 0.0
-    if contact.scene.kind.size == 0:
-        return 0.0
-    return penetration_of_point(translated(contact.scene, np.zeros(3)), origin)
-
-
-@kernel
-def _missed(hold, state):
-    """Return by how much the far end's grip is missed, m."""
-    if hold is None:
-        return 0.0
-    return constraint_violation(hold, state.rotations[-1], state.positions[-1])
-
-
-@kernel
-def _keep_grip(hold, state, buffer, row):
-    """Keep the forces of the far end's grip, and its wrench on the DLO."""
-    if hold is None:
-        return
-    if hold.multiplier.size == 0:
-        return
-    buffer.reactions[row] = hold.multiplier
-    for i in range(3):
-        buffer.end_wrenches[row, i] = -state.attached.tip_force[i]
-        buffer.end_wrenches[row, 3 + i] = -state.attached.tip_moment[i]
-
-
-@kernel
-def _keep_set(plastic, problem, state, buffer, row):
-    """Keep the plastic strain after a step; return the energy lost in it, J."""
-    if plastic is None:
-        return 0.0
-    if plastic.share.shape[0] == 0:
-        return 0.0
-    new, dissipated = return_map(problem.lengths, state.strains, problem.natural, plastic)
-    buffer.plastic[row] = new
-    return dissipated
-
-
-@kernel
-def _keep_contacts(contact, problem, state, buffer, row):
+def _keep_contacts(contact, forces, contacts, buffer, row):
     """Keep what contacts leave to the next step, and the table of those that bear."""
-    starts = buffer.starts
-    starts[0, row + 1], starts[1, row + 1] = starts[0, row], starts[1, row]
     if contact is None:
         return
-    if contact.scene.kind.size == 0:
-        return
-    (node, element, obstacle, multiplier, fraction, anchor, normal, shear,
-     slid) = forces_after(problem, state, buffer.origins[row], True)
-    source, at, along, place, direction, force, friction, gap = contact_rows(problem, state)
+    node, element, obstacle, multiplier, fraction, anchor, normal, shear, slid = forces
+    source, at, along, place, direction, force, friction, gap = contacts
     buffer.node_forces[row] = node
+    starts = buffer.starts
     first, other = starts[0, row], starts[1, row]
     if first + element.size > buffer.points.shape[0] or (
             other + source.size > buffer.contacts.shape[0]):
-        buffer.full[0] = True
+        buffer.stopped[0] = True
         return
     for c in range(element.size):
         buffer.point_of[first + c, 0], buffer.point_of[first + c, 1] = element[c], obstacle[c]
@@ -786,7 +599,7 @@ def _stored_plastic(plastic, system, buffer, row):
     if plastic.share.shape[0] == 0:
         return 0.0
     return add_plastic(system.lengths, buffer.bends[0, row], system.natural,
-                       _with_set(plastic, buffer, row), np.zeros(system.natural.shape))
+                       with_set(plastic, buffer.plastic[row]), np.zeros(system.natural.shape))
 
 
 @kernel
@@ -1064,45 +877,3 @@ class Scheme:
         return SchemeCoefficients(*(float(one) for one in (
             self.alpha_m, self.alpha_f, self.beta, self.gamma, self.dt, self.stiffness,
             self.velocity_gain, self.third, *damping)), masses)
-
-
-@dataclass(frozen=True)
-class KinematicState:
-    """A coordinate in motion: arrays of one shape.
-
-    Attributes
-    ----------
-    position, velocity, acceleration : ndarray
-        At one instant.
-    mean : ndarray
-        The acceleration averaged over the last step, as the scheme carries it along.
-    """
-
-    position: Floats
-    velocity: Floats
-    acceleration: Floats
-    mean: Floats
-
-    def __post_init__(self) -> None:
-        for one in self.arrays:  # not `freeze`: there are thousands
-            one.flags.writeable = False
-
-    @property
-    def arrays(self) -> tuple[Floats, ...]:
-        """The four arrays."""
-        return tuple(self.__dict__.values())
-
-    @classmethod
-    def of(cls, arrays: Floats) -> Self:
-        """Return the course with the four parts of a read-only array (4, ...): quicker."""
-        course = object.__new__(cls)
-        course.__dict__.update(zip(_PARTS, arrays, strict=True))
-        return course
-
-    @classmethod
-    def begun(cls, position: Floats, velocity: Floats, acceleration: Floats) -> Self:
-        """Return the course of something that begins to move freely."""
-        return cls(position, velocity, acceleration, acceleration)
-
-
-_PARTS = tuple(item.name for item in fields(KinematicState))

@@ -18,7 +18,7 @@ M x = mu K x with mu = 1 / omega^2; K is positive definite at a stable shape.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -42,7 +42,7 @@ from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.minimize.hessian import Hessian
 from dlo_planner.minimize.newton import HELD_NEUTRAL
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import integer, results, shown
+from dlo_planner.model.checks import integer, items, results, shown
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
 if TYPE_CHECKING:
@@ -58,50 +58,23 @@ _DEPENDENT = 1e-7  # of the largest row: constraint rows below it depend on the 
 
 @dataclass(frozen=True)
 class Vibration:
-    """The linearized DLO; c coordinates, N + 1 nodes, world axes.
+    """The linearized DLO; c coordinates, N + 1 nodes, world axes."""
 
-    Attributes
-    ----------
-    stiffness : ndarray, shape (c, c)
-        Stiffness in J per square of the coordinates' unit.
-    mass : ndarray, shape (c, c)
-        Mass in J s^2 per square of the coordinates' unit.
-    jacobian : ndarray, shape (N + 1, 3, c)
-        Displacement of the nodes by the coordinates, m.
-    strains : ndarray, shape (N, 3, c)
-        Change of the element strains, 1/m.
-    carried : ndarray, shape (N + 1, 3, 6)
-        Displacement of the nodes per displacement (3) and rotation (3, about the gripper's origin)
-        of a slowly moving gripper: the DLO is always in equilibrium.
-    masses : ndarray, shape (N + 1,)
-        Masses of the nodes, kg.
-    resistance : ndarray, shape (N, 3)
-        Length times stiffness of the elements, N m^3.
-    """
-
-    stiffness: np.ndarray
-    mass: np.ndarray
-    jacobian: np.ndarray
-    strains: np.ndarray
-    carried: np.ndarray
-    masses: np.ndarray
-    resistance: np.ndarray
+    stiffness: np.ndarray   # (c, c) J per square of the coordinates' unit
+    mass: np.ndarray        # (c, c) J s^2, the same
+    jacobian: np.ndarray    # (N + 1, 3, c) displacement of the nodes by the coordinates, m
+    strains: np.ndarray     # (N, 3, c) change of the element strains, 1/m
+    carried: np.ndarray     # (N + 1, 3, 6) displacement of the nodes per displacement (3) and
+                            # rotation (3, about its origin) of a slowly moving gripper: always in
+                            # equilibrium
+    masses: np.ndarray      # (N + 1,) kg
+    resistance: np.ndarray  # (N, 3) length times stiffness of the elements, N m^3
 
 
 class Linearized:
-    """A Shape, and the Vibrations about it on its own mesh and on finer ones.
+    """A converged Shape, and the Vibrations about it on its own mesh and on finer ones.
 
-    Parameters
-    ----------
-    shape : Shape
-        Converged Shape from a simulator, without friction and dead moments, not grasped inside.
-    name : str, optional
-        Name of the shape, for messages.
-
-    Raises
-    ------
-    InvalidTask
-        The shape is not of this kind.
+    Raises InvalidTask where there are none, with its `name`.
     """
 
     def __init__(self, shape: Shape, name: str = 'shape'):
@@ -454,3 +427,103 @@ def _error(linear: Linearized, rates: Floats, places: Ints) -> Floats:
         true[:squares.size] = np.sqrt(squares)
         errors = 4 / 3 * np.abs(true[places] / rates - 1)
     return errors
+
+
+# ------------------------------------------------------------------------------------------------
+# Modes along a path, matched by likeness: a mode stays itself where frequencies cross.
+
+
+_SPARE = 4     # more modes than asked for are computed: a followed one may have become faster
+_EQUAL = 1e-6  # relative difference of squares of frequencies that count as one
+
+
+def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
+    """Return the Modes of each shape; mode i of one continues mode i of the one before.
+
+    The n slowest modes of the first shape are followed: the modes of the next shape are assigned
+    so that the sum of `Modes.overlap` is largest. Modes of equal frequency, as of a round DLO that
+    hangs straight, are first turned together so as to be most like those before. Where an overlap
+    is small, the steps along the path are too long to tell which mode is which.
+
+    Parameters
+    ----------
+    shapes : iterable of Shape
+        In the order of the path, as from `DirectSimulator.track`; meshes may differ.
+    n : int, optional
+        How many modes; there may be fewer, see `Shape.modes`.
+
+    Raises
+    ------
+    InvalidTask
+        A shape that has no modes, see `Shape.modes`, or fewer than the one before.
+    """
+    from dlo_planner.direct.shape import Shape  # noqa: PLC0415  (it imports this file)
+    shapes = items('shapes', shapes, Shape)
+    n = integer('n', n, minimum=1, maximum=MOST)
+    tracked: list[Modes] = []
+    for k, shape in enumerate(shapes):
+        linear = Linearized(shape, f'shapes[{k}]')
+        if not tracked:
+            vibration = linear.resolving(n + _SPARE)
+            squares, found = solved(vibration, n, linear.name)
+            tracked.append(modes_from(linear, vibration, squares, found,
+                                      np.arange(squares.size)))
+        else:
+            tracked.append(_continued(tracked[-1], linear))
+    return tuple(tracked)
+
+
+def _continued(before: Modes, linear: Linearized) -> Modes:
+    """Return the Modes of a Linearized shape that continue the Modes `before`."""
+    vibration = linear.resolving(len(before) + _SPARE)
+    squares, found = solved(vibration, len(before) + _SPARE, linear.name)
+    if squares.size < len(before):
+        raise InvalidTask(f'{linear.name}: expected one with {len(before)} modes or more, as the '
+                          f'one before, it has {squares.size}')
+    weighted = displacements_on(before, linear.shape.s) * vibration.masses[:, None]
+    like = np.einsum('mki,kic->mc', weighted, vibration.jacobian)  # products with the coordinates
+    for one in _equal(squares):
+        found[:, one] = _turned(like, found[:, one])
+    product = like @ found
+    _, places = scipy.optimize.linear_sum_assignment(-np.abs(product))
+    likeness = product[np.arange(len(before)), places]
+    signs = np.where(likeness < 0, -1.0, 1.0)
+    return modes_from(linear, vibration, squares[places], found[:, places] * signs, places,
+                      np.minimum(np.abs(likeness), 1.0))
+
+
+def displacements_on(modes: Modes, s: np.ndarray) -> np.ndarray:
+    """Return (n, N + 1, 3) the displacements of Modes, m, on another mesh: nodes s (N + 1,), m.
+
+    Linear between the nodes of the modes. A DLO of another length is scaled to this one.
+    """
+    if s.size == modes.s.size and (s == modes.s).all():
+        return modes.displacements
+    flat = np.moveaxis(modes.displacements, 1, 2).reshape(-1, modes.s.size)
+    at = np.array([np.interp(s / s[-1], modes.s / modes.s[-1], one) for one in flat])
+    return np.moveaxis(at.reshape(len(modes), 3, s.size), 2, 1)
+
+
+def _equal(squares: Floats) -> Iterator[slice]:
+    """Yield slices of ascending squares (n,) of frequencies that are equal."""
+    ends = np.flatnonzero(np.diff(squares) > _EQUAL * squares[1:]) + 1
+    for begin, end in zip([0, *ends], [*ends, squares.size], strict=True):
+        if end - begin > 1:
+            yield slice(begin, end)
+
+
+def _turned(like: Floats, found: Floats) -> Floats:
+    """Return modes (c, g) of equal frequency, combined to be most like g modes before.
+
+    Orthogonal Procrustes: Golub and Van Loan, Matrix Computations, ch. 6.4.
+
+    Shapes: like (n, c).
+    """
+    product = like @ found
+    nearest = np.sort(np.argsort(-np.sum(product**2, axis=1), kind='stable')[:found.shape[1]])
+    left, _, right = np.linalg.svd(product[nearest], full_matrices=True)
+    count = len(nearest)
+    turn = right.T.copy()
+    turn[:, :count] = right[:count].T @ left.T
+    result: Floats = found @ turn
+    return result

@@ -65,12 +65,7 @@ def described_equilibrium(discretization: Discretization, gripper: Pose, strains
 class _Series:
     """Coefficients of the series of (q_d, q_kappa, q_tau), and the potential as their function.
 
-    Parameters
-    ----------
-    system : Problem
-        With one unknown strain per element.
-    basis : ndarray, shape (N, N_c)
-        Of the series, at the elements.
+    `system` has one unknown strain per element, where the basis is (N, N_c).
     """
 
     def __init__(self, system: Problem, basis: Floats) -> None:

@@ -117,12 +117,9 @@ class Sensitivity:
         return result
 
     def strains_by(self, slopes: Floats) -> Floats:
-        """Return (k, N, 3) the changes of the elements' strains under k changes of the potential.
+        """Return (k, N, 3) the changes of the strains under k changes of the potential.
 
-        Parameters
-        ----------
-        slopes : ndarray, shape (k, N, 3)
-            Derivatives of these changes by the elements' strains, J m.
+        Shapes: slopes (k, N, 3), their derivatives by the strains, J m.
         """
         result: Floats = _strains_by(self._system, self._hessian, slopes)
         return result
@@ -130,12 +127,7 @@ class Sensitivity:
     def slope_of(self, more: Floats | float = 0.0, **fields: Floats) -> Floats:
         """Return the potential's slope (N, 3) by the strains, the gripper's pose that of the shape.
 
-        Parameters
-        ----------
-        more : ndarray, shape (N, 3), optional
-            What is added to the strains of the shape, 1/m.
-        fields
-            Fields of the Problem that change.
+        `more` (N, 3) is added to the strains of the shape, 1/m; other `fields` of the Problem.
         """
         # one unknown strain an element: these strains, whatever the basis
         system = self._system._replace(basis=np.zeros((self._system.lengths.size, 0)), **fields)

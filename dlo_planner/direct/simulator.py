@@ -25,8 +25,8 @@ from dlo_planner.direct.boundary_motion import ends_of, moving_grips, poses
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import Discretization, even_mesh
 from dlo_planner.direct.dynamics import (
-    Begun,
-    Recipe,
+    InitialConditions,
+    IntegrationOptions,
     Velocity,
     first_shape,
     last_of,
@@ -522,8 +522,8 @@ class DirectSimulator(Value):
             self._judge_end(end)
         grips = moving_grips(grippers, ends, dt, velocity is None, initial)
         start, mesh = self._beginning(grippers[0], ends[0], initial)
-        begun = Begun(initial, start, nodes_velocity(velocity, initial, start))
-        plan = Recipe(len(grippers), task.integrator, tolerance)
+        begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start))
+        plan = IntegrationOptions(len(grippers), task.integrator, tolerance)
         return simulate(make(mesh, grips, dt, self.method), begun, plan, steps)
 
     def _beginning(self, gripper: Pose, far_end: FarEnd | None,

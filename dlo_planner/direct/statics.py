@@ -52,7 +52,7 @@ _GRIP_EXACT = 1e-4     # of the slack: what is aimed at
 _LEAST_SLACK = 1e-10   # of the length: slack that is looked at
 _IN_VAIN = 30          # Newton steps towards what is out of reach
 _NO_PAST = np.zeros((0, 6))  # nothing has touched: where it was does not matter
-NO_NODES: Ints = np.zeros(0, dtype=np.int64)  # of no Leash
+NO_NODES: Ints = np.zeros(0, dtype=np.int64)  # of no RotationBound
 
 
 class Search(NamedTuple):
@@ -64,7 +64,7 @@ class Search(NamedTuple):
     tolerance: float = TOLERANCE
 
 
-class Leash(NamedTuple):
+class RotationBound(NamedTuple):
     """How far a DLO that hangs freely may turn from the Shape before, in the gripper."""
 
     frames: Floats = np.zeros((0, 3, 3))  # of that Shape, read-only
@@ -73,13 +73,13 @@ class Leash(NamedTuple):
     most: float = np.inf                  # rad
 
 
-THOROUGH, NO_LEASH = Search(), Leash()
-freeze(NO_LEASH)
+THOROUGH, UNBOUNDED = Search(), RotationBound()
+freeze(UNBOUNDED)
 
 
 def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats, method: str = 'newton',
                 memory: Memory | None = None, far_end: FarEnd | None = None, *,
-                culled: bool = False, leash: Leash = NO_LEASH) -> tuple[Shape, int]:
+                culled: bool = False, bound: RotationBound = UNBOUNDED) -> tuple[Shape, int]:
     """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
 
     `culled`: without what may act, see `Discretization`. Shapes: strains (N, 3).
@@ -91,7 +91,7 @@ def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats, method: st
         found = search(system, q, method, TOLERANCE)
     else:
         found = minimum(mesh, system, gripper, q, memory, search_of(mesh, gripper, far_end),
-                        culled=culled, leash=leash)
+                        culled=culled, bound=bound)
     return shape_of(mesh, gripper, found, memory, far_end, culled=culled), found.kicks
 
 
@@ -123,13 +123,13 @@ def reach_of(mesh: Discretization, spanned: Floats) -> Floats:
 
 def minimum(mesh: Discretization, system: Problem, gripper: Pose, q: Floats,
             memory: Memory | None = None, how: Search = THOROUGH, *, culled: bool = False,
-            leash: Leash = NO_LEASH) -> Minimum:
+            bound: RotationBound = UNBOUNDED) -> Minimum:
     """Return the Minimum that is reached from q (m, 3)."""
     exact = how.exact * float(mesh.s[-1])
     if culled:  # by one kernel, whatever holds it
         state, residual, stability, steps, kicks, missed = _descend(
-            system, q, how.tolerance, exact, how.steps, how.check, *leash[:2],
-            np.array(gripper.rotation, order='C'), *leash[2:])
+            system, q, how.tolerance, exact, how.steps, how.check, *bound[:2],
+            np.array(gripper.rotation, order='C'), *bound[2:])
         return Minimum(state, residual, stability, steps, kicks, system, missed)
     before = _NO_PAST
     if memory is not None and len(memory.positions):
@@ -147,7 +147,7 @@ def minimum(mesh: Discretization, system: Problem, gripper: Pose, q: Floats,
 @kernel
 def _descend(system: Problem, q: Floats, tolerance: float, exact: float, steps: int, check: bool,
              frames: Floats, before: Floats, base: Floats, nodes: Ints, most: float) -> Any:
-    """Return what `minimize` does, on a Leash; base: (3, 3) of the gripper."""
+    """Return what `minimize` does, on a RotationBound; base: (3, 3) of the gripper."""
     options = within(thorough(tolerance, exact, steps, check, tolerance < 0.0), frames, before,
                      base, nodes, most)
     return minimize(system, q.copy(), options, new_workspace(system))
@@ -269,10 +269,18 @@ def _contacts_after(contact: Any, system: Problem, state: Configuration, origin:
     if contact is None:
         return None, None, 0.0
     inside = 0.0
-    if contact.scene.kind.size:
+    if is_obstructed(contact):
         inside = penetration_of_point(translated(contact.scene, np.zeros(3)), origin)
     return (forces_after(system, state, origin, ended), contact_rows(system, state),
             max(0.0, inside))
+
+
+@kernel
+def is_obstructed(contact: Any) -> bool:
+    """Whether there are obstacles."""
+    if contact is None:
+        return False
+    return contact.scene.kind.size > 0  # type: ignore[no-any-return]
 
 
 def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, memory: Memory | None = None,

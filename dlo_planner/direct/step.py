@@ -28,9 +28,9 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import (
     EXACT,
     MAX_ITERATIONS,
-    NO_LEASH,
     TOLERANCE,
-    Leash,
+    UNBOUNDED,
+    RotationBound,
     Search,
     equilibrium,
     held_nearby,
@@ -64,7 +64,7 @@ class How(NamedTuple):
     far_end: FarEnd | None = None
     method: str = 'newton'        # as of `DirectSimulator`, like `strains`
     strains: str = 'components'
-    most: float = np.inf          # rad, of the Leash of a DLO that hangs freely
+    most: float = np.inf          # rad, the RotationBound of a DLO that hangs freely
 
 
 FREELY = How()
@@ -96,10 +96,10 @@ def _step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How, 
     else:
         strains = mesh.strains_from(initial.s, initial.element_strains)
     if culled and far_end is None:
-        leash = NO_LEASH
+        bound = UNBOUNDED
         if initial is not None and how.most < np.inf and mesh.has_nodes(initial.s):
-            leash = Leash(initial.frames, initial.gripper.rotation, mesh.sampled, how.most)
-        return equilibrium(mesh, gripper, strains, 'newton', past, culled=True, leash=leash)
+            bound = RotationBound(initial.frames, initial.gripper.rotation, mesh.sampled, how.most)
+        return equilibrium(mesh, gripper, strains, 'newton', past, culled=True, bound=bound)
     if how.strains == 'paper':
         return described_equilibrium(mesh, gripper, strains, method, past)
     if method == 'newton' and initial is not None:
@@ -223,7 +223,7 @@ _GROWING = Search(100, False, _DEPTH, _LEFT)
 _LEAST_GROWTH = 2.0**-10  # of the growth: if smaller steps fail, the growth ends there
 
 
-class Advanced(NamedTuple):
+class Predictor(NamedTuple):
     """Where a search begins: gripper, strains (N, 3), the past; and whether the way is clear."""
 
     gripper: Pose
@@ -233,7 +233,7 @@ class Advanced(NamedTuple):
 
 
 def _advanced(mesh: Discretization, previous: Shape | None, strains: Floats, gripper: Pose,
-              far_end: FarEnd | None, memory: Memory, culled: bool) -> Advanced:
+              far_end: FarEnd | None, memory: Memory, culled: bool) -> Predictor:
     """Return where the search begins, the past with the forces of a grip at the end of the way.
 
     The gripper (and the far end's grip) goes straight from its pose in `previous`; the DLO gives
@@ -241,7 +241,7 @@ def _advanced(mesh: Discretization, previous: Shape | None, strains: Floats, gri
     """
     amid = mesh.obstructed and not culled
     if far_end is None and (previous is None or not amid):
-        return Advanced(gripper, strains, memory)
+        return Predictor(gripper, strains, memory)
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
     begin = gripper if previous is None else previous.gripper
     held = None
@@ -249,7 +249,7 @@ def _advanced(mesh: Discretization, previous: Shape | None, strains: Floats, gri
         held = FarEnd(_end_of(mesh, previous, strains, begin), far_end.grip)
     parts = _parts_between(begin, gripper, held, far_end, float(mesh.s[-1]))
     if parts == 0:
-        return Advanced(gripper, strains, memory)
+        return Predictor(gripper, strains, memory)
     if previous is None and held is not None and far_end is not None:
         return _set_down(mesh, gripper, strains, (held, far_end), memory, parts)
     if not amid and held is not None and far_end is not None:
@@ -283,7 +283,7 @@ def _parts_between(begin: Pose, gripper: Pose, held: FarEnd | None, far_end: Far
 
 
 def _led(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
-         far_ends: tuple[FarEnd, FarEnd], memory: Memory, parts: int, culled: bool) -> Advanced:
+         far_ends: tuple[FarEnd, FarEnd], memory: Memory, parts: int, culled: bool) -> Predictor:
     """Return where the search begins near the end of a straight way of both grips.
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
@@ -317,7 +317,7 @@ def _led(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
         if gone == len(shares):
             break
         done = shares[gone - 1] if gone else done
-    return Advanced(end, strains, memory)
+    return Predictor(end, strains, memory)
 
 
 def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
@@ -327,7 +327,7 @@ def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
 
 
 def _set_down(mesh: Discretization, gripper: Pose, strains: Floats,
-              far_ends: tuple[FarEnd, FarEnd], memory: Memory, parts: int) -> Advanced:
+              far_ends: tuple[FarEnd, FarEnd], memory: Memory, parts: int) -> Predictor:
     """Return where the search begins for a DLO that is set down in its grips.
 
     First without obstacles, then it grows to its thickness among them; torsion that is soft is as
@@ -348,7 +348,7 @@ def _set_down(mesh: Discretization, gripper: Pose, strains: Floats,
     if firm is not mesh:
         shape, _ = equilibrium(firm, gripper, strains, 'newton', past, far_end)
         gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.left
-    return Advanced(gripper, strains, memory.with_forces(past))
+    return Predictor(gripper, strains, memory.with_forces(past))
 
 
 def _resisting_twist(mesh: Discretization) -> Discretization:
@@ -362,7 +362,7 @@ def _resisting_twist(mesh: Discretization) -> Discretization:
 
 
 def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd,
-           memory: Memory) -> Advanced:
+           memory: Memory) -> Predictor:
     """Return a DLO grown to its thickness among obstacles, from its strains without them."""
     system = mesh.system(gripper.rotation, gripper.position, memory, far_end)
     state = configuration_at(system, strains)
@@ -382,7 +382,7 @@ def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd
         if mesh.surroundings.pinned:
             gripper = Pose.from_rotation(gripper.position, found.system.base)
         memory = underway(mesh, found, gripper, memory)
-    return Advanced(gripper, strains, memory)
+    return Predictor(gripper, strains, memory)
 
 
 def _thinner(scene: Scene, thin: float) -> Scene:
@@ -393,7 +393,7 @@ def _thinner(scene: Scene, thin: float) -> Scene:
 
 def _in_parts(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
               far_ends: tuple[FarEnd | None, FarEnd | None], memory: Memory,
-              parts: int) -> Advanced:
+              parts: int) -> Predictor:
     """Return where the search begins after a way in parts, around obstacles where it can."""
     (begin, gripper), (held, far_end) = grippers, far_ends
     done, step = 0.0, 1.0 / parts
@@ -412,7 +412,7 @@ def _in_parts(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose]
                           old.positions - shift, new.rotations, new.positions):
             step *= 0.5
             if step < _SMALLEST or left == 0:
-                return Advanced(gripper, strains, past, False)
+                return Predictor(gripper, strains, past, False)
             continue
         done, where, left = target, there, max(left - 1, 0)
         step = min(2 * step, 1.0 / parts)
@@ -425,4 +425,4 @@ def _in_parts(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose]
                                      for pose in (there, begin, gripper))
             where = there
         memory = underway(mesh, found, there, memory)
-    return Advanced(gripper, strains, replace(past, hold=memory.hold))
+    return Predictor(gripper, strains, replace(past, hold=memory.hold))

@@ -25,35 +25,14 @@ GRIPPERS = ('clamped', 'pinned')
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Surroundings(Value):
-    """A Rod and all that acts on it but its grippers.
-
-    Attributes
-    ----------
-    rod : Rod
-    gravity : ndarray, shape (3,)
-        Gravity in m/s^2.
-    load : ndarray or callable or None
-        Force per length besides the weight, N/m, world axes: (3,), or a callable of s. If None,
-        none.
-    obstacles : tuple
-        Plane, Sphere, Capsule, Cylinder, Box or Sheet, in any number.
-    point_loads : tuple
-        The PointLoads.
-    grip : str
-        One of GRIPPERS, how the gripper holds the DLO's beginning.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
-    """
+    """A Rod and all that acts on it but its grippers; raises InvalidTask as `DirectSimulator`."""
 
     rod: Rod
-    gravity: Floats
-    load: Floats | Callable[[float], ArrayLike] | None = None
+    gravity: Floats  # (3,) m/s^2
+    load: Floats | Callable[[float], ArrayLike] | None = None  # N/m, besides the weight
     obstacles: tuple[Obstacle, ...] = ()
     point_loads: tuple[PointLoad, ...] = ()
-    grip: str = 'clamped'
+    grip: str = 'clamped'  # one of GRIPPERS: how the gripper holds the DLO's beginning
 
     def __post_init__(self) -> None:
         instance('rod', self.rod, Rod)

@@ -37,24 +37,12 @@ _DIFFERENCE = 1e-6
 
 
 class Span(NamedTuple):
-    """What keeps a nearly taut DLO in its grips.
+    """What keeps a nearly taut DLO in its grips."""
 
-    Attributes
-    ----------
-    tension : float
-        About, N.
-    bends : tuple of float
-        l at the gripper and at the far end, m; infinite where it is not clamped.
-    way : ndarray, shape (3,)
-        Unit vector from the gripper to the far end.
-    slack : float
-        Length less distance, m.
-    """
-
-    tension: float
-    bends: tuple[float, float]
-    way: Floats
-    slack: float
+    tension: float               # N, about
+    bends: tuple[float, float]   # m, l at the gripper and at the far end; infinite: not clamped
+    way: Floats                  # (3,) unit vector from the gripper to the far end
+    slack: float                 # m, length less distance
 
 
 def span_of(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> Span | None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.boundary_motion import Guide
+from dlo_planner.direct.boundary_motion import GripTrajectory
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
@@ -363,7 +363,7 @@ def _refined(given: list[Pose], dt: float, parts: int) -> list[Pose]:
     """Return Poses at `parts` times as many instants, on the smooth way through those given."""
     if parts == 1:
         return given
-    guide = Guide(given, dt)
+    guide = GripTrajectory(given, dt)
     return [guide.at(k / parts) for k in range((len(given) - 1) * parts + 1)]
 
 

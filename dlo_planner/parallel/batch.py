@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.batch import (
-    Filled,
     even,
     hanging_rods,
     hanging_shapes,
@@ -295,20 +294,18 @@ def columns_of(piece: Piece) -> Columns:
 
 def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns:
     """Return `columns` in each gripper, by the compiled loop where the DLO hangs freely."""
-    n = len(piece.positions)
-    filled = Filled.new(n, simulator.mesh.s.size - 1)
     steps = Progress(deadline=piece.seconds)
-    good = hanging_shapes(simulator, piece.positions, piece.rotations, filled)
+    rows, good = hanging_shapes(simulator, piece.positions, piece.rotations)
     touching = [_NO_CONTACTS]
     for k in np.flatnonzero(~good):
         shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
         for name, values in columns([shape], simulator.mesh.s).items():
             if name != 'contact_table':
-                filled.columns[name][k] = values[0]
+                rows[name][k] = values[0]
             elif len(values):
                 touching.append(values + k * (np.arange(values.shape[1]) == 0))
         steps.check()
-    return filled.columns | {'contact_table': np.concatenate(touching)}
+    return rows | {'contact_table': np.concatenate(touching)}
 
 
 def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:

@@ -144,7 +144,7 @@ class AheadStepper(Stepper):
         usual, budget = self.guess(now, scheme.dt), limits.budget.copy()
 
         def system(place: float, scheme: Scheme) -> Problem:
-            return self.problem(now.nodes, now.bends, now.memory, place, scheme)
+            return self.problem(now, place, scheme)
 
         def ahead(k: int) -> tuple[Problem, float] | None:
             if place + k * size > self._last:

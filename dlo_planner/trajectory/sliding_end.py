@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.boundary_motion import Grips, Guide
+from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization, with_breaks
 from dlo_planner.direct.dynamics import first_shape, run
@@ -154,7 +154,7 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
            progress: Progress) -> Outside:
     """Return the part Outside during a motion of the gripper; velocity (N + 1, 3)."""
     grippers, u = instants.grippers, instants.u
-    guide = Guide(grippers, instants.dt, velocity is None)
+    guide = GripTrajectory(grippers, instants.dt, velocity is None)
     shapes, calm, forces, k = [start], [start], [0.0], 0
     while k < len(grippers) - 1:
         count = _instants(feed, u[k:])
@@ -175,16 +175,16 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
         if not solved:
             return Outside(shapes, calm, np.array(forces), False)
         k += count
-        start, velocity = reached[-1].shape, np.array(reached[-1].nodes.velocity)
+        start, velocity = reached[-1].shape, np.array(reached[-1].velocities)
         progress.check()
     return Outside(shapes, calm, np.array(forces), True)
 
 
 @dataclass(frozen=True)
 class _Later:
-    """A Guide from a later instant on."""
+    """A GripTrajectory from a later instant on."""
 
-    guide: Guide
+    guide: GripTrajectory
     begin: int
 
     def at(self, place: float) -> Pose:
@@ -223,7 +223,7 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
     ends = [_aside(feed.held(mesh, behind), feed.mouth, end, 1 - share**2 * (3 - 2 * share))
             for behind, share in zip(depths - depths[0], shares, strict=True)]
     dt = guide.guide.dt
-    grips = Grips(guide, Guide(ends, dt, False), 'sleeve')  # type: ignore[arg-type]  # as a Guide
+    grips = BoundaryMotion(guide, GripTrajectory(ends, dt, False), 'sleeve')  # type: ignore[arg-type]  # as a GripTrajectory
     stepper = Stepper(mesh, grips, dt)
     first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), cut, None)
     if velocity is not None:

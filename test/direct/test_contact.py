@@ -11,15 +11,26 @@ from dlo_planner import (
     Box,
     Capsule,
     CutOut,
+    Cylinder,
+    Ellipsoid,
     DirectSimulator,
+    FarEnd,
+    InvalidRod,
     InvalidTask,
     Plane,
+    PointLoad,
     Pose,
     Rod,
     Sheet,
     Sphere,
+    with_plug,
 )
+from dlo_planner.direct.contact import contact_rows, contacts_of
+from dlo_planner.direct.shape import pack
 from dlo_planner.energy.gap import signed_distance
+from dlo_planner.energy.loads import node_masses
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.scene import build_scene
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
@@ -232,3 +243,220 @@ def test_a_gripper_just_below_the_surface_is_no_answer(wire, floor, depth):
     shape = simulator.track([Pose.looking_along((0, 0, -depth), (0.3, 0, 1))], initial=above)[0]
     assert shape.converged == (depth < 0)
     assert shape.violation == pytest.approx(max(depth, 0.0), abs=1e-12)
+
+
+# ------------------------------------------------------------------------------------------------
+# Contacts as they are told to people: how deep, how strong, where, in what order.
+
+
+RADIUS = 0.01
+ROD = Rod(1.0, 0.0, 1.0, 0.7, radius=RADIUS)
+
+
+def contacts_at(height, obstacles):
+    """Return the Contacts of a straight DLO at a height, each node pressed by 3 N."""
+    direct = DirectSimulator(ROD, basis='local', n_elements=4, gravity=(0, 0, 0),
+                             obstacles=obstacles)
+    gripper = Pose((0.1, 0.2, height), (0, 0, 0, 1))
+    system = direct.mesh.system(gripper.rotation, gripper.position)
+    system.contacts.node[:, 1:] = 3.0
+    state = new_configuration(system)
+    evaluate(system, state)
+    contacts = contacts_of(direct.mesh.s, contact_rows(system, state), gripper.position)
+    return contacts, system.contacts.stiffness
+
+
+@pytest.mark.parametrize('gap', [-2e-6, 1e-6])
+def test_depth_force_and_place(gap):
+    contacts, stiffness = contacts_at(RADIUS + gap, [Plane((0, 0, 0), (0, 0, 1))])
+    assert [contact.s for contact in contacts] == [0.25, 0.5, 0.75, 1.0]
+    for contact in contacts:
+        assert contact.penetration == pytest.approx(max(0.0, -gap), abs=1e-12)
+        assert contact.force == pytest.approx(3.0 - stiffness * gap)
+        np.testing.assert_allclose(contact.position, (0.1 + contact.s, 0.2, RADIUS + gap))
+        np.testing.assert_allclose(contact.vector, [0, 0, contact.force])
+
+
+def test_each_contact_has_its_own_normal():
+    away = {0: np.array([0, 0.6, 0.8]), 1: np.array([0, -0.8, 0.6])}  # from the balls
+    place = {0: 0.75, 1: 0.25}
+    axis = np.array([0.1, 0.2, 0.3])
+    balls = [Sphere(axis + [place[k], 0, 0] - (0.05 + RADIUS) * away[k], 0.05) for k in (0, 1)]
+    contacts, _ = contacts_at(0.3, balls)
+    assert [(contact.obstacle, contact.s) for contact in contacts] == [(1, 0.25), (0, 0.75)]
+    for contact in contacts:
+        np.testing.assert_allclose(contact.normal, away[contact.obstacle], atol=1e-9)
+        np.testing.assert_allclose(contact.vector, 3.0 * away[contact.obstacle], atol=1e-5)
+
+
+SLIDING = [(-0.002, 0.001, 0.01), (-0.006, 0.003, 0.01)]
+STICKING = [(-1e-7, 0, 0.01), (-1.5e-7, 0, 0.01), (-1e-7, 0, 0.01)]
+
+
+def drawn(wire, shift, way):
+    """Return the friction in N that a wire feels, lowered to a floor and drawn over it."""
+    shift = np.array(shift)
+    direct = DirectSimulator(wire, basis='local', n_elements=32,
+                             obstacles=[Plane(shift, (0, 0, 1), 0.3)])
+    shapes = direct.track([Pose(shift + x, (0, 0, 0, 1))
+                           for x in [(0, 0, 0.05), (0, 0, 0.01), *way]])
+    assert all(shape.converged for shape in shapes)
+    return np.array([sum(contact.friction for contact in shape.contacts) for shape in shapes[2:]])
+
+
+@pytest.mark.parametrize('way', [SLIDING, STICKING], ids=['sliding', 'sticking'])
+def test_friction_does_not_ask_where_the_world_begins(wire, way):
+    here, there = drawn(wire, (0, 0, 0), way), drawn(wire, (3.0, -2.0, 1.0), way)
+    weight = wire.mass_per_length * 9.81
+    np.testing.assert_allclose(there, here, atol=1e-5 * weight)
+    assert np.linalg.norm(here[-1]) > 0.1 * weight
+
+
+def test_friction_holds_against_the_way_and_what_sticks_goes_back(wire):
+    weight = wire.mass_per_length * 9.81
+    slid = drawn(wire, (0, 0, 0), SLIDING)[-1]
+    assert slid @ [1, -0.5, 0] > 0.1 * weight
+    stuck = drawn(wire, (0, 0, 0), STICKING)
+    assert abs(stuck[1, 0] - stuck[0, 0]) > 0.01 * weight
+    np.testing.assert_allclose(stuck[2], stuck[0], atol=1e-4 * weight)
+
+
+def test_a_step_leaves_what_it_starts_from_alone(wire):
+    soft = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, yield_stress=60e6, hardening=0.1)
+    floor = Plane((0, 0, 0.9), (0, 0, 1), 0.3)
+    poses = [Pose((x, 0, 1.0), (0, 0, 0, 1)) for x in (0.0, -0.01, 0.02)]
+    ends = [FarEnd(Pose((x, 0.1, 1.0), (0, 0, 0, 1)), 'sleeve') for x in (0.8, 0.75, 0.7)]
+    for rod, obstacles, far in ((wire, [floor], [None] * 3), (soft, [], [None] * 3),
+                                (wire, [], ends)):
+        direct = DirectSimulator(rod, basis='local', n_elements=24, obstacles=obstacles)
+        shape = direct.track(poses[:2], far_ends=far[:2])[1]
+        before = {name: array.copy() for name, array in pack(shape).items()}
+        one, two = (direct.solve(poses[2], shape, far_end=far[2]) for _ in range(2))
+        np.testing.assert_array_equal(one.positions, two.positions)  # so it can be made again
+        for name, array in pack(shape).items():
+            np.testing.assert_array_equal(array, before[name], err_msg=name)
+
+
+# ------------------------------------------------------------------------------------------------
+# A DLO on a cylinder with flat ends: its side is a bar, its end a floor, its rim an edge.
+
+
+WIRE = Rod(1.0, 0.1, 0.05, 0.04, radius=2e-3)
+RAISED = Pose((0, 0, 1), (0, 0, 0, 1))
+
+
+def solved(obstacle):
+    shape = DirectSimulator(WIRE, n_elements=48, obstacles=[obstacle]).solve(RAISED)
+    assert shape.converged and shape.stability > 0 and shape.contacts
+    return shape
+
+
+def outside(body, shape):
+    """Return the least distance of the axis from the solid, sampled between the nodes too, m."""
+    places = shape.positions_at(np.linspace(0, 1, 20_001))
+    along = body.end - body.start
+    axis = along / np.linalg.norm(along)
+    height = (places - body.start) @ axis
+    rho = np.linalg.norm(places - body.start - height[:, None] * axis, axis=1) - body.radius
+    beyond = np.abs(height - 0.5 * np.linalg.norm(along)) - 0.5 * np.linalg.norm(along)
+    inside = np.maximum(rho, beyond)
+    return np.where(inside > 0, np.hypot(np.maximum(rho, 0), np.maximum(beyond, 0)), inside).min()
+
+
+def test_on_its_side_it_is_a_bar():
+    ends = (0.4, -0.5, 0.85), (0.4, 0.5, 0.85)
+    round_, flat = solved(Capsule(*ends, 0.05)), solved(Cylinder(*ends, 0.05))
+    assert np.abs(round_.positions - flat.positions).max() < 1e-9
+    assert flat.contacts[0].force == pytest.approx(round_.contacts[0].force, rel=1e-7)
+
+
+def test_an_ellipsoid_that_is_round_in_the_plane_of_the_dlo_is_a_bar():
+    bar = solved(Capsule((0.4, -0.5, 0.85), (0.4, 0.5, 0.85), 0.05))
+    egg = solved(Ellipsoid(Pose((0.4, 0, 0.85), (0, 0, 0, 1)), (0.05, 0.5, 0.05)))
+    assert np.abs(bar.positions - egg.positions).max() < 1e-9
+    assert egg.contacts[0].force == pytest.approx(bar.contacts[0].force, rel=1e-7)
+    assert egg.stability < bar.stability  # it may roll off to the side
+
+
+def test_nothing_enters_an_ellipsoid():
+    body = Ellipsoid(Pose((0.4, 0.01, 0.4), (0.1, 0.2, 0.3, 0.9)), (0.1, 0.08, 0.12), 0.5)
+    places = solved(body).positions_at(np.linspace(0, 1, 20_001))
+    local = (places - body.pose.position) @ body.pose.rotation
+    surface = body.half_axes + WIRE.radius
+    assert ((local / surface) ** 2).sum(axis=1).min() > 1 - 2e-2
+
+
+def test_on_its_end_it_is_a_floor():
+    floor, end = solved(Plane((0, 0, 0.8), (0, 0, 1))), solved(
+        Cylinder((0.5, 0, 0), (0.5, 0, 0.8), 3.0))
+    assert np.abs(floor.positions - end.positions).max() < 1e-9
+    assert sum(one.force for one in end.contacts) == pytest.approx(
+        sum(one.force for one in floor.contacts), rel=1e-6)
+
+
+def test_at_its_rim_it_is_an_edge():
+    body = Cylinder((0.45, 0, 0.2), (0.45, 0, 0.85), 0.05)  # upright: the rim is nearest
+    shape = solved(body)
+    assert outside(body, shape) == pytest.approx(WIRE.radius, abs=1e-6)
+    for contact in shape.contacts:
+        assert np.hypot(contact.position[0] - 0.45, contact.position[1]) <= 0.05 + 2e-3 + 1e-9
+    total = sum(contact.force * contact.normal for contact in shape.contacts)
+    weight = WIRE.mass_per_length * 9.81
+    assert shape.gripper_wrench[:3] + total == pytest.approx([0, 0, weight], abs=1e-6 * weight)
+
+
+def test_nothing_gets_through_it():
+    body = Cylinder((0.45, -0.02, 0.3), (0.45, 0.02, 0.3), 0.2)
+    simulator = DirectSimulator(WIRE, n_elements=48, obstacles=[body])
+    down = [Pose((0, 0, z), (0, 0, 0, 1)) for z in np.linspace(1, 0.55, 10)]
+    for shape in simulator.track(down):
+        assert shape.converged and outside(body, shape) > WIRE.radius - 1e-6
+
+
+# ------------------------------------------------------------------------------------------------
+# A rigid body at the tip: weight, inertia, and that it does not bend.
+
+
+HERE = Pose.identity()
+LENGTH, MASS = 0.03, 0.02
+
+
+@pytest.fixture
+def cable():
+    return Rod.circular(1.0, 2e-3, 1200.0, 5e6, 0.4, tip_mass=0.001)
+
+
+@pytest.mark.parametrize('options', [{}, {'basis': 'local', 'n_elements': 60}, {'accuracy': 1e-5}])
+def test_it_is_the_weight_and_moment_of_its_mass(cable, options):
+    plugged = DirectSimulator(with_plug(cable, LENGTH, MASS, center=0.01), **options).solve(HERE)
+    assert plugged.converged
+    # the same cable without it, and at its tip the weight on a rigid arm
+    turn = plugged.at(1.0).rotation
+    arm = 0.01 * turn[:, 0]
+    weight = np.array([0.0, 0.0, -9.81 * MASS])
+    loads = [PointLoad(weight, np.cross(arm, weight))]
+    bare = DirectSimulator(cable, accuracy=1e-6, point_loads=loads).solve(HERE)
+    off = np.linalg.norm(plugged.at(1.0).position - bare.positions[-1])
+    assert off < 2 * plugged.error_estimate + 1e-6
+    straight = plugged.at(1.0).position + LENGTH * turn[:, 0]
+    np.testing.assert_allclose(plugged.positions[-1], straight, atol=1e-6)
+
+
+@pytest.mark.parametrize(('inertia', 'expected'), [(None, MASS * (3 * 1e-6 + LENGTH**2) / 12),
+                                                   (2e-6, 2e-6), (0.0, 0.0)])
+def test_mass_center_and_inertia_on_every_mesh(cable, inertia, expected):
+    rod = with_plug(cable, LENGTH, MASS, inertia=inertia)
+    for options in ({}, {'n_elements': 100}, {'basis': 'local', 'n_elements': 17}):
+        s = DirectSimulator(rod, **options).solve(HERE).s
+        own = node_masses(rod, s) - node_masses(with_plug(cable, LENGTH, 0.0), s)
+        assert own.sum() == pytest.approx(MASS)
+        assert own @ s / MASS == pytest.approx(1.015)
+        assert own @ (s - 1.015) ** 2 == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    ({'length': 0.0}, 'length'), ({'mass': -1.0}, 'mass'), ({'radius': 0.0}, 'radius'),
+    ({'center': 0.04}, 'center'), ({'inertia': 5e-6}, 'inertia = 5e-06: .* <= 4.5e-06')])
+def test_what_is_wrong_is_named(cable, change, words):
+    with pytest.raises(InvalidRod, match=words):
+        with_plug(cable, **{'length': LENGTH, 'mass': MASS} | change)

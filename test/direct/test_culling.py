@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, parallel
 from dlo_planner.direct import step as step_module
-from dlo_planner.direct.boundary_motion import Grips, Guide
+from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.stepper import Limits, Stepper
 
@@ -204,15 +204,15 @@ def test_a_motion_reaches_what_acts(around, all_acts):
 def test_steps_without_what_may_act_leave_nothing_of_it(monkeypatch):
     direct = simulator(SOFT)
     start = direct.solve(turned(-70, z=1.5))
-    stepper = Stepper(start.mesh, Grips(Guide([start.gripper] * 3, 0.01)), 0.01)
+    stepper = Stepper(start.mesh, BoundaryMotion(GripTrajectory([start.gripper] * 3, 0.01)), 0.01)
     with monkeypatch.context() as patch:  # what nobody fills has to be seen
         patch.setattr(np, 'empty', lambda shape, dtype=float: np.full(
             shape, np.nan if dtype is float else 7, dtype))
         now = stepper.begin(start)
         batch = stepper.steps(now, (), np.array([1.0, 2.0]), Scheme.named('paper', 0.01), Limits())
-    assert batch.refused is None and batch.last.rows.free
-    assert batch.last.memory.plastic.size and not batch.last.memory.plastic.any()
-    assert not batch.last.memory.node_forces.any()
+    assert batch.refused is None and batch.last.free
+    assert batch.last.row.plastic.size and not batch.last.row.plastic.any()
+    assert not batch.last.row.node_forces.any()
 
 
 def test_nothing_is_passed_between_two_poses(all_acts):

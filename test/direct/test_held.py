@@ -2,17 +2,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """Both ends held, soft and nearly taut, and grips that leave something free."""
 
-
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from references.kirchhoff import true_held_rod
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
+from scipy.special import ellipe, ellipk
 from sweeps.shapes import cable, poses
 
-from dlo_planner import DirectSimulator, FarEnd, InvalidTask, InverseSimulator, Pose, Rod
+from dlo_planner import (
+    Capsule,
+    CutOut,
+    DirectSimulator,
+    FarEnd,
+    InvalidTask,
+    InverseSimulator,
+    Plane,
+    Pose,
+    Rod,
+    Sheet,
+    Sphere,
+)
+from dlo_planner.direct import step
+from dlo_planner.energy.gap import penetration
+from dlo_planner.energy.potential import configuration_at
 from dlo_planner.minimize.convergence import as_rounded
 
 HERE = Pose.identity()
@@ -164,3 +180,265 @@ def test_a_pinned_gripper_is_refused_where_it_is_not_looked_at():
     (0.9e-7, 0.0, True), (1.1e-7, 0.0, False), (8e-6, 9e-6, True), (0.0, 1.1e-5, False)])
 def test_forces_that_rounding_hides_prove_nothing(residual, noise, proved):
     assert as_rounded(residual, noise, 1e-7) == proved
+
+
+# ------------------------------------------------------------------------------------------------
+# Both ends held: forces, buckling loads from the literature, symmetry.
+
+
+ROD = Rod(1.0, 0.0, 1.0, 0.7)
+
+
+def simulator(rod=ROD, basis='local', **more):
+    return DirectSimulator(rod, basis=basis, gravity=(0, 0, 0), n_elements=96,
+                           n_terms=None if basis == 'local' else 20, **more)
+
+
+def turned(angle, x=0.0):
+    return Pose((x, 0, 0), Rotation.from_rotvec([angle, 0, 0]).as_quat())
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_any_pose_is_held_and_wrenches_balance(basis, rng):
+    rod = Rod(1.0, 0.05, (0.3, 0.6), 0.4, natural_curvature=(0.5, -0.3), tip_mass=0.1)
+    direct = DirectSimulator(rod, basis=basis, n_terms=None if basis == 'local' else 20)
+    for _ in range(6):
+        gripper = Pose(rng.normal(size=3), rng.normal(size=4))
+        turn = Rotation.from_rotvec(rng.uniform(-1, 1, 3)).as_matrix()
+        end = Pose.from_rotation(gripper.position + gripper.rotation @ rng.uniform(-0.4, 0.7, 3),
+                                 gripper.rotation @ turn)
+        shape = direct.solve(gripper, far_end=end)
+        assert shape.converged
+        last = shape.at(1.0)
+        np.testing.assert_allclose(last.position, end.position, atol=1e-8)
+        np.testing.assert_allclose(last.rotation, end.rotation, atol=1e-7)
+        weight = np.array([0, 0, -9.81 * 0.15])
+        np.testing.assert_allclose(
+            shape.gripper_wrench[:3] + shape.far_wrench[:3] + weight, 0, atol=1e-9)
+        middle = 0.5 * (shape.positions[1:] + shape.positions[:-1])
+        pulls = np.diff(shape.s)[:, None] * [0, 0, -0.05 * 9.81]
+        moment = (shape.gripper_wrench[3:] + shape.far_wrench[3:]
+                  + np.cross(shape.positions[-1] - gripper.position,
+                             shape.far_wrench[:3] + [0, 0, -0.981])
+                  + np.cross(middle - gripper.position, pulls).sum(axis=0))
+        np.testing.assert_allclose(moment, 0, atol=1e-9)
+
+
+def test_clamped_column_against_the_elastica():
+    # four quarters of the pinned elastica: shortening 1 - (2 E / K - 1), force (4 K)^2 EI / L^2
+    shape = simulator().solve(HERE, far_end=Pose((0.9, 0, 0), (0, 0, 0, 1)))
+    assert shape.converged
+    m = brentq(lambda m: 2 * ellipe(m) / ellipk(m) - 1 - 0.9, 1e-6, 0.9)
+    assert -shape.far_wrench[0] == pytest.approx((4 * ellipk(m)) ** 2, rel=5e-4)
+    np.testing.assert_allclose(shape.far_wrench[1:3], 0, atol=1e-4)
+
+
+def test_pinned_far_end_has_no_moment_and_buckles_at_eulers_load():
+    shape = simulator().solve(HERE, far_end=(0.9995, 0, 0))
+    assert shape.converged
+    # clamped and pinned: tan x = x
+    x = brentq(lambda x: np.tan(x) - x, 4.4, 4.6)
+    # force along the line between the ends, some percent above the critical one at this amplitude
+    assert np.linalg.norm(shape.far_wrench[:3]) == pytest.approx(x**2, rel=3e-3)
+    np.testing.assert_allclose(shape.far_wrench[3:], 0, atol=1e-9)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_twist_at_which_a_straight_rod_buckles(basis):
+    # free to shorten: M = 2 * 4.4934 EI / L (both ends clamped), so stability vanishes there
+    critical = 8.98682 / 0.7
+    angles = critical * np.array([0.2, 0.4, 0.6, 0.8, 0.9, 0.99])
+    direct = simulator(basis=basis)
+    shapes = direct.track([HERE] * 6, far_ends=[FarEnd(turned(a, 1.0), 'sleeve') for a in angles])
+    assert all(shape.converged and not shape.jumped for shape in shapes)
+    zero = np.polyfit([shape.stability for shape in shapes[-3:]], angles[-3:], 1)[1]
+    assert zero == pytest.approx(critical, rel=3e-3)
+    fallen = direct.track([HERE], initial=shapes[-1],
+                          far_ends=[FarEnd(turned(1.02 * critical, 1.0), 'sleeve')])[0]
+    assert fallen.jumped and np.abs(fallen.positions[:, 1:]).max() > 0.05
+
+
+def test_michells_ring():
+    # a ring of a straight rod stays flat up to the twist 2 pi sqrt(3) EI / GJ
+    direct = simulator()
+    angles = np.linspace(0.1, 2 * np.pi, 30)
+    closing = [Pose((np.sin(a) / a, 0, (1 - np.cos(a)) / a),
+                    Rotation.from_rotvec([0, -a, 0]).as_quat()) for a in angles]
+    ring = direct.track([HERE] * 30, far_ends=closing)[-1]
+    assert ring.converged
+    assert ring.energy == pytest.approx(2 * np.pi**2, rel=1e-6)
+    critical = 2 * np.pi * np.sqrt(3) / 0.7
+    twists = critical * np.array([0.15, 0.3, 0.45, 0.6, 0.75, 0.85, 0.93, 0.97])
+    shapes = direct.track([HERE] * 8, initial=ring, far_ends=[turned(a) for a in twists])
+    for twist, shape in zip(twists, shapes, strict=True):
+        assert shape.converged and not shape.jumped
+        flat = np.linalg.svd(shape.positions - shape.positions.mean(axis=0))[1][2]
+        assert flat < 1e-3
+        assert shape.energy == pytest.approx(2 * np.pi**2 + 0.35 * twist**2, rel=1e-3)
+    beyond = direct.track([HERE], initial=shapes[-1], far_ends=[turned(1.04 * critical)])[0]
+    assert beyond.jumped
+    assert beyond.energy < 0.5 * shapes[-1].energy
+
+
+def test_twist_beyond_half_a_turn_is_followed_not_forgotten():
+    direct = simulator()
+    shapes = direct.track([HERE] * 4, far_ends=[turned(a, 0.9) for a in (1.5, 3.0, 4.5, 6.0)])
+    torsion = [shape.element_strains[:, 0].mean() for shape in shapes]
+    assert torsion == sorted(torsion)
+    assert torsion[-1] > 3.0  # a pose alone would have been read as -0.28 rad
+
+
+def test_out_of_reach_is_no_answer():
+    assert not simulator().solve(HERE, far_end=(1.2, 0, 0)).converged
+
+
+def test_nonsense_is_named():
+    direct = simulator()
+    with pytest.raises(InvalidTask, match='far_end'):
+        direct.solve(HERE, far_end=(1, 2))
+    with pytest.raises(InvalidTask, match='far_ends has 1'):
+        direct.track([HERE, HERE], far_ends=[HERE])
+    with pytest.raises(InvalidTask, match='grip'):
+        FarEnd(HERE, 'glued')
+
+
+# ------------------------------------------------------------------------------------------------
+# Both ends held over obstacles, wherever the DLO without them would lie.
+
+
+PEG = Capsule((0.4, -1, -0.25), (0.4, 1, -0.25), 0.05)
+DEEP = (6, 8)  # poses in which a cable alone hangs through the peg's middle
+
+
+def dense(shape):
+    """Return (n, 3) points along the axis of a Shape, twenty in an element."""
+    return np.array([shape.at(s).position
+                     for one, other in pairwise(shape.s)
+                     for s in np.linspace(one, other, 20, endpoint=False)] + [shape.positions[-1]])
+
+
+def check_laws(rod, shape):
+    """Contacts push, along the normal; forces and moments of all that acts balance."""
+    weight = rod.mass_per_length * 9.81 * rod.length
+    middle = 0.5 * (shape.positions[1:] + shape.positions[:-1])
+    force = shape.gripper_wrench[:3] + shape.far_wrench[:3] - np.array([0, 0, weight])
+    moment = (shape.gripper_wrench[3:] + shape.far_wrench[3:]
+              + np.cross(shape.positions[-1] - shape.gripper.position, shape.far_wrench[:3])
+              + np.cross((middle.T @ np.diff(shape.s)) / rod.length - shape.gripper.position,
+                         (0, 0, -weight)))
+    for contact in shape.contacts:
+        assert contact.force > 0.0
+        force += contact.vector
+        moment += np.cross(contact.position - shape.gripper.position, contact.vector)
+    np.testing.assert_allclose(force, 0, atol=1e-6 * weight)
+    np.testing.assert_allclose(moment, 0, atol=1e-4 * weight)
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+@pytest.mark.parametrize('load', [1e3, 1e4])
+def test_a_cable_that_would_hang_through_a_peg_lies_on_it(load, basis):
+    rod = cable(load)
+    direct = DirectSimulator(rod, basis=basis, obstacles=(PEG,))
+    for index, (gripper, end) in enumerate(poses(max(DEEP) + 1)):
+        if index not in DEEP:
+            continue
+        alone = direct.without_obstacles().solve(gripper, far_end=end)
+        assert np.hypot(*(dense(alone) - PEG.start)[:, [0, 2]].T).min() < 0.5 * PEG.radius
+        shape = direct.solve(gripper, far_end=end)
+        assert shape.converged and shape.stability > 0.0 and shape.contacts
+        away = np.hypot(*(dense(shape) - PEG.start)[:, [0, 2]].T)
+        assert away.min() > PEG.radius + rod.radius - 1e-5  # a node bears, its neighborhood sags
+        check_laws(rod, shape)
+
+
+@pytest.mark.parametrize('obstacle', [
+    Sphere((0.35, 0, -0.25), 0.1), Capsule((0.35, -1, -0.25), (0.35, 1, -0.25), 0.045)],
+    ids=['sphere', 'bar'])
+def test_a_cable_is_set_down_on(obstacle):
+    rod = cable(1e3)
+    direct = DirectSimulator(rod, basis='local', obstacles=(obstacle,))
+    shape = direct.solve(HERE, far_end=Pose((0.75, 0, 0), (0, 0, 0, 1)))
+    assert shape.converged and shape.contacts
+    assert shape.violation < 1e-8
+    check_laws(rod, shape)
+
+
+@pytest.mark.parametrize(('grip', 'stiffness', 'end', 'height'), [
+    ('pinned', 1.0, (0.8, 0.1, 0.95), 0.85), ('clamped', 0.05, (0.825, 0.078, 0.9485), 0.8579)])
+def test_a_mesh_that_begins_deep_inside_a_bar_comes_out(grip, stiffness, end, height):
+    rod = Rod(1.0, 0.1, stiffness, 0.8 * stiffness, radius=0.005)
+    floor = Plane((0, 0, 0.8), (0, 0, 1))
+    bar = Capsule((0.5, -1, height), (0.5, 1, height), 0.05)
+    direct = DirectSimulator(rod, accuracy=1e-4, grip=grip, obstacles=[floor, bar])
+    level = Pose((0, 0, 1), (0, 0, 0, 1))
+    shape = direct.solve(level, far_end=end if grip == 'pinned' else Pose(end, (0, 0, 0, 1)))
+    assert shape.converged and shape.contacts and shape.violation < 1e-8
+    if grip == 'clamped':  # pinned twice it would also turn about the line between its ends
+        assert shape.stability > 0.0
+    check_laws(rod, shape)
+
+
+def test_an_obstacle_that_is_not_touched_changes_nothing():
+    direct = DirectSimulator(cable(1e3, 1e-4), basis='local', obstacles=(PEG,))
+    for gripper, end in poses(3):
+        shape = direct.solve(gripper, far_end=end)
+        alone = direct.without_obstacles().solve(gripper, far_end=end)
+        assert shape.converged and alone.converged and not shape.contacts
+        np.testing.assert_allclose(shape.positions, alone.positions, atol=1e-6)
+
+
+def test_depth_against_many_points():
+    direct = DirectSimulator(cable(1e2), basis='local', n_elements=40, obstacles=(PEG,))
+    system = direct.mesh.system(np.eye(3), np.zeros(3))
+    for curvature in (0.0, 1.0, 2.0, 3.0):
+        state = configuration_at(system, np.tile([0.3, 0.2, -curvature], (40, 1)))
+        found = penetration(system.scene, system.lengths, state.strains, state.rotations,
+                            state.positions)
+        shape_points = np.array([state.positions[e] + f * (state.positions[e + 1]
+                                                           - state.positions[e])
+                                 for e in range(40) for f in np.linspace(0, 1, 200)])
+        along = np.clip(shape_points[:, 1], -1, 1)
+        away = np.linalg.norm(shape_points - np.column_stack(
+            [np.full(len(along), 0.4), along, np.full(len(along), -0.25)]), axis=1)
+        expected = max(0.0, PEG.radius + direct.rod.radius - away.min())
+        assert found == pytest.approx(expected, abs=1e-3)  # chords lie beside the arcs
+
+
+# ------------------------------------------------------------------------------------------------
+# The way to where a step begins: in so many parts, and what is said where that is not enough.
+
+
+STRIP = Rod.rectangular(length=0.6, width=0.012, thickness=6e-4, density=7850.0,
+                        youngs_modulus=200e9, poisson_ratio=0.3)
+HOLE = CutOut(Pose((0.380741, 0.0566812, 0.919323), (-0.013, 0.175, 0.0727, 0.9818)),
+              width=0.03, height=0.02)
+BAR = Capsule((0.267433, -0.160187, 0.913228), (0.267433, 0.239813, 0.913228), 0.01)
+
+
+def grippers(count):
+    """Return poses that move a strip, which hangs through a hole, toward the hole's rim."""
+    return [Pose((-0.003 * k, 0.007 * k, 1 + 0.001 * k),
+                 (0.0027 - 0.00127 * k, -0.0358 - 0.00444 * k, 0.0738 - 0.00545 * k, 0.9966))
+            for k in range(count)]
+
+
+def test_what_takes_too_many_parts_is_given_up_and_said(monkeypatch):
+    made, relax = [], step.minimum
+
+    def counted(*arguments):
+        made.append(None)
+        return relax(*arguments)
+    monkeypatch.setattr(step, 'minimum', counted)
+    among = DirectSimulator(STRIP, obstacles=[Sheet.around(HOLE, thickness=0.0), BAR])
+    start, *before, last = grippers(4)
+    shape = DirectSimulator(STRIP).solve(start)
+    for gripper in before:
+        shape = among.solve(gripper, shape)
+    made.clear()
+    arrived = among.solve(last, shape)
+    assert arrived.converged and not arrived.jumped and len(made) > 100  # along the rim
+    monkeypatch.setattr(step, '_MORE_PARTS', 20)
+    made.clear()
+    stuck = among.solve(last, shape)
+    assert len(made) == 21
+    assert not stuck.converged or stuck.jumped

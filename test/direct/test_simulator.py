@@ -1,14 +1,20 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
+"""Shapes of the direct simulator: what users may rely on."""
+
 import pickle
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod
+from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod, Shape, Sphere
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.shape import State
+from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import UNKNOWN, State
 
 
 @pytest.mark.parametrize(('options', 'named'), [
@@ -147,3 +153,199 @@ def test_elastic_means_that_nothing_yields(limits, level):
     assert not direct.rod.yields
     free = DirectSimulator(replace(rod, yield_curvature=None, yield_torsion=None), n_elements=16)
     np.testing.assert_allclose(direct.solve(level).positions, free.solve(level).positions)
+
+
+# ------------------------------------------------------------------------------------------------
+# What must hold for any rod and pose, whatever the numbers.
+
+
+unit = st.floats(-1, 1)
+triples = st.tuples(unit, unit, unit)
+rods = st.builds(
+    lambda load, ratio, gj, bend, twist: Rod(1.0, load, (1.0, ratio), gj, natural_curvature=bend,
+                                             natural_twist=twist),
+    st.floats(0.01, 1.0), st.floats(1.0, 5.0), st.floats(0.4, 1.5), st.tuples(unit, unit), unit)
+some = settings(max_examples=25, deadline=None, derandomize=True)
+
+
+@some
+@given(rods, triples, triples)
+def test_turning_gripper_and_gravity_together_turns_the_shape(rod, pose, turn):
+    rotation = Rotation.from_rotvec(turn)
+    start = Rotation.from_rotvec(pose)
+    gravity = np.array([0, 0, -9.81])
+    one = DirectSimulator(rod, gravity=gravity).solve(Pose((0, 0, 0), start.as_quat()))
+    two = DirectSimulator(rod, gravity=rotation.apply(gravity)).solve(
+        Pose((0, 0, 0), (rotation * start).as_quat()))
+    np.testing.assert_allclose(two.positions, one.positions @ rotation.as_matrix().T, atol=1e-8)
+
+
+@some
+@given(rods, triples, triples)
+def test_shape_does_not_depend_on_where_the_gripper_is(rod, pose, shift):
+    quaternion = Rotation.from_rotvec(pose).as_quat()
+    simulator = DirectSimulator(rod)
+    here = simulator.solve(Pose((0, 0, 0), quaternion))
+    there = simulator.solve(Pose(shift, quaternion))
+    moved = here.moved(shift)
+    np.testing.assert_allclose(there.positions, moved.positions, atol=1e-12)
+    assert abs(there.energy - moved.energy) < 1e-9
+
+
+@some
+@given(rods, triples, st.floats(0.1, 10.0))
+def test_scaling_length_scales_the_shape(rod, pose, factor):
+    # EI / (w L^3) is all that matters
+    larger = Rod(factor, rod.mass_per_length, tuple(factor**3 * k for k in rod.bending_stiffness),
+                 factor**3 * rod.torsional_stiffness,
+                 natural_curvature=tuple(k / factor for k in rod.natural_curvature),
+                 natural_twist=rod.natural_twist / factor)
+    gripper = Pose((0, 0, 0), Rotation.from_rotvec(pose).as_quat())
+    one, two = (DirectSimulator(r).solve(gripper) for r in (rod, larger))
+    np.testing.assert_allclose(two.positions, factor * one.positions, atol=1e-8 * factor)
+
+
+@some
+@given(rods, triples)
+def test_mirrored_rod_hangs_mirrored(rod, pose):
+    mirror = np.array([1.0, -1.0, 1.0])  # y -> -y; rotation vectors are axial
+    other = Rod(1.0, rod.mass_per_length, rod.bending_stiffness, rod.torsional_stiffness,
+                natural_curvature=(rod.natural_curvature[0], -rod.natural_curvature[1]),
+                natural_twist=-rod.natural_twist)
+    turn = Rotation.from_rotvec(pose)
+    mirrored = Rotation.from_rotvec(-mirror * np.array(pose))
+    one = DirectSimulator(rod).solve(Pose((0, 0, 0), turn.as_quat()))
+    two = DirectSimulator(other).solve(Pose((0, 0, 0), mirrored.as_quat()))
+    np.testing.assert_allclose(two.positions, one.positions * mirror, atol=1e-8)
+
+
+@some
+@given(rods, triples)
+def test_shape_has_less_energy_than_the_straight_one_and_its_length(rod, pose):
+    gripper = Pose((0, 0, 0), Rotation.from_rotvec(pose).as_quat())
+    shape = DirectSimulator(rod).solve(gripper)
+    unbent = DirectSimulator(rod, gravity=(0, 0, 0)).solve(gripper)
+    masses = np.full(65, rod.mass_per_length / 64)
+    masses[[0, -1]] /= 2
+    natural_energy = 9.81 * masses @ unbent.positions[:, 2]
+    assert shape.converged
+    assert shape.energy <= natural_energy + 1e-12
+    chords = np.linalg.norm(np.diff(shape.positions, axis=0), axis=1)
+    assert (chords <= np.diff(shape.s) + 1e-15).all()
+    frames = np.einsum('kji,kjl->kil', shape.frames, shape.frames)
+    np.testing.assert_allclose(frames, np.broadcast_to(np.eye(3), frames.shape), atol=1e-12)
+
+
+@some
+@given(triples, st.floats(-3, 3))
+def test_rolling_a_round_straight_rod_changes_nothing(pose, roll):
+    rod = Rod(1.0, 0.3, 1.0, 0.75)
+    simulator = DirectSimulator(rod)
+    turn = Rotation.from_rotvec(pose)
+    one = simulator.solve(Pose((0, 0, 0), turn.as_quat()))
+    two = simulator.solve(Pose((0, 0, 0), (turn * Rotation.from_rotvec([roll, 0, 0])).as_quat()))
+    np.testing.assert_allclose(two.positions, one.positions, atol=1e-9)
+
+
+# ------------------------------------------------------------------------------------------------
+# What a Shape leaves to the next step, and what it says of it.
+
+
+@pytest.fixture
+def wire():
+    return Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
+
+
+def level(height):
+    return Pose((0, 0, height), (0, 0, 0, 1))
+
+
+def test_a_shape_hides_nothing_but_its_state(wire):
+    shape = DirectSimulator(wire, n_elements=8).solve(level(1.0))
+    assert not [item.name for item in fields(Shape) if item.name.startswith('_')]
+    assert 'state' not in shape.to_dict()
+    assert isinstance(shape.state, State)
+    assert shape.state.mesh is shape.mesh
+    assert replace(shape, state=replace(shape.state, before=None)) == shape
+    assert replace(shape, state=UNKNOWN) != shape
+
+
+def test_a_state_that_is_not_known_says_so(wire):
+    shape = DirectSimulator(wire, n_elements=8).solve(level(1.0))
+    unknown = replace(shape, state=shape.state.forgotten())
+    assert unknown.error_estimate == shape.error_estimate
+    for name in ('made_on', 'left', 'held'):
+        with pytest.raises(InvalidTask, match='expected a shape that comes from a simulator'):
+            getattr(unknown.state, name)
+    with pytest.raises(InvalidTask, match='Shape.state'):
+        replace(shape, state=None)
+    for wrong in ({'mesh': 1}, {'history': 1}, {'before': 1}, {'estimate': 1}):
+        with pytest.raises(InvalidTask, match=f'State.{next(iter(wrong))}'):
+            State(**wrong)
+
+
+# ------------------------------------------------------------------------------------------------
+# How a shape answers to its gripper, against differences of solved shapes.
+
+
+ROD = {'length': 1.0, 'mass_per_length': 0.05, 'bending_stiffness': (0.3, 0.8),
+       'torsional_stiffness': 0.4, 'tip_mass': 0.03, 'radius': 0.005}
+GRIPPER = Pose((0, 0, 1), Rotation.from_rotvec([0.1, 0.3, 0.2]).as_quat())
+END = Pose((0.6, 0.3, 0.8), Rotation.from_rotvec([0.3, 0.3, 0.9]).as_quat())
+CASES = {
+    'free': ({'natural_curvature': (1.0, -0.5), 'natural_twist': 2.0}, {}, None, 1e-8),
+    'touching': ({'natural_curvature': (1.0, -0.5), 'natural_twist': 2.0}, {'obstacles': [
+        Plane((0, 0, 0.8), (0.1, 0, 1)), Sphere((0.3, 0.0, 0.85), 0.06)]}, None, 1e-4),
+    'held': ({}, {}, END, 1e-5),
+    'yielding': ({'yield_curvature': 0.31, 'hardening': 0.1}, {}, None, 1e-8),
+    'fibers': ({'yield_curvature': 0.15, 'yield_torsion': 0.05, 'section_model': 'round',
+                'hardening': 0.1}, {}, None, 1e-5)}
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+@pytest.mark.parametrize('case', CASES)
+def test_against_differences(case, basis):
+    more, options, end, tolerance = CASES[case]
+    simulator = DirectSimulator(Rod(**ROD, **more), basis=basis, **options)
+    before = simulator.solve(Pose((0, 0, 1), (0, 0, 0, 1)), far_end=end)
+    shape = simulator.solve(GRIPPER, before, far_end=end)
+    answer = Sensitivity(shape)
+    step = 1e-5
+    for s in (0.3, 1.0):
+        slopes = np.zeros((6, 6))
+        for k, twist in enumerate(step * np.eye(6)):
+            up, down = (simulator.solve(Pose.from_rotation(
+                GRIPPER.position + sign * twist[3:],
+                Rotation.from_rotvec(sign * twist[:3]).as_matrix() @ GRIPPER.rotation),
+                before, far_end=end).at(s) for sign in (1, -1))
+            slopes[:3, k] = Rotation.from_matrix(up.rotation @ down.rotation.T).as_rotvec()
+            slopes[3:, k] = up.position - down.position
+        np.testing.assert_allclose(answer.at(s), slopes / (2 * step), atol=tolerance)
+
+
+def test_a_shape_from_a_file_is_refused(tmp_path, wire, level):
+    shape = DirectSimulator(wire).solve(level)
+    shape.save(tmp_path / 'a.npz')
+    with pytest.raises(InvalidTask, match='shape'):
+        Sensitivity(type(shape).load(tmp_path / 'a.npz'))
+
+
+@pytest.mark.parametrize('basis', ['local', 'chebyshev'])
+def test_what_yields_in_the_step_goes_on_yielding(basis):
+    # moved a little farther on its way it yields a little more, and no longer springs back alone
+    rod = Rod(**ROD, yield_curvature=0.3, hardening=0.1)
+    simulator = DirectSimulator(rod, basis=basis)
+    shape = simulator.solve(GRIPPER)
+    assert shape.dissipated > 0
+    answer, step = Sensitivity(shape), 1e-5
+    elastic = Sensitivity(DirectSimulator(rod, basis=basis).solve(GRIPPER, shape))
+    slopes = np.zeros((6, 6))
+    for k, twist in enumerate(step * np.eye(6)):
+        up, down = (simulator.solve(Pose.from_rotation(
+            GRIPPER.position + sign * twist[3:],
+            Rotation.from_rotvec(sign * twist[:3]).as_matrix() @ GRIPPER.rotation)).at(1.0)
+            for sign in (1, -1))
+        slopes[:3, k] = Rotation.from_matrix(up.rotation @ down.rotation.T).as_rotvec()
+        slopes[3:, k] = up.position - down.position
+    np.testing.assert_allclose(answer.at(1.0), slopes / (2 * step), atol=1e-7)
+    assert np.abs(elastic.at(1.0) - answer.at(1.0)).max() > 0.01  # as it would be, let go

@@ -19,7 +19,7 @@ from dlo_planner import (
     Uncertainty,
     fit_rod,
 )
-from dlo_planner.direct.boundary_motion import Guide
+from dlo_planner.direct.boundary_motion import GripTrajectory
 from dlo_planner.identify import ObservedMotion
 from dlo_planner.identify.residuals import MeasurementModel, positions_in_motion
 from dlo_planner.identify.unknowns import Unknowns
@@ -231,7 +231,8 @@ def test_a_motion_held_at_both_ends_tells_stiffness():
 def test_a_coarse_dt_is_cut():
     # seen with 20 steps of 1 ms in each step that the fit is given
     rod = Rod(1.0, 0.07, 0.05, 0.04, damping=(0.5, 0.004))
-    guide, times, s = Guide(SHAKEN[::4], 4 * STEP), np.arange(0.1, 0.7, 0.1), np.array([0.6, 1.0])
+    guide = GripTrajectory(SHAKEN[::4], 4 * STEP)
+    times, s = np.arange(0.1, 0.7, 0.1), np.array([0.6, 1.0])
     fine = [guide.at(k / 20) for k in range(20 * 6 + 1)]
     motion = DirectSimulator(rod, **COARSE).simulate(fine, 4 * STEP / 20, tolerance=np.inf)
     seen = ObservedMotion(SHAKEN[::4], 4 * STEP, times, positions_in_motion(motion, times, s), s)

@@ -53,7 +53,7 @@ class FromTheShapeBefore(speculation.AheadStepper):
     """Begins where the DLO is, so that what is seen ahead is better."""
 
     def guess(self, before, dt):
-        return before.bends.position.copy()
+        return before.row.bends[0].copy()
 
 
 @pytest.fixture
