@@ -3,8 +3,8 @@
 """What the closed loop does when something goes wrong: wire of 1.5 mm, holes of 5 mm radius.
 
 python -m benchmarks.cell_trust [--cases nominal slip ...] [--seeds 0:100] [--jobs 2]
-                                [--output trust.json]
-python -m benchmarks.cell_trust --judge trust.json [trust_2.json ...]
+                                [--output trust.jsonl]
+python -m benchmarks.cell_trust --judge trust.jsonl [trust_2.jsonl ...]
 
 Each seed is a task of its own (hole and start), a DLO, gripper, sheet and damping of its own that
 differ from what is stated, and its own moment and direction of what happens, see
@@ -29,11 +29,10 @@ import numpy as np
 from scipy.stats import beta
 
 from benchmarks import report
+from benchmarks.cell.drivers import Driver, Looking
+from benchmarks.cell.run import Outcome, run
 from dlo_planner.cell.camera import BAD
 from dlo_planner.cell.cases import CASES, NOMINAL, case
-from dlo_planner.cell.closed import Looking
-from dlo_planner.cell.drivers import Driver
-from dlo_planner.cell.run import Outcome, run
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.cell.truth import VERY_UNCERTAIN
 
@@ -187,15 +186,16 @@ def main(arguments: list[str] | None = None) -> int:
     """Run what was asked for, or judge what was; return the exit code of `told`."""
     options = _parser().parse_args(arguments)
     if options.judge:
-        return told([one for path in options.judge for one in json.loads(path.read_text())['runs']])
+        return told([json.loads(line) for path in options.judge
+                     for line in path.read_text().splitlines()])
     seeds, began, found = range(*map(int, options.seeds.split(':'))), perf_counter(), []
     for one in all_driven(options.cases, seeds, options.jobs):
         found.append(one)
         print(f'{len(found)} of {len(seeds) * len(options.cases)} in {perf_counter() - began:.0f} '
               f's: {one["case"]} {one["seed"]}: {ended(one)}', flush=True)
         if options.output:
-            options.output.write_text(json.dumps({'machine': report.machine(), 'runs': sorted(
-                found, key=lambda run: (run['case'], run['seed']))}, indent=1, allow_nan=False))
+            with options.output.open('a') as file:
+                file.write(json.dumps(one, allow_nan=False) + '\n')
     return told(found)
 
 
@@ -215,7 +215,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--seeds', default='0:100', help='from:to (default: %(default)s)')
     parser.add_argument('--jobs', type=int, default=2, help='processes (default: %(default)s)')
     parser.add_argument('--judge', nargs='+', type=Path, help='outputs, instead of runs')
-    parser.add_argument('--output', type=Path, help='JSON, rewritten after each run')
+    parser.add_argument('--output', type=Path, help='a line of JSON is added for each run')
     return parser
 
 

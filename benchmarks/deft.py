@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import report
+from benchmarks.cell.drivers import OpenLoop, ways
+from benchmarks.cell.run import TOUCH, Outcome, run
 from dlo_planner import CutOut, Pose, Rod
-from dlo_planner.cell.drivers import OpenLoop, ways
 from dlo_planner.cell.plant import Plant
-from dlo_planner.cell.run import TOUCH, Outcome, run
 from dlo_planner.cell.tasks import RODS, Task, draw_task
 from dlo_planner.plan.plan import concatenate
 from dlo_planner.trajectory.trajectory import Trajectory

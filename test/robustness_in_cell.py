@@ -17,9 +17,9 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parent.parent)]
 
+from benchmarks.cell.drivers import OpenLoop, sampled, ways  # noqa: E402
+from benchmarks.cell.run import run  # noqa: E402
 from dlo_planner import DirectSimulator, Trajectory, Uncertainty, robustness  # noqa: E402
-from dlo_planner.cell.drivers import OpenLoop, sampled, ways  # noqa: E402
-from dlo_planner.cell.run import run  # noqa: E402
 from dlo_planner.cell.tasks import draw_task  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
 from dlo_planner.tasks import concatenate  # noqa: E402

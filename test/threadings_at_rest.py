@@ -33,7 +33,8 @@ from dlo_planner import (  # noqa: E402
 from dlo_planner.cell.disturbances import Disturbances  # noqa: E402
 from dlo_planner.cell.tasks import draw_task  # noqa: E402
 from dlo_planner.execute.guards import Heard  # noqa: E402
-from dlo_planner.execute.threading_loop import Threading, ThreadingLoop  # noqa: E402
+from dlo_planner.execute.threading_loop import ThreadingLoop  # noqa: E402
+from dlo_planner.execute.threading_motions import Threading  # noqa: E402
 from dlo_planner.identify.closed_loop import Phase  # noqa: E402
 from dlo_planner.identify.observing import Observing, Seeing  # noqa: E402
 

@@ -30,19 +30,21 @@ from planner_process import connected_client, drain, newest, options, running_pl
 from rclpy.qos import qos_profile_sensor_data  # noqa: E402
 from sensor_msgs.msg import PointCloud2  # noqa: E402
 
+from benchmarks.cell.run import RAM  # noqa: E402
 from demo.child import child  # noqa: E402
 from dlo_planner.cell.camera import BAD  # noqa: E402
 from dlo_planner.cell.cases import CASES, NOMINAL  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
-from dlo_planner.cell.run import RAM  # noqa: E402
 from dlo_planner.cell.tasks import draw_task  # noqa: E402
 from dlo_planner.cell.truth import VERY_UNCERTAIN  # noqa: E402
+from dlo_planner.execute.causes import Cause  # noqa: E402
 from dlo_planner.execute.execution import ACTIVE  # noqa: E402
-from dlo_planner.ros.managed import ALL_LATCHED, CHANGES, LATCHED  # noqa: E402
+from dlo_planner.ros.lifecycle import ALL_LATCHED, CHANGES, LATCHED  # noqa: E402
 from msg_helpers.poses import pose_from_msg  # noqa: E402
 
 DLO, RADIUS = 'wire 1.5', 5e-3
 PROVING, LONGEST = 300.0, 600.0  # s
+_ASKED = 5  # times
 DAMPING = 0.005
 
 
@@ -180,7 +182,10 @@ def _executed(client, ears, clock):
         ears.heard['cloud'].get(timeout=30.0)
     drain(client.executions)
     ears.begin()
-    code, message, _ = client.execute(path)
+    for _ in range(_ASKED):
+        code, message, _ = client.execute(path)
+        if code != Cause.OLD_GRIPPER_POSE:  # as on a machine that is late
+            break
     if code:
         return Came('refused', message)
     values, end = {'state': 'running'}, monotonic() + LONGEST

@@ -28,71 +28,36 @@ _ROUNDING = 1e-9  # s
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Image(Value):
-    """One image.
+    """One image."""
 
-    Attributes
-    ----------
-    stamp : float
-        Time at which it was taken, as the camera says, s.
-    points : ndarray, shape (n, 3)
-        Points in m, world axes, in no order.
-    hole : ndarray, shape (3,) or None
-        Hole in m, world axes, the center of the hole as seen. If None, not looked at.
-    """
-
-    stamp: float
-    points: Floats
+    stamp: float  # time at which it was taken, as the camera says, s
+    points: Floats  # (n, 3) points in m, world axes, in no order
+    # (3,) hole in m, world axes, the center of the hole as seen. If None, not looked at
     hole: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Camera(Value):
-    """The properties of a camera.
+    """The properties of a camera."""
 
-    Attributes
-    ----------
-    rate : float
-        Images per s.
-    latency : float
-        Time from taking an image to its arrival, s.
-    noise : float
-        Standard deviation of each coordinate of each point, m.
-    bias : float
-        Standard deviation of each coordinate of an error that is constant during a run, m.
-    points : int
-        Number of points in each image, drawn evenly from the visible part of the DLO.
-    outliers : float
-        Share of the points that are displaced to anywhere near the DLO.
-    second_cable : float
-        Share of the points that lie on another cable, which stays where it hangs: between two
-        places beside the way of the DLO, a few hundredths of its length from it.
-    hidden : float
-        Share of the length that is never seen, in one piece within the first two thirds: an
-        estimate needs the free third.
-    blind : float
-        Share of the time in which the free third is hidden as well, in spells of 0.5 to 2 s.
-    stamp_error : float
-        By how much stamps are too late, s.
-    sees_hole : bool
-        Whether it looks at the hole as well, with the same noise and bias.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
-    """
-
-    rate: float = 15.0
-    latency: float = 0.06
-    noise: float = 1e-3
+    rate: float = 15.0  # images per s
+    latency: float = 0.06  # time from taking an image to its arrival, s
+    noise: float = 1e-3  # standard deviation of each coordinate of each point, m
+    # standard deviation of each coordinate of an error that is constant during a run, m
     bias: float = 0.0
+    # number of points in each image, drawn evenly from the visible part of the DLO
     points: int = 20
-    outliers: float = 0.0
+    outliers: float = 0.0  # share of the points that are displaced to anywhere near the DLO
+    # share of the points that lie on another cable, which stays where it hangs: between two places
+    # beside the way of the DLO, a few hundredths of its length from it
     second_cable: float = 0.0
+    # share of the length that is never seen, in one piece within the first two thirds: an estimate
+    # needs the free third
     hidden: float = 0.0
+    # share of the time in which the free third is hidden as well, in spells of 0.5 to 2 s
     blind: float = 0.0
-    stamp_error: float = 0.0
-    sees_hole: bool = False
+    stamp_error: float = 0.0  # by how much stamps are too late, s
+    sees_hole: bool = False  # whether it looks at the hole as well, with the same noise and bias
 
     def __post_init__(self) -> None:
         limits: dict[str, Any] = {'rate': {'above': 0}, 'outliers': {'minimum': 0, 'maximum': 1},

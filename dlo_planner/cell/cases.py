@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from dlo_planner.cell.camera import BAD, Camera
+from dlo_planner.cell.camera import BAD, GOOD, Camera
 from dlo_planner.cell.disturbances import Bump, Disturbances, Slip
+from dlo_planner.cell.truth import NOTHING_UNKNOWN, UNCERTAIN, VERY_UNCERTAIN
 from dlo_planner.model.checks import choice, integer
 
 # 0.5 mm and 0.1 degrees rms across its way: 0.35 mm and 1.25 mrad along and about each axis,
@@ -71,3 +72,7 @@ def _second_cable(rng: np.random.Generator) -> tuple[Disturbances, Camera]:
 CASES: dict[str, Callable[[np.random.Generator], tuple[Disturbances, Camera]]] = {
     'nominal': _nominal, 'slip': _slip, 'small slip': _small_slip, 'bump': _bump,
     'wandering': _wandering, 'hidden': _hidden, 'second cable': _second_cable}
+
+# what the planner does not know, and the camera
+UNKNOWNS = {'nothing': (NOTHING_UNKNOWN, GOOD), 'much': (UNCERTAIN, GOOD),
+            'more': (VERY_UNCERTAIN, BAD)}

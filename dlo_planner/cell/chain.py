@@ -14,10 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from dlo_planner.cell.engine import mujoco
 from dlo_planner.cell.truth import Truth
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod
+
+try:
+    import mujoco
+except ImportError as error:
+    raise ImportError('dlo_planner.cell needs MuJoCo: pip install dlo_planner[cell]') from error
+
+if not hasattr(mujoco.mjtIntegrator, 'mjINT_DISCRETE'):
+    raise ImportError(f'dlo_planner.cell needs mujoco >= 3.13, this is {mujoco.__version__}: its '
+                      'older integrators do not take stiff springs into account in contacts')
+
+# It would write a file wherever it is; the plant sees by itself what goes wrong.
+mujoco.set_mju_user_warning(lambda message: None)
+
+__all__ = ['DLO', 'SCENE', 'Chain', 'add_chain', 'add_gripper', 'chain_of', 'mujoco', 'set_springs']
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 _ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains
@@ -33,37 +46,17 @@ class Chain:
     Masses, inertias, stiffness and forces of the model are divided by `unit`, the mass of the DLO
     in kg: the engine takes no mass and no inertia below 1e-15, which those of a thin thread would
     be in kg. A force of the model times `unit` is in N.
-
-    Attributes
-    ----------
-    length : float
-        Length in m.
-    unit : float
-        Unit of mass, kg.
-    stiffness : ndarray, shape (n, 3)
-        N m per rad over `unit` of each joint, torsion, about n, about b.
-    rest : ndarray, shape (n, 3)
-        Rest in rad, the angles of each joint without stress.
-    masses : ndarray, shape (n,)
-        Masses over `unit`, of the pieces.
-    centers : ndarray, shape (n,)
-        Centers in m, of their masses, from the joint before each.
-    inertias : ndarray, shape (n, 3)
-        Inertias in m^2, over `unit`, about the center, along t, n, b.
-    radii : ndarray, shape (n,)
-        Radii in m.
-    box : (float, float) or None
-        Half sizes along n and b of a rectangular section, m. If None, round.
     """
 
-    length: float
-    unit: float
-    stiffness: Floats
-    rest: Floats
-    masses: Floats
-    centers: Floats
-    inertias: Floats
-    radii: Floats
+    length: float  # length in m
+    unit: float  # unit of mass, kg
+    stiffness: Floats  # (n, 3) N m per rad over `unit` of each joint, torsion, about n, about b
+    rest: Floats  # (n, 3) rest in rad, the angles of each joint without stress
+    masses: Floats  # (n,) masses over `unit`, of the pieces
+    centers: Floats  # (n,) centers in m, of their masses, from the joint before each
+    inertias: Floats  # (n, 3) inertias in m^2, over `unit`, about the center, along t, n, b
+    radii: Floats  # (n,) radii in m
+    # half sizes along n and b of a rectangular section, m. If None, round
     box: tuple[float, float] | None
 
     @property

@@ -24,25 +24,11 @@ _APART = 1e-9            # of a square: a critically damped oscillator would be 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Slip(Value):
-    """The DLO slips in the grip, smoothly within 50 ms, and stays there.
+    """The DLO slips in the grip, smoothly within 50 ms, and stays there."""
 
-    Attributes
-    ----------
-    time : float
-        Time at which it begins, s.
-    back : float
-        By how much the DLO moves back, against the x axis of the gripper, m.
-    turn : ndarray, shape (3,)
-        Rotation vector by which it turns, axes of the gripper, rad.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
-    """
-
-    time: float
-    back: float = 0.0
+    time: float  # time at which it begins, s
+    back: float = 0.0  # by how much the DLO moves back, against the x axis of the gripper, m
+    # (3,) rotation vector by which it turns, axes of the gripper, rad
     turn: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -63,31 +49,14 @@ class Bump(Value):
     The force rises and falls as sin^2. It is so large that the place which is pushed would move by
     `displacement` at most if nothing else happened, by the small vibrations about the shape in
     which the DLO is when it begins.
-
-    Attributes
-    ----------
-    time : float
-        Time at which it begins, s.
-    displacement : float
-        Displacement in m, the largest.
-    direction : ndarray, shape (3,)
-        Direction of the force, world axes; of any length; only its part across the DLO counts.
-    place : float
-        Place that is pushed, as a part of the length.
-    duration : float
-        Duration of the force, s.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
     """
 
-    time: float
-    displacement: float = 0.01
+    time: float  # time at which it begins, s
+    displacement: float = 0.01  # displacement in m, the largest
+    # (3,) direction of the force, world axes; of any length; only its part across the DLO counts
     direction: Floats = (0.0, 1.0, 0.0)  # type: ignore[assignment]
-    place: float = 1.0
-    duration: float = 0.4
+    place: float = 1.0  # place that is pushed, as a part of the length
+    duration: float = 0.4  # duration of the force, s
 
     def __post_init__(self) -> None:
         put(self, time=number('Bump.time', self.time, minimum=0),
@@ -132,38 +101,20 @@ def _switched_on(frequencies: Floats, lag: float, period: float, times: Floats) 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Disturbances(Value):
-    """What happens to the cell during a run; by default nothing.
+    """What happens to the cell during a run; by default nothing."""
 
-    Attributes
-    ----------
-    robot_position : float
-        Standard deviation of the robot's error, m along each axis of the gripper: from the measured
-        to the true place. It is a smooth function of the pose, as that of a robot whose links and
-        joints are not quite known, and repeats itself.
-    robot_rotation : float
-        The same of its rotation, rad about each axis.
-    wander_position, wander_rotation : float
-        Roots of the mean squares of a further error that wanders in time, m and rad: a sum of sines
-        of 0.05 to 0.3 Hz.
-    lag : float
-        Lag of each of the two first-order stages by which the robot follows commands, s.
-    friction : float
-        Friction of the sheet; the planner does without.
-    slips : tuple of Slip
-    bumps : tuple of Bump
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
-    """
-
+    # standard deviation of the robot's error, m along each axis of the gripper: from the measured
+    # to the true place. It is a smooth function of the pose, as that of a robot whose links and
+    # joints are not quite known, and repeats itself
     robot_position: float = 0.0
-    robot_rotation: float = 0.0
+    robot_rotation: float = 0.0  # the same of its rotation, rad about each axis
+    # roots of the mean squares of a further error that wanders in time, m and rad: a sum of sines
+    # of 0.05 to 0.3 Hz
     wander_position: float = 0.0
     wander_rotation: float = 0.0
+    # lag of each of the two first-order stages by which the robot follows commands, s
     lag: float = 0.0
-    friction: float = 0.0
+    friction: float = 0.0  # friction of the sheet; the planner does without
     slips: tuple[Slip, ...] = ()
     bumps: tuple[Bump, ...] = ()
 
@@ -186,27 +137,19 @@ class Disturbances(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Course(Value):
-    """The Disturbances of one run; `Disturbances.draw` makes one.
-
-    Attributes
-    ----------
-    disturbances : Disturbances
-    frequencies, phases : ndarray, shape (6, k)
-        Frequencies in Hz and phases in rad, of the sines in which the robot wanders: its place
-        along, its rotation about the axes of the gripper.
-    waves, begins : ndarray, shapes (6, k, 9), (6, k)
-        The error by the pose: wave vectors, 1/m, over place and the first two axes of the gripper,
-        these times 0.25 m; and phases, rad. By the random features of a Gaussian process (Rahimi
-        and Recht 2007).
-    since : float
-        Time from which those of slips and bumps count, s; inf: nothing happens yet.
-    """
+    """The Disturbances of one run; `Disturbances.draw` makes one."""
 
     disturbances: Disturbances
+    # (6, k) frequencies in Hz and phases in rad, of the sines in which the robot wanders: its place
+    # along, its rotation about the axes of the gripper
     frequencies: Floats
     phases: Floats
+    # (6, k, 9), (6, k) the error by the pose: wave vectors, 1/m, over place and the first two axes
+    # of the gripper, these times 0.25 m; and phases, rad. By the random features of a Gaussian
+    # process (Rahimi and Recht 2007)
     waves: Floats
     begins: Floats
+    # time from which those of slips and bumps count, s; inf: nothing happens yet
     since: float = 0.0
 
     def push(self, bump: Bump, time: float) -> float:

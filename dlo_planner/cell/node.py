@@ -39,15 +39,12 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
-from dlo_planner.cell.camera import BAD, GOOD, Viewer
-from dlo_planner.cell.cases import CASES, case
+from dlo_planner.cell.camera import Viewer
+from dlo_planner.cell.cases import CASES, UNKNOWNS, case
 from dlo_planner.cell.disturbances import UNDISTURBED
-from dlo_planner.cell.passage import Passage
-from dlo_planner.cell.plant import Plant
+from dlo_planner.cell.plant import STEP, TOUCH, Passage, Plant
 from dlo_planner.cell.robot import Robot
-from dlo_planner.cell.run import STEP
 from dlo_planner.cell.tasks import draw_task
-from dlo_planner.cell.truth import NOTHING_UNKNOWN, UNCERTAIN, VERY_UNCERTAIN
 from dlo_planner.errors import DloPlannerError, NotConverged
 from dlo_planner.model.pose import Pose
 from msg_helpers.clouds import cloud_msg
@@ -55,9 +52,6 @@ from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
 from msg_helpers.poses import pose_from_stamped, pose_stamped_msg
 from msg_helpers.trajectories import plan_path, stamped_poses
 
-UNKNOWNS = {'nothing': (NOTHING_UNKNOWN, GOOD), 'much': (UNCERTAIN, GOOD),
-            'more': (VERY_UNCERTAIN, BAD)}
-TOUCH = 0.05   # N, below which nobody minds
 _FRAME = 'world'
 _PERIOD = 0.01  # s between two poses
 _PATIENCE = 5.0  # s for which simulated time waits for a planner that is late

@@ -10,7 +10,8 @@ It stands for the real cell and shares only data types (`dlo_planner.model`) wit
     print(plant.passage(hole), plant.largest_forces)
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from math import ceil
 from typing import Any
 
@@ -19,21 +20,28 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.cell.chain import add_chain, add_gripper, chain_of, set_springs
+from dlo_planner.cell.chain import (
+    DLO,
+    SCENE,
+    add_chain,
+    add_gripper,
+    chain_of,
+    mujoco,
+    set_springs,
+)
 from dlo_planner.cell.disturbances import Bump, Course
-from dlo_planner.cell.engine import mujoco
-from dlo_planner.cell.passage import Passage, between, passage_of
-from dlo_planner.cell.scenery import add_obstacle
 from dlo_planner.cell.truth import Truth
-from dlo_planner.cell.vibrations import linear
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row, vector
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle
+from dlo_planner.model.obstacles import OBSTACLES, Capsule, Obstacle, Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.value import Value
 
+STEP = 2e-3      # s, of time in runs of the cell
+TOUCH = 0.05     # N: a larger contact force counts as a touch
 _GRAVITY = (0.0, 0.0, -9.81)
 _STILL = 1e-8     # rad per `Chain.slowness`: a DLO that moves no faster is at rest
 _SETTLING = 0.02  # of `Chain.slowness`: step of time while it settles
@@ -46,6 +54,23 @@ _ROUNDING = 1e-9  # of a number of steps
 _WILD = 1e6       # rad/s: a faster joint is unstable
 _SOFTEST = 0.5  # of the slowest frequency at first: a DLO in motion may look softer, or unstable
 _FINE = 4         # points per cell at which the plane of a hole is looked for
+_DIFFERENCE = 1e-5  # rad, step of difference quotients
+_SIDES = 24         # of the polygon around a round hole, which is up to 0.9 % wider than the hole
+_THINNEST = 1e-3    # m: a thinner sheet could be tunnelled through
+_HALF_PLANE = 10.0  # m
+
+Part = tuple[str, Sequence[float] | Floats, Floats, Floats]  # kind, size, center, rotation
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Passage(Value):
+    """Where a DLO pierces the plane of a cut-out."""
+
+    depth: float  # arc length beyond the plane, m; 0: the DLO does not pierce it
+    # largest distance from the center at which the DLO pierces the plane, m; nan if it does not
+    miss: float
+    y: float  # coordinates of that point in the axes of the cut-out, m
+    z: float
 
 
 class Plant:
@@ -341,3 +366,130 @@ class Plant:
         moved = ends[0] - ends[1]
         result: Floats = moved / np.linalg.norm(moved, axis=1).max()
         return result
+
+
+def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:
+    """Return the Passage of a line through a CutOut.
+
+    Shapes: s (n,), places (n, 3).
+    """
+    local = (places - cutout.center) @ cutout.pose.rotation
+    before, after = local[:-1], local[1:]
+    pierced = np.flatnonzero((before[:, 0] < 0) != (after[:, 0] < 0))
+    if not pierced.size:
+        return Passage(0.0, np.nan, np.nan, np.nan)
+    before, after = before[pierced], after[pierced]
+    part = (before[:, 0] / (before[:, 0] - after[:, 0]))[:, None]
+    places = (before + part * (after - before))[:, 1:]
+    misses = np.linalg.norm(places, axis=1)
+    first = s[pierced[0]] + part[0, 0] * (s[1] - s[0])
+    worst = misses.argmax()
+    return Passage(float(s[-1] - first), float(misses[worst]), *map(float, places[worst]))
+
+
+def between(places: Floats, tangents: Floats, scaled: Floats, cell: float) -> Floats:
+    """Return places on the cubic curve through nodes with unit tangents.
+
+    Shapes: places, tangents (n + 1, 3), scaled (k,).
+    """
+    k = np.minimum(scaled.astype(int), len(places) - 2)
+    x = (scaled - k)[:, None]
+    curve: Floats = (
+        places[k] * (1 - x) ** 2 * (1 + 2 * x) + places[k + 1] * x**2 * (3 - 2 * x)
+        + cell * x * (1 - x) * (tangents[k] * (1 - x) - tangents[k + 1] * x))
+    return curve
+
+
+def linear(model: Any, data: Any) -> tuple[Floats, Floats]:
+    """Return the stiffness and mass matrices of the joints about a state at rest.
+
+    The stiffness is a difference quotient of the joints' forces.
+    """
+    size = model.nv - 6
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((size, model.nv))
+    for k in range(size):
+        unit = np.zeros(model.nv)
+        unit[6 + k] = 1
+        mujoco.mj_mulM(model, data, mass[k], unit)
+    rest, stiffness = data.qpos.copy(), np.zeros((size, size))
+    for k in range(size):
+        forces = []
+        for sign in (1, -1):
+            data.qpos[:] = rest
+            data.qpos[7 + k] += sign * _DIFFERENCE
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            forces.append(data.qfrc_bias[6:] - data.qfrc_passive[6:])
+        stiffness[k] = (forces[0] - forces[1]) / (2 * _DIFFERENCE)
+    return 0.5 * (stiffness + stiffness.T), mass[:, 6:]
+
+
+# ---- sheets and obstacles as bodies of the engine ----------------------------------------------
+
+
+def add_obstacle(spec: mujoco.MjSpec, obstacle: Obstacle, number: int) -> None:
+    """Add an obstacle to an MjSpec; the names of its geoms are 'number/part'."""
+    for part, (kind, size, center, rotation) in enumerate(_parts(obstacle)):
+        spec.worldbody.add_geom(
+            name=f'{number}/{part}', type=getattr(mujoco.mjtGeom, f'mjGEOM_{kind}'), size=size,
+            pos=center, quat=np.roll(Rotation.from_matrix(rotation).as_quat(), 1),
+            contype=SCENE, conaffinity=DLO, condim=3 if obstacle.friction else 1,
+            friction=(obstacle.friction, 0, 0))
+
+
+def _parts(obstacle: Obstacle) -> list[Part]:
+    """Return [(kind, size (3,), center (3,), rotation (3, 3))] of an obstacle."""
+    if isinstance(obstacle, Plane):
+        return [('PLANE', (_HALF_PLANE, _HALF_PLANE, 1), obstacle.point, _z_along(obstacle.normal))]
+    if isinstance(obstacle, Capsule):
+        axis = obstacle.end - obstacle.start
+        return [('CAPSULE', (obstacle.radius, 0.5 * float(np.linalg.norm(axis)), 0),
+                 0.5 * (obstacle.start + obstacle.end), _z_along(axis))]
+    if isinstance(obstacle, Sheet):
+        return _around_hole(obstacle)
+    if not isinstance(obstacle, OBSTACLES):
+        raise InvalidTask(f'obstacles: expected {", ".join(one.__name__ for one in OBSTACLES)}, '
+                          f'got {obstacle!r}')
+    return [(*_GEOMS[solid.kind](*solid.size), solid.pose.position, np.array(solid.pose.rotation))
+            for solid in obstacle.solids]
+
+
+# kind of a Solid -> its name in MuJoCo, and its size there
+_GEOMS: dict[str, Callable[[float, float, float], tuple[str, Sequence[float]]]] = {
+    'box': lambda x, y, z: ('BOX', (0.5 * x, 0.5 * y, 0.5 * z)),
+    'ball': lambda x, y, z: ('SPHERE' if x == y == z else 'ELLIPSOID',
+                             (0.5 * x, 0.5 * y, 0.5 * z)),
+    'cylinder': lambda x, y, z: ('CYLINDER', (0.5 * x, 0.5 * z, 0))}
+
+
+def _around_hole(sheet: Sheet) -> list[Part]:
+    """Return the boxes of a Sheet."""
+    half = 0.5 * np.array([max(sheet.thickness, _THINNEST), sheet.width, sheet.height])
+    if not sheet.cutouts:
+        return [('BOX', half, sheet.pose.position, np.array(sheet.pose.rotation))]
+    if len(sheet.cutouts) > 1:
+        raise InvalidTask(f'{sheet!r}: expected one cut-out at most, in the cell each has a sheet')
+    hole = sheet.cutouts[0]
+    rotation = np.array(hole.pose.rotation)
+    reach = half[1:].min()  # the sheet is as wide in all directions
+    if hole.radius is not None:
+        turns = 2 * np.pi * np.arange(_SIDES) / _SIDES
+        sides = [(angle, hole.radius, reach * np.tan(np.pi / _SIDES)) for angle in turns]
+    else:
+        y, z = 0.5 * float(hole.width or 0.0), 0.5 * float(hole.height or 0.0)
+        sides = [(0, y, reach), (np.pi / 2, z, y), (np.pi, y, reach), (1.5 * np.pi, z, y)]
+    parts: list[Part] = []
+    for angle, inner, wide in sides:
+        turned = rotation @ Rotation.from_euler('x', angle).as_matrix()
+        center = hole.center + 0.5 * (inner + reach) * turned[:, 1]
+        parts.append(('BOX', (half[0], 0.5 * (reach - inner), wide), center, turned))
+    return parts
+
+
+def _z_along(direction: Floats) -> Floats:
+    """Return a rotation (3, 3) whose z axis is along a direction."""
+    z = direction / np.linalg.norm(direction)
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

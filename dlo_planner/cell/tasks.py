@@ -30,27 +30,13 @@ _CENTER = np.array([0.0, 0.0, 1.0])  # m, of the hole
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Task(Value):
-    """A DLO to be threaded through a hole.
+    """A DLO to be threaded through a hole."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the DLO.
-    rod : Rod
-        Rod, as the planner knows it.
-    cutout : CutOut
-        CutOut with a radius.
-    start : Pose
-        Pose of the gripper at the beginning, in which the DLO hangs at rest.
-    depth : float
-        Length of the DLO that has to go through, m.
-    """
-
-    name: str
-    rod: Rod
-    cutout: CutOut
-    start: Pose
-    depth: float
+    name: str  # name of the DLO
+    rod: Rod  # rod, as the planner knows it
+    cutout: CutOut  # cutOut with a radius
+    start: Pose  # pose of the gripper at the beginning, in which the DLO hangs at rest
+    depth: float  # length of the DLO that has to go through, m
 
     def __post_init__(self) -> None:
         instance('Task.name', self.name, str)

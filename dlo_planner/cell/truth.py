@@ -17,50 +17,25 @@ from dlo_planner.model.value import Value, put
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Truth(Value):
-    """How the true DLO, gripper and sheet differ from what the planner assumes.
+    """How the true DLO, gripper and sheet differ from what the planner assumes."""
 
-    Attributes
-    ----------
-    bending_stiffness : float
-        Factor of EI_n and EI_b.
-    torsional_stiffness : float
-        Factor of GJ.
-    mass : float
-        Factor of all masses.
-    mass_gradient : float
-        Part of its mean by which the mass per length grows from s = 0 to the free end; the mean
-        stays.
-    natural_curvature : ndarray, shape (2, k)
-        In 1/m, about n and about b: coefficients of Legendre polynomials of 2 s / L - 1, added to
-        the rod's own.
-    length : float
-        Length in m, added at the free end.
-    gripper_shift : ndarray, shape (3,)
-        Gripper shift in m, from the commanded to the true place of the gripper, axes of the
-        commanded gripper.
-    gripper_turn : ndarray, shape (3,)
-        Rotation vector from the commanded to the true gripper, rad, same axes.
-    hole_shift : ndarray, shape (3,)
-        Hole shift in m, true minus stated place of all sheets and cut-outs, world axes.
-    damping : float
-        Factor of the damping.
-
-    Raises
-    ------
-    InvalidTask
-        An argument makes no sense; the message names it, its value and what would be right.
-    """
-
-    bending_stiffness: float = 1.0
-    torsional_stiffness: float = 1.0
-    mass: float = 1.0
+    bending_stiffness: float = 1.0  # factor of EI_n and EI_b
+    torsional_stiffness: float = 1.0  # factor of GJ
+    mass: float = 1.0  # factor of all masses
+    # part of its mean by which the mass per length grows from s = 0 to the free end; the mean stays
     mass_gradient: float = 0.0
+    # (2, k) in 1/m, about n and about b: coefficients of Legendre polynomials of 2 s / L - 1, added
+    # to the rod's own
     natural_curvature: Floats = ((0.0,), (0.0,))  # type: ignore[assignment]
-    length: float = 0.0
+    length: float = 0.0  # length in m, added at the free end
+    # (3,) gripper shift in m, from the commanded to the true place of the gripper, axes of the
+    # commanded gripper
     gripper_shift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    # (3,) rotation vector from the commanded to the true gripper, rad, same axes
     gripper_turn: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    # (3,) hole shift in m, true minus stated place of all sheets and cut-outs, world axes
     hole_shift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
-    damping: float = 1.0
+    damping: float = 1.0  # factor of the damping
 
     def __post_init__(self) -> None:
         for name in ('bending_stiffness', 'torsional_stiffness', 'mass', 'damping'):
@@ -99,39 +74,18 @@ class Truth(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Unknowns(Value):
-    """Standard deviations from which a Truth is drawn; independent and normal.
+    """Standard deviations from which a Truth is drawn; independent and normal."""
 
-    Attributes
-    ----------
-    stiffness : float
-        Stiffness of the logarithm of the factor that EI and GJ have in common.
-    mass : float
-        Mass of the logarithm of the factor.
-    mass_gradient : float
-        Mass gradient of the part in `Truth`.
-    natural_curvature : ndarray, shape (k,)
-        Natural curvature in 1/m, of the Legendre coefficients of each plane.
-    length : float
-        Length in m.
-    gripper_position : float
-        Gripper position in m, along each axis.
-    gripper_rotation : float
-        Gripper rotation in rad, about each axis.
-    hole_position : float
-        Hole position in m, along each axis.
-    damping : float
-        Damping of the logarithm of the factor.
-    """
-
-    stiffness: float = 0.0
-    mass: float = 0.0
-    mass_gradient: float = 0.0
+    stiffness: float = 0.0  # of the logarithm of the factor that EI and GJ have in common
+    mass: float = 0.0  # of the logarithm of the factor
+    mass_gradient: float = 0.0  # of the part in `Truth`
+    # (k,) 1/m, of the Legendre coefficients of each plane
     natural_curvature: Floats = (0.0,)  # type: ignore[assignment]
-    length: float = 0.0
-    gripper_position: float = 0.0
-    gripper_rotation: float = 0.0
-    hole_position: float = 0.0
-    damping: float = 0.0
+    length: float = 0.0  # m
+    gripper_position: float = 0.0  # m, along each axis
+    gripper_rotation: float = 0.0  # rad, about each axis
+    hole_position: float = 0.0  # m, along each axis
+    damping: float = 0.0  # of the logarithm of the factor
 
     def __post_init__(self) -> None:
         put(self, natural_curvature=array('Unknowns.natural_curvature', self.natural_curvature,

@@ -51,7 +51,7 @@ class Discretization(Value):
     stress) and without a grip of the far end; `held`, the same with such a grip; `full`, with all.
     """
 
-    PARTS = ('surroundings', 's', 'basis', 'n_terms', 'variation')
+    _PARTS = ('surroundings', 's', 'basis', 'n_terms', 'variation')
 
     surroundings: Surroundings
     s: Floats           # (N + 1,) nodes, m
@@ -75,7 +75,9 @@ class Discretization(Value):
         else:
             self._compute()
         if variation is not None:
-            fields = dict(variation)
+            freeze(list(variation.values()))
+            # copies: kernels are compiled for arrays that may be written
+            fields = {name: np.array(values) for name, values in variation.items()}
             if nominal is not None and 'lengths' in fields:
                 # a series is orthonormal on its elements: strains are projected by their lengths
                 fields['basis'] = nominal.free.basis / np.sqrt(s[-1] / nominal.s[-1])
@@ -101,7 +103,7 @@ class Discretization(Value):
             structure_of(effects, s.size), np.zeros((0, 3)), 0.0))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), tuple(getattr(self, name) for name in self.PARTS)
+        return type(self), tuple(getattr(self, name) for name in self._PARTS)
 
     # ---- the Problem ----------------------------------------------------------------------------
 

@@ -17,113 +17,69 @@ from dlo_planner.errors import (
 class Cause(IntEnum):
     """0 done, 1xx bad input, 2xx planning, 3xx proof, 4xx execution, 5xx the node itself."""
 
-    DONE = 0
-    INVALID_REQUEST = 100
-    INVALID_FRAME = 101
-    INVALID_POSE = 102
-    OUT_OF_REACH = 103
-    IN_OBSTACLE = 104
-    INVALID_GOALS = 105
-    INVALID_OBSTACLES = 106
-    INVALID_PARAMETER = 107
-    NO_GOAL = 108
-    INVALID_POINTS = 109
-    NOTHING_SEEN = 110
-    INFEASIBLE = 200
-    UNSTABLE = 201
-    WORKSPACE = 202
-    COLLISION = 203
-    OVERBENT = 204
-    NO_SHAPE = 205
-    PLANNING_DEADLINE = 206
-    PLANNING_CANCELED = 207
-    SCENE_CHANGED = 208
-    FAR_END_HELD = 209
-    PROOF_PENDING = 300
-    NOT_FOLLOWED = 301
-    NOT_CALM = 302
-    PROOF_DEADLINE = 303
-    PROOF_PROCESS = 304
-    PROOF_FAILED = 305
-    NO_PLAN = 400
-    EXECUTING = 401
-    NO_GRIPPER_POSE = 402
-    OLD_GRIPPER_POSE = 403
-    NOT_AT_START = 404
-    CANCELED = 405
-    PATH_TOLERANCE = 406
-    SHAPE_TOLERANCE = 407
-    GOAL_TOLERANCE = 408
-    GRIPPER_POSE_LOST = 409
-    OBSTACLES_CHANGED = 410
-    PARAMETERS_CHANGED = 411
-    PAUSED = 412
-    SHUTDOWN = 413
-    NOTHING_TO_CANCEL = 414
-    MISS_EXPECTED = 415
-    NOT_ENABLED = 416
-    LIMITS = 417
-    OTHER_PLAN = 418
-    LOOKS_DISAGREE = 419
-    INTERNAL = 500
+    _value_: int
+    meaning: str
 
+    def __new__(cls, number: int, meaning: str = '') -> 'Cause':
+        """Return the member with a meaning."""
+        cause = int.__new__(cls, number)
+        cause._value_, cause.meaning = number, meaning
+        return cause
 
-MEANINGS = {
-    Cause.DONE: 'done as asked',
-    Cause.INVALID_REQUEST: 'a field or a value of the request makes no sense',
-    Cause.INVALID_FRAME: 'a pose is given in a frame that cannot be transformed to `frame_id`',
-    Cause.INVALID_POSE: 'a coordinate is not finite, or a quaternion is not of length 1',
-    Cause.OUT_OF_REACH: 'a pose is farther from the origin than `workspace.reach`',
-    Cause.IN_OBSTACLE: 'the gripper is inside an obstacle',
-    Cause.INVALID_GOALS: '`task_goals` has no pose, or more than 100',
-    Cause.INVALID_OBSTACLES: 'a marker is not understood; nothing of its message counts',
-    Cause.INVALID_PARAMETER: 'a parameter, or several together, make no sense',
-    Cause.NO_GOAL: '`replan` before there was a task, or a service for a task of which nothing is '
-                   'known',
-    Cause.INVALID_POINTS: '`observed_points` has no x, y, z, or too few points, or a stamp of '
-                          'another time',
-    Cause.NOTHING_SEEN: '`identify` before anything of the DLO was seen',
-    Cause.INFEASIBLE: 'no plan keeps all demands, for another reason than the next ones',
-    Cause.UNSTABLE: 'a waypoint has no stable shape',
-    Cause.WORKSPACE: 'the gripper would leave its workspace, or come into an obstacle',
-    Cause.COLLISION: 'the DLO would come into a sheet or an obstacle',
-    Cause.OVERBENT: 'the DLO would bend or yield more than it may',
-    Cause.NO_SHAPE: 'no stable shape was found for a gripper pose',
-    Cause.PLANNING_DEADLINE: 'the plan was not found within `threading.planning_deadline`',
-    Cause.PLANNING_CANCELED: '`cancel` was called, or the node ends, while the plan was made',
-    Cause.SCENE_CHANGED: 'obstacles or parameters changed while the plan was made',
-    Cause.FAR_END_HELD: 'the far end is held: plans and motions are of a DLO whose end is free',
-    Cause.PROOF_PENDING: 'the plan is still being checked: ask again',
-    Cause.NOT_FOLLOWED: 'replayed slowly, the DLO does not follow the plan',
-    Cause.NOT_CALM: 'no calm motion along the plan keeps all demands',
-    Cause.PROOF_DEADLINE: 'no calm motion was found within `threading.deadline`',
-    Cause.PROOF_PROCESS: 'the process that proves plans ended, again and again',
-    Cause.PROOF_FAILED: 'the plan could not be checked',
-    Cause.NO_PLAN: 'there is no plan, or the last one is void',
-    Cause.EXECUTING: 'a plan is being executed',
-    Cause.NO_GRIPPER_POSE: 'no gripper pose has come',
-    Cause.OLD_GRIPPER_POSE: 'the last gripper pose is older than `incoming_command_timeout`',
-    Cause.NOT_AT_START: 'the gripper is not where the plan begins',
-    Cause.CANCELED: '`cancel` was called',
-    Cause.PATH_TOLERANCE: 'the gripper left its command by more than `constraints.path.*`',
-    Cause.SHAPE_TOLERANCE: 'the observed DLO left its plan by more than `constraints.path.shape`',
-    Cause.GOAL_TOLERANCE: 'the gripper did not come within `constraints.goal.*` in time',
-    Cause.GRIPPER_POSE_LOST: 'no gripper pose younger than `incoming_command_timeout` came',
-    Cause.OBSTACLES_CHANGED: 'obstacles changed: the plan is void',
-    Cause.PARAMETERS_CHANGED: 'a parameter of the DLO, the tool or the limits changed: the plan '
-                              'is void',
-    Cause.PAUSED: 'the node stood still for longer than `execute.longest_pause`, or than the robot '
-                  'was told ahead',
-    Cause.SHUTDOWN: 'the node ends',
-    Cause.NOTHING_TO_CANCEL: '`cancel`, and nothing was planned, proved or executed',
-    Cause.MISS_EXPECTED: 'the observed DLO is not inside the cut-out with 95 %: it stops before it',
-    Cause.NOT_ENABLED: '`enable` is not true, or older than `execute.enable_timeout`',
-    Cause.LIMITS: 'the motion would exceed the limits of speed, acceleration or jerk',
-    Cause.OTHER_PLAN: 'another plan has come since: name the one to be executed, by `execute_plan`',
-    Cause.LOOKS_DISAGREE: 'what is seen of the DLO does not agree with what was expected: it '
-                          'stops, and goes back before the cut-out',
-    Cause.INTERNAL: 'an error of the node itself; the log has its place',
-}
+    DONE = 0, 'done as asked'
+    INVALID_REQUEST = 100, 'a field or a value of the request makes no sense'
+    INVALID_FRAME = 101, 'a pose is given in a frame that cannot be transformed to `frame_id`'
+    INVALID_POSE = 102, 'a coordinate is not finite, or a quaternion is not of length 1'
+    OUT_OF_REACH = 103, 'a pose is farther from the origin than `workspace.reach`'
+    IN_OBSTACLE = 104, 'the gripper is inside an obstacle'
+    INVALID_GOALS = 105, '`task_goals` has no pose, or more than 100'
+    INVALID_OBSTACLES = 106, 'a marker is not understood; nothing of its message counts'
+    INVALID_PARAMETER = 107, 'a parameter, or several together, make no sense'
+    NO_GOAL = 108, ('`replan` before there was a task, or a service for a task of which nothing '
+                    'is known')
+    INVALID_POINTS = 109, ('`observed_points` has no x, y, z, or too few points, or a stamp of '
+                           'another time')
+    NOTHING_SEEN = 110, '`identify` before anything of the DLO was seen'
+    INFEASIBLE = 200, 'no plan keeps all demands, for another reason than the next ones'
+    UNSTABLE = 201, 'a waypoint has no stable shape'
+    WORKSPACE = 202, 'the gripper would leave its workspace, or come into an obstacle'
+    COLLISION = 203, 'the DLO would come into a sheet or an obstacle'
+    OVERBENT = 204, 'the DLO would bend or yield more than it may'
+    NO_SHAPE = 205, 'no stable shape was found for a gripper pose'
+    PLANNING_DEADLINE = 206, 'the plan was not found within `threading.planning_deadline`'
+    PLANNING_CANCELED = 207, '`cancel` was called, or the node ends, while the plan was made'
+    SCENE_CHANGED = 208, 'obstacles or parameters changed while the plan was made'
+    FAR_END_HELD = 209, 'the far end is held: plans and motions are of a DLO whose end is free'
+    PROOF_PENDING = 300, 'the plan is still being checked: ask again'
+    NOT_FOLLOWED = 301, 'replayed slowly, the DLO does not follow the plan'
+    NOT_CALM = 302, 'no calm motion along the plan keeps all demands'
+    PROOF_DEADLINE = 303, 'no calm motion was found within `threading.deadline`'
+    PROOF_PROCESS = 304, 'the process that proves plans ended, again and again'
+    PROOF_FAILED = 305, 'the plan could not be checked'
+    NO_PLAN = 400, 'there is no plan, or the last one is void'
+    EXECUTING = 401, 'a plan is being executed'
+    NO_GRIPPER_POSE = 402, 'no gripper pose has come'
+    OLD_GRIPPER_POSE = 403, 'the last gripper pose is older than `incoming_command_timeout`'
+    NOT_AT_START = 404, 'the gripper is not where the plan begins'
+    CANCELED = 405, '`cancel` was called'
+    PATH_TOLERANCE = 406, 'the gripper left its command by more than `constraints.path.*`'
+    SHAPE_TOLERANCE = 407, 'the observed DLO left its plan by more than `constraints.path.shape`'
+    GOAL_TOLERANCE = 408, 'the gripper did not come within `constraints.goal.*` in time'
+    GRIPPER_POSE_LOST = 409, 'no gripper pose younger than `incoming_command_timeout` came'
+    OBSTACLES_CHANGED = 410, 'obstacles changed: the plan is void'
+    PARAMETERS_CHANGED = 411, ('a parameter of the DLO, the tool or the limits changed: the plan '
+                               'is void')
+    PAUSED = 412, ('the node stood still for longer than `execute.longest_pause`, or than the '
+                   'robot was told ahead')
+    SHUTDOWN = 413, 'the node ends'
+    NOTHING_TO_CANCEL = 414, '`cancel`, and nothing was planned, proved or executed'
+    MISS_EXPECTED = 415, 'the observed DLO is not inside the cut-out with 95 %: it stops before it'
+    NOT_ENABLED = 416, '`enable` is not true, or older than `execute.enable_timeout`'
+    LIMITS = 417, 'the motion would exceed the limits of speed, acceleration or jerk'
+    OTHER_PLAN = 418, 'another plan has come since: name the one to be executed, by `execute_plan`'
+    LOOKS_DISAGREE = 419, ('what is seen of the DLO does not agree with what was expected: it '
+                           'stops, and goes back before the cut-out')
+    INTERNAL = 500, 'an error of the node itself; the log has its place'
 
 
 class Refused(DloPlannerError):

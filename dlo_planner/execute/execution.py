@@ -8,22 +8,26 @@ Commands are the poses of the motion at even times, a period apart, whenever a t
 that takes them one by one, or by the stamps that it was told, follows the motion as it was proved.
 
 With a horizon the motion goes on by the clock of the stamps, whether the machine is late or not: a
-robot that was told the coming time with stamps (`ahead.told`) does not wait for this machine.
+robot that was told the coming time with stamps (`Ahead`) does not wait for this machine.
 Without one, a robot follows each command as it comes, and a late command delays the motion.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dlo_planner.execute.ahead import Ahead, grippers_ahead
-from dlo_planner.execute.causes import Cause
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import InvalidTask
+from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.limiter import Limiter, used
-from dlo_planner.execute.stopping import Rising, accelerate, decelerate
-from dlo_planner.identify.steering import Steered
+from dlo_planner.execute.limiter import Limiter, Rising, accelerate, decelerate, used
+from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.timed_path import TimedPath
 
 _UNWATCHED = Guards(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True, 0.0)
@@ -34,68 +38,94 @@ _LEAD = 0.1   # s until a robot hears that it has to stop
 _REMEMBERED = 1.0  # s, for which it is known what was commanded when
 _LATE = 0.25  # s without a command after which a robot that waits for one stands still
 _LONGER = 1.0, 1.4, 2.0, 2.8  # times as long as a correction is blended in
-_WIDEST = 5.0  # s, of its windows
 _CORRECTED = 0.98  # of the limits, which a motion that is corrected may use
 _COARSE = 4   # periods, in which what is blended in changes little
+_SAMPLES, _SAME_TIME = 25, 1e-9  # s
 _SEEN = 3     # commands before the next one that tell its jerk
+_NOTICED = 1e-3, 5e-3  # m, rad from where a way begins: less is left to the robot, as always
+_AGO = -1e6    # s
+_LEAST_WINDOW, _NEXT = 0.1, 1.1  # s; and from one duration that is tried to the next
 EXACT = 1 + 1e-3  # of a limit: differences of rounded numbers
+
+
+class Ahead(NamedTuple):
+    """What a robot is told of the coming time, so that a machine that is late does no harm.
+
+    All of the coming motion: the horizon, and after it a way to rest along the path, which the next
+    message replaces. So a robot comes to rest within its limits where the messages end. A
+    controller that takes trajectories with stamps, and replaces what it had from the first point on
+    (as joint_trajectory_controller does), needs no more.
+    """
+
+    times: Floats      # (n,) s since `Execution.stamp`, ascending from 0, a period apart
+    poses: list[Pose]  # n, of the tool frame; after the last the robot rests
+
+    @classmethod
+    def of(cls, execution: 'Execution', positions: Floats, rotations: Floats) -> 'Ahead':
+        """Return the commands (n,) that lead the gripper frame through n frames."""
+        back = execution.back
+        return cls(execution.period * np.arange(len(positions), dtype=float), [
+            Pose.from_rotation(*frame) for frame in zip(
+                positions + rotations @ back.position, rotations @ back.rotation, strict=True)])
+
+
+def places_ahead(execution: 'Execution') -> Floats:
+    """Return the times along the way, s, of the coming commands."""
+    way, period, done = execution.way, execution.period, execution.done
+    if execution.phase == 'stopping':
+        return np.array([done, *execution.places(len(execution.pace))])
+    steps = max(int(np.ceil((execution.sent - done) / period - 1e-9)), 0)
+    places = np.array([done, *execution.places(steps)])
+    if execution.sent < way.duration:
+        places = np.append(places, decelerate(way, execution.sent, execution.kept, period))
+    return places
+
+
+class Samples:
+    """Poses of a way at multiples of a period, evaluated many at once: one alone costs as much."""
+
+    def __init__(self, way: TimedPath | Steered, period: float) -> None:
+        self.way, self._period = way, period
+        self._known: dict[int, Pose] = {}
+
+    def pose(self, time: float) -> Pose:
+        """Return the Pose of the way at a time, s."""
+        k = round(time / self._period)
+        if abs(time - k * self._period) > _SAME_TIME:
+            return self.way.poses([time])[0]
+        if k not in self._known:
+            if len(self._known) > 2 * _SAMPLES:
+                self._known.clear()
+            some = range(k, k + _SAMPLES)
+            self._known.update(zip(some, self.way.poses(self._period * np.array(some)),
+                                   strict=True))
+        return self._known[k]
 
 
 @dataclass(frozen=True)
 class Execution:
     """One motion along a TimedPath, from its first command to rest.
 
-    Attributes
-    ----------
-    way : TimedPath
-        TimedPath of the gripper frame.
-    back : Pose
-        Pose of the tool frame in the gripper frame.
-    frame_id : str
-        In which commands are given.
-    guards : Guards
-    period : float
-        Seconds between two ticks.
-    horizon : float
-        Seconds of the coming motion that a robot is told; 0: each command as it comes.
-    limits : Limits or None
-        Limits of all that goes out. If None, those of the way.
-    phase : str
-        'running', 'settling' (the end is commanded, the gripper is on its way there), 'stopping'
-        (it decelerates), 'stopped', 'succeeded'; 'waiting': others go on with it, see
-        `ThreadingLoop`, and it does not move by itself.
-    done : float
-        Done in s along the way that are commanded; negative on the way to its beginning.
-    command : Pose or None
-        Pose of the tool frame, the command of now; None before the first one.
-    sending : Pose or None
-        Pose of the tool frame that goes out by itself after this tick; None: none does.
-    ahead : Ahead or None
-        What a robot was told last of the coming time, with a horizon.
-    cause : Cause
-        Why it stops or has stopped.
-    reason : str
-        Why it stops or has stopped.
-    refusal : str
-        Why the last correction is not executed, '' if it is.
+    Phases: 'running'; 'settling': the end is commanded, the gripper on its way there; 'stopping':
+    it decelerates; 'stopped'; 'succeeded'; 'waiting': others go on with it (`ThreadingLoop`).
     """
 
-    way: TimedPath | Steered
-    back: Pose
-    frame_id: str
+    way: TimedPath | Steered  # of the gripper frame
+    back: Pose                # of the tool frame in the gripper frame
+    frame_id: str             # in which commands are given
     guards: Guards = field(default_factory=Guards)
-    period: float = 0.02
-    horizon: float = 0.0
-    limits: Limits | None = None
+    period: float = 0.02      # s between two ticks
+    horizon: float = 0.0      # s of the coming motion that a robot is told; 0: single commands
+    limits: Limits | None = None  # of all that goes out; None: those of the way
     phase: str = 'running'
-    done: float = 0.0
-    command: Pose | None = None
-    sending: Pose | None = None
-    ahead: Ahead | None = None
-    cause: Cause = Cause.DONE
+    done: float = 0.0         # s along the way that are commanded; negative before its beginning
+    command: Pose | None = None  # of the tool frame, now; None before the first one
+    sending: Pose | None = None  # of the tool frame, goes out by itself after this tick
+    ahead: Ahead | None = None   # what a robot was told last of the coming time, with a horizon
+    cause: Cause = Cause.DONE    # why it stops or has stopped
     reason: str = ''
     begin: float = 0.0        # s, `done` at its first command
-    refusal: str = ''
+    refusal: str = ''         # why the last correction is not executed
     limiter: Limiter | None = None  # None before the first command
     pace: tuple[float, ...] = ()    # `done` in the coming periods, where time does not run evenly
     rising: Rising | None = None    # where it begins to
@@ -114,6 +144,11 @@ class Execution:
     told_of: str = ''         # phase of which it was told then
     tellings: int = 0         # how often it was told
     shaken: float = 0.0       # m by which late commands have moved the gripper against its motion
+    samples: 'Samples' = field(default=None, compare=False)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.samples is None or self.samples.way is not self.way:
+            object.__setattr__(self, 'samples', Samples(self.way, self.period))
 
     @property
     def kept(self) -> Limits:
@@ -252,12 +287,10 @@ class Execution:
         if self.phase == 'running':
             steps = int(np.ceil(self.horizon / self.period - 1e-9))
             told = replace(told, sent=min(self.done + steps * self.period, self.way.duration))
-        grippers = grippers_ahead(told)
-        before = self.way.poses(self.trail[:-1]) if len(self.trail) > 1 else []
-        if used([*before, *grippers], self.kept, self.period) <= EXACT:
-            return replace(told, ahead=Ahead(
-                self.period * np.arange(len(grippers), dtype=float),
-                [gripper.compose(self.back) for gripper in grippers]))
+        before = len(self.trail[:-1])
+        frames = self.way.frames([*self.trail[:-1], *places_ahead(told)])
+        if used(frames, self.kept, self.period) <= EXACT:
+            return replace(told, ahead=Ahead.of(self, *(part[before:] for part in frames)))
         if self.phase == 'running':  # what the robot was told before ends at rest
             return self.stop(Cause.LIMITS, 'the coming motion exceeds its limits')._told(True)
         return replace(self, phase='stopped')
@@ -287,7 +320,7 @@ class Execution:
             begin=self.begin, done=self.begin)
         if not single.active:  # it is at rest: at the end that is said again
             return self if self.phase in ('settling', 'succeeded') else replace(self, sending=None)
-        single = replace(single, way=self.way)
+        single = replace(single, way=self.way, samples=self.samples)
         if self.phase in ('stopping', 'stopped'):
             single = single.stop(self.cause, self.reason, self.phase == 'stopped')
         single = single.tick(now)
@@ -310,7 +343,7 @@ class Execution:
         for longer in _LONGER:
             windows = longer * way.windows
             # what was changed before must be over by these windows as well, or it would leap
-            if longer > 1 and (windows.sum() > longest or windows.max() > _WIDEST
+            if longer > 1 and (windows.sum() > longest or windows.max() > WIDEST
                                or last + windows.sum() > self.free):
                 break
             slower = way if longer == 1 else replace(way, windows=windows)
@@ -325,7 +358,7 @@ class Execution:
         blended, period = self.free + way.windows.sum(), self.period
         soon = np.arange(self.free - _SEEN * period, blended + _SEEN * period, period)
         later = np.arange(blended, way.duration + _SEEN * period, _COARSE * period)
-        return max(used(way.poses(times), self.kept, step) for times, step in (
+        return max(used(way.frames(times), self.kept, step) for times, step in (
             (soon, period), (later, _COARSE * period)) if len(times) > 1)
 
     def done_at(self, stamp: float) -> float:
@@ -373,8 +406,7 @@ class Execution:
         """Return the execution with commands at times along its way, which are due now."""
         if not places:
             return self
-        poses = self.way.poses(places)
-        command = poses[-1].compose(self.back)
+        command = self._pose(places[-1])
         return replace(self, command=command, sending=command,
                        trail=(*self.trail, *places)[-_SEEN - 1:])
 
@@ -401,11 +433,8 @@ class Execution:
             return replace(self, phase='stopped', cause=Cause.GOAL_TOLERANCE, reason=late)
         return self
 
-    def _gripper(self, done: float) -> Pose:
-        return self.way.poses([done])[0]
-
     def _pose(self, done: float) -> Pose:
-        return self._gripper(done).compose(self.back)
+        return self.samples.pose(done).compose(self.back)
 
     def _silence(self, heard: Heard | None, now: float, step: float) -> float:
         """Return the age of a gripper pose, s.
@@ -473,3 +502,59 @@ class Execution:
             return (f'the gripper is turned by {turned:.3g} rad from its command: expected '
                     f'{name}.angle = {angle:g} rad at most')
         return None
+
+
+def blend_from_current_pose(way: TimedPath, here: Pose, shape: Shape, limits: Limits,
+                            period: float) -> tuple[TimedPath | Steered, float]:
+    """Return a motion that begins at a pose, and its time there, s: 0, or negative.
+
+    The gripper goes to the beginning of the way without swinging the DLO, within the limits, and
+    stands still; then it goes its way as that was proved: it is hardly ever exactly where the plan
+    begins.
+    """
+    first = way.poses([0.0])[0]
+    turn = Rotation.from_matrix(here.rotation @ first.rotation.T).as_rotvec()
+    away = np.concatenate([turn, here.position - first.position])
+    if np.linalg.norm(away[3:]) <= _NOTICED[0] and np.linalg.norm(turn) <= _NOTICED[1]:
+        return way, 0.0
+    periods, least = _periods(way, shape), _LEAST_WINDOW
+    while least <= WIDEST:
+        # a window of several periods excites the vibration no more than one of one period
+        windows = np.append(periods * np.maximum(np.ceil(least / periods - 1e-9), 1), least)
+        if windows.max() > WIDEST:
+            break
+        steps = int(np.ceil(windows.sum() / period))
+        begin = -steps * period
+        steered = Steered(way, windows, (Change(_AGO, np.zeros(1), away[None]),
+                                         Change(begin, np.zeros(1), -away[None])))
+        times = begin + period * np.arange(-3, steps + 1)
+        if used(steered.frames(times), limits, period) <= 1:
+            return steered, begin
+        least *= _NEXT
+    raise Refused(Cause.NOT_AT_START, f'the gripper is {np.linalg.norm(away[3:]):.3g} m and '
+                  f'{np.linalg.norm(turn):.3g} rad from where the plan begins, which it cannot '
+                  f'reach calmly in {3 * WIDEST:g} s within its limits of speed, acceleration and '
+                  'jerk (threading.*): expected it to be nearer')
+
+
+def _periods(way: TimedPath, shape: Shape) -> Floats:
+    """Return (2,) the periods, s, of the DLO in a Shape that must not be excited."""
+    try:
+        return Steered.of(way, shape).windows[:2]
+    except InvalidTask:  # modes are not defined for all shapes
+        rod: Any = shape.rod  # a plan's shapes know it
+        return np.repeat(np.clip(slowest_period(rod), NARROWEST, WIDEST), 2)
+
+
+def blending_as(steered: Steered, windows: Floats, time: float) -> Steered | None:
+    """Return a Steered that blends further changes in over other windows.
+
+    None as long as one of its changes is still being blended in: the motion would leap.
+
+    Shapes: windows (k,).
+    """
+    if np.array_equal(steered.windows, windows):
+        return steered
+    last = max((change.since for change in steered.changes), default=_AGO)
+    over = last + max(steered.windows.sum(), windows.sum())
+    return replace(steered, windows=windows) if time >= over else None

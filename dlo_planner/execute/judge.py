@@ -149,21 +149,12 @@ def bound_of(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now:
 
 
 class Aimed(NamedTuple):
-    """A Correction, and what is expected with it and without it.
-
-    Attributes
-    ----------
-    correction : Correction
-    doubts : str
-        Why it must not be executed, '' if it may.
-    bound, bound_before : float
-        Bound of the miss with 95 %, m, at rest: with the correction, and with what is executed now.
-    """
+    """A Correction, and the 95 % bound of the miss at rest with it and with what is executed."""
 
     correction: Correction
-    doubts: str
-    bound: float
-    bound_before: float
+    doubts: str          # why it must not be executed, '' if it may
+    bound: float         # m
+    bound_before: float  # m
 
 
 def aimed_anew(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: Steered,

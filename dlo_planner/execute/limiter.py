@@ -2,44 +2,69 @@
 # SPDX-License-Identifier: Apache-2.0
 """The limits of what goes out: measured on the poses themselves, as a robot receives them.
 
-Start, stops, corrections and what is told ahead are all made by `used`: differences of the poses
+Start, stops, corrections and what is told ahead are all judged by `used`: differences of the poses
 that would be sent, one in each period. The Limiter is the last to see a command.
+
+A motion comes to rest, or begins again, along its own path: time along it runs slower and slower,
+or quicker and quicker, by the polynomial 10 x^3 - 15 x^4 + 6 x^5, so that the motion's acceleration
+goes on without a jump at both ends.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.requirements import Limits
+from dlo_planner.trajectory.timed_path import TimedPath
 
 _ROUNDING = 1e-3   # by which part a command may exceed a limit: of differences of rounded numbers
 _CHOICES = 14      # durations of each phase of a stop that are tried
 _TRIED = 60        # stops that are looked at as a whole
 _ENDLESS = 1e9     # stands for a limit that is infinite
 _PARTS = slice(0, 3), slice(3, 6)  # linear, angular
+_SHORTEST = 2     # periods
+_LONGEST = 20.0   # s
+_GUESSED = 1.5    # speeds over acceleration: hardly any stop is shorter
+_LEAST, _MOST = 1.03, 1.5  # from one duration that is tried to the next
+_SEEN = 3         # periods before and after it that a jerk needs to be seen
+
+# a product of two of these polynomials, over one period, is integrated exactly
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+_NODES, _WEIGHTS = 0.5 * (_NODES + 1), 0.5 * _WEIGHTS
+
+Rising = tuple[int, int]  # periods since time began to run, periods until it runs evenly
 
 
-def velocities(poses: Sequence[Pose], period: float) -> Floats:
-    """Return (n - 1, 6) the linear and angular velocities between n Poses that are a period apart.
+def velocities(positions: Floats, rotations: Floats, period: float) -> Floats:
+    """Return (n - 1, 6) linear and angular velocities between frames that are a period (s) apart.
 
     In m/s and rad/s, world axes.
+
+    Shapes: positions (n, 3), rotations (n, 3, 3).
     """
-    places = np.array([pose.position for pose in poses])
-    turns = Rotation.from_matrix([pose.rotation for pose in poses])
-    return np.hstack([np.diff(places, axis=0), (turns[1:] * turns[:-1].inv()).as_rotvec()]) / period
+    turns = Rotation.from_matrix(rotations[1:] @ rotations[:-1].swapaxes(1, 2))
+    return np.hstack([np.diff(positions, axis=0), turns.as_rotvec()]) / period
 
 
-def used(poses: Sequence[Pose], limits: Limits, period: float) -> float:
-    """Return the largest part of its limits that a stream of Poses uses, one in each period (s).
+def frames_of(poses: Sequence[Pose]) -> tuple[Floats, Floats]:
+    """Return positions (n, 3) and rotations (n, 3, 3) of n Poses."""
+    return (np.array([pose.position for pose in poses]),
+            np.array([pose.rotation for pose in poses]))
 
-    Of speed, acceleration and jerk, linear and angular, by differences of the poses.
+
+def used(frames: tuple[Floats, Floats], limits: Limits, period: float) -> float:
+    """Return the largest part of its limits that a stream of frames uses, one in each period (s).
+
+    Of speed, acceleration and jerk, linear and angular, by differences of positions (n, 3) and
+    rotations (n, 3, 3).
     """
-    rates, most = velocities(poses, period), 0.0
+    rates, most = velocities(*frames, period), 0.0
     for row in limits.sizes:
         most = max(most, *(float((_sizes(rates[:, part]) / limit).max(initial=0.0))
                            for part, limit in zip(_PARTS, row, strict=True)))
@@ -53,26 +78,13 @@ class Limiter:
 
     It stops on the shortest way found on which speed, acceleration and jerk keep the limits, and
     lets nothing through any more.
-
-    Attributes
-    ----------
-    limits : Limits
-        Limits of the gripper frame.
-    period : float
-        Seconds between two commands.
-    pose : Pose or None
-        The last command that went out, of the gripper frame; None before the first.
-    rates : ndarray, shape (2, 6)
-        Velocity and acceleration with which it did.
-    rest : tuple of Pose or None
-        What is left of the stop; None: there is none.
     """
 
-    limits: Limits
-    period: float
-    pose: Pose | None = None
-    rates: Floats = field(default_factory=lambda: np.zeros((2, 6)))
-    rest: tuple[Pose, ...] | None = None
+    limits: Limits  # of the gripper frame
+    period: float   # s between two commands
+    pose: Pose | None = None  # the last command that went out, of the gripper frame
+    rates: Floats = field(default_factory=lambda: np.zeros((2, 6)))  # its velocity, acceleration
+    rest: tuple[Pose, ...] | None = None  # what is left of the stop; None: there is none
 
     def at_rest(self) -> 'Limiter':
         """Return the Limiter of a gripper that has come to rest where it was sent last."""
@@ -84,7 +96,7 @@ class Limiter:
             return replace(self, pose=self.rest[0] if self.rest else self.pose, rest=self.rest[1:])
         if self.pose is None:
             return replace(self, pose=wanted)
-        velocity = velocities([self.pose, wanted], self.period)[0]
+        velocity = velocities(*frames_of([self.pose, wanted]), self.period)[0]
         acceleration = (velocity - self.rates[0]) / self.period
         jerk = (acceleration - self.rates[1]) / self.period
         if _part(np.stack([velocity, acceleration, jerk]), self.limits) > 1 + _ROUNDING:
@@ -148,3 +160,43 @@ def _part(rates: Floats, limits: Limits) -> float:
 def _sizes(rows: Floats) -> Floats:
     result: Floats = np.linalg.norm(rows, axis=-1)
     return result
+
+
+def decelerate(way: TimedPath | Steered, done: float, limits: Limits, period: float,
+               lead: int = 0, rising: Rising | None = None, lasting: float = 0.0) -> Floats:
+    """Return the times along a way, s, one for each coming period, on which it comes to rest."""
+    def rate(since: Floats, steps: int) -> Floats:
+        begun = _smooth((since + rising[0]) / rising[1]) if rising else 1.0
+        return begun * (1 - _smooth((since - lead) / steps))
+
+    return _shortest(way, done, limits, period, rate, lead, lasting)
+
+
+def accelerate(way: TimedPath | Steered, done: float, limits: Limits, period: float) -> Floats:
+    """Return the times along a way, s, one for each coming period, on which it begins to run."""
+    return _shortest(way, done, limits, period, lambda since, steps: _smooth(since / steps), 0)
+
+
+def _shortest(way: TimedPath | Steered, done: float, limits: Limits, period: float,
+              rate: Callable[[Floats, int], Floats], lead: int, least: float = 0.0) -> Floats:
+    """Return the times along a way in the shortest change of its rate that keeps the limits.
+
+    It takes `least` s at least.
+    """
+    speeds = np.linalg.norm(way.at([done])[1].reshape(2, 3), axis=1)
+    guess = float((_GUESSED * speeds / limits.sizes[1]).max())
+    steps, found = max(_SHORTEST, int(np.ceil(max(guess, least) / period))), []
+    while True:
+        since = np.arange(-_SEEN, lead + steps + _SEEN)[:, None] + _NODES
+        times = period * np.append(0.0, np.cumsum(rate(since, steps) @ _WEIGHTS))
+        times += done - times[_SEEN]
+        part = used(way.frames(times), limits, period)
+        found.append((part, times[_SEEN + 1:_SEEN + 1 + lead + steps]))
+        if part <= 1 or steps * period > max(_LONGEST, least):
+            return min(found, key=lambda one: one[0])[1] if part > 1 else found[-1][1]
+        steps = int(np.ceil(steps * np.clip(np.sqrt(part), _LEAST, _MOST)))
+
+
+def _smooth(x: Floats) -> Floats:
+    x = np.clip(x, 0.0, 1.0)
+    return x**3 * (10 - 15 * x + 6 * x**2)

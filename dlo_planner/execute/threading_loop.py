@@ -11,55 +11,46 @@ seconds) wherever that suits, and asks for the command of each period (`tick`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape
-from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.execute.calming import FARTHEST, Calming
 from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Enabled, Guards, Heard
 from dlo_planner.execute.judge import (
     Aimed,
     aimed_anew,
-    bound_of,
     in_motion,
     lag_of,
     obstacles_around,
     unexplained,
 )
+from dlo_planner.execute.threading_motions import (
+    FARTHEST,
+    LEAST_FOR_MOTION,
+    Calming,
+    Entry,
+    GripperMotion,
+    Threading,
+    way_back,
+    way_in,
+    way_to_standoff,
+)
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction
-from dlo_planner.identify.estimate import Estimate, way_between
-from dlo_planner.identify.observing import Observing, Swing
+from dlo_planner.identify.observing import Observing
 from dlo_planner.identify.steering import Steered
 from dlo_planner.identify.vibration import STATED, FreeVibration
-from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.tasks import Approach, Thread
-from dlo_planner.model.arrays import Floats
-from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.rod import Surface
-from dlo_planner.plan.builder import build_plan
 from dlo_planner.plan.clearance import clearance
-from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, truncate
 from dlo_planner.plan.requirements import Limits
-from dlo_planner.plan.waypoint import Waypoint
-from dlo_planner.trajectory.trajectory import Trajectory
 
-_FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
-_LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
-_LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
-_MOTION = 0.95      # of the limits
 _MOVED = 1e-4       # m, or of unit vectors: the gripper has left the standoff
-_BACK = 12, 24, 48  # poses on the way back to the standoff: as many as keep to the way there
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
 _ASIDE = 0.02, 0.1  # m, rad: a gripper that is farther from where it stood was moved
 _CALM_STOP = 2.0    # slowest periods in which a motion comes to rest, where there is room
@@ -72,209 +63,8 @@ _LONGEST_SEEING = 6.0  # s, after which it is believed to be none where nothing 
 _SURE = 2.0         # standard deviations by which a swing has to be told from noise
 _OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
 _CALMINGS = 6       # in one look
+_CLOSELY = 1.5      # s before the entry, in which each cloud is looked at: a slip has to be seen
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
-
-
-@dataclass(frozen=True)
-class Threading:
-    """What is to be threaded through what.
-
-    Attributes
-    ----------
-    inverse : InverseSimulator
-        Of the DLO as stated, with its obstacles and its workspace.
-    cutout : CutOut
-        With a radius, as stated.
-    depths : ndarray, shape (n,)
-        Depths of the waypoints, m, from 0 on.
-    standoff : float
-        Distance of the free end from the hole at which it looks again, m.
-    limits : Limits
-        Limits of the gripper; motions are made for 0.95 of them, the rest is for corrections.
-    """
-
-    inverse: InverseSimulator
-    cutout: CutOut
-    depths: Floats
-    standoff: float
-    limits: Limits = Limits()
-
-    @property
-    def room(self) -> float:
-        """By how much the DLO may miss the center without touching the rim, m."""
-        radius, rod = self.cutout.radius, self.inverse.simulator.rod
-        if radius is None or not isinstance(rod.radius, float) or radius <= rod.radius:
-            raise InvalidTask(f'cutout.radius = {radius}: expected more than the radius of the '
-                              f'DLO, which has to be one number, not {rod.radius!r}')
-        return radius - rod.radius
-
-    @property
-    def motion_limits(self) -> Limits:
-        """Limits that motions are made for."""
-        return Limits(*map(float, (_MOTION * self.limits.sizes).ravel()))
-
-    @property
-    def tolerance(self) -> float:
-        """By how much the DLO may swing when it has come to rest before the hole, m."""
-        return max(_LEAST_TOLERANCE, _FOR_MOTION * self.room)
-
-    def ways(self, estimate: Estimate, here: Pose, standoff: float) -> tuple[Plan, Plan]:
-        """Return the way to the entry, and on to the depth, in true poses of the estimated DLO."""
-        known = self.inverse
-        inverse = InverseSimulator(known.simulator.with_rod(estimate.rod),
-                                   workspace=known.workspace,
-                                   allow_plastic=known.requirements.allow_plastic)
-        cutout, start = estimate.moved_cutout(self.cutout), estimate.actual(here)
-        through = inverse.plan(Thread(cutout, self.depths), start=start)
-        return inverse.plan(Approach(cutout, through.shapes[0], standoff), start=start), through
-
-
-class _Motion(NamedTuple):
-    """A motion to rest, the Shape in which it leaves the DLO, and how that swings on the way.
-
-    The poses are true ones, of the gripper by the Estimate with which it was planned.
-    """
-
-    estimate: Estimate
-    trajectory: Trajectory
-    there: Shape
-    swing: Swing
-
-    @property
-    def steered(self) -> Steered:
-        """The motion in poses to be commanded, which can be corrected."""
-        return _steered(self.trajectory, self.estimate, self.there)
-
-    @property
-    def bound(self) -> float:
-        """By how much motion displaces the DLO in the cut-out at most, m."""
-        return np.nan if self.trajectory.motion is None else self.trajectory.motion.bound
-
-    @property
-    def departure(self) -> float:
-        """By how much the DLO still swings at its end, m."""
-        return np.nan if self.trajectory.motion is None else self.trajectory.motion.departure
-
-
-def _steered(trajectory: Trajectory, estimate: Estimate, there: Shape) -> Steered:
-    return Steered.of(trajectory, there, estimate.gripper_offset.inverse())
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """The way from the standoff to the depth, and what is expected of it.
-
-    Attributes
-    ----------
-    estimate : Estimate
-        By which it was made.
-    bound : float
-        Bound of the miss with 95 %, m, at rest.
-    whole : Plan
-        In true poses.
-    commanded : Plan
-        Its part from the entry on, in poses to be commanded.
-    motion : Motion or None
-        Of the whole. If None, the bound is too large to enter.
-    """
-
-    estimate: Estimate
-    bound: float
-    whole: Plan
-    commanded: Plan
-    motion: _Motion | None
-
-
-def way_to_standoff(task: Threading, estimate: Estimate, here: Pose) -> _Motion:
-    """Return the motion from a measured pose to the standoff."""
-    way, _ = task.ways(estimate, here, task.standoff)
-    return _motion(task, estimate, truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE))
-
-
-def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: float) -> _Entry:
-    """Return the way from a measured pose at the standoff to the depth."""
-    way, through = task.ways(estimate, here, 0.0)
-    whole, stated = concatenate(replace(way, stops=()), through), task.cutout.center
-    commanded = replace(
-        through, grippers=tuple(estimate.commanded(pose) for pose in through.grippers),
-        via_points=tuple(tuple((stated, s, normal) for _, s, normal in passes)
-                         for passes in through.via_points))
-
-    def bound_in(way: Steered) -> float:
-        reached = way.reached(whole.times[-len(through):])
-        return bound_of(estimate, commanded, way, reached, 0.0, lag)
-
-    # a calmer motion is slower, and so corrected the better
-    at_most = bound_in(_steered(Trajectory(whole, task.motion_limits, tolerance=np.inf), estimate,
-                                whole.shapes[-1]))
-    tolerance = max(_LEAST_FOR_MOTION * task.room, 0.5 * (task.room - at_most))
-    trajectory = _trajectory(task, whole, tolerance)
-    motion = _Motion(estimate, trajectory, whole.shapes[-1],
-                     swing_of(trajectory, estimate, whole))
-    bound = bound_in(motion.steered)
-    return _Entry(estimate, bound, whole, commanded, None if bound > most else motion)
-
-
-def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose], known: Shape) -> _Motion:
-    """Return the motion through many measured poses; the DLO hangs, and leaves the hole freely.
-
-    `known` is its Shape near the first of them.
-    """
-    for count in _BACK:
-        some = _evenly(poses, count)
-        shapes = estimate.simulator.track([estimate.actual(pose) for pose in some], initial=known)
-        plan = build_plan([Waypoint(shape) for shape in shapes], np.zeros(len(shapes)),
-                          task.limits.sizes[0], PlanStatus.COMPLETE)
-        off = _off(GripperPath.of(plan), [estimate.actual(pose) for pose in poses],
-                   float(known.s[-1]))
-        if off <= _LEAST_FOR_MOTION * task.room:
-            return _motion(task, estimate, plan)
-    raise Infeasible(f'the way back leaves the way there by {off:.3g} m: expected '
-                     f'{_LEAST_FOR_MOTION * task.room:.3g} m at most', 0, 'clearance', off)
-
-
-def _evenly(poses: Sequence[Pose], count: int) -> list[Pose]:
-    """Return so many of many poses, about as far from each other: short bends take long."""
-    way = np.cumsum([0.0, *(way_between(*pair) for pair in pairwise(poses))])
-    chosen = np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, len(poses) - 1)
-    return [poses[k] for k in np.unique(chosen)]
-
-
-def _off(path: GripperPath, poses: Sequence[Pose], length: float) -> float:
-    """Return how far a path leaves Poses, m: of the gripper, or of what is a length (m) ahead."""
-    def ahead(position: Floats, rotation: Floats) -> Floats:
-        return np.concatenate([position[..., None, :], position[..., None, :] + length
-                               * np.swapaxes(rotation[..., :2], -1, -2)], axis=-2)
-
-    on_it = ahead(*path.at(np.linspace(path.times[0], path.times[-1], 2 * _TRIED)))
-    wanted = ahead(np.array([pose.position for pose in poses]),
-                   np.array([pose.rotation for pose in poses]))
-    steps, since = np.diff(on_it, axis=0), wanted[:, None] - on_it[:-1]
-    part = np.clip(np.einsum('mkij,kij->mk', since, steps)
-                   / np.maximum((steps**2).sum(axis=(1, 2)), 1e-300), 0, 1)
-    apart = np.linalg.norm(since - part[:, :, None, None] * steps, axis=3).max(axis=2)
-    return float(apart.min(axis=1).max())
-
-
-def _trajectory(task: Threading, plan: Plan, tolerance: float) -> Trajectory:
-    """Return the motion along a Plan of true poses, which keeps clear of what is around."""
-    trajectory = Trajectory(plan, task.motion_limits, tolerance=tolerance,
-                            obstacles=obstacles_around(task.inverse))
-    motion = trajectory.motion
-    if motion is not None and motion.clearance < 0:
-        raise Infeasible(f'in motion the DLO comes {-motion.clearance:.3g} m into what it has to '
-                         'stay clear of', 0, 'clearance', float(-motion.clearance))
-    return trajectory
-
-
-def _motion(task: Threading, estimate: Estimate, plan: Plan) -> _Motion:
-    trajectory = _trajectory(task, plan, task.tolerance)
-    return _Motion(estimate, trajectory, plan.shapes[-1], swing_of(trajectory, estimate, plan))
-
-
-def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:
-    """Return how inertia bends the estimated DLO in a motion along a Plan of true poses."""
-    return Swing.of(trajectory, estimate.simulator, plan.shapes[0])
 
 
 class ThreadingLoop:
@@ -302,24 +92,6 @@ class ThreadingLoop:
         Seconds between two ticks, and that a robot is told ahead, see `Execution`.
     frame_id : str, optional
         In which commands are given.
-
-    Attributes
-    ----------
-    observing : Observing
-    execution : Execution or None
-        The motion under way. If None, the gripper stands.
-    last : Execution or None
-        The last motion, which may have ended by the last tick. If None, there was none.
-    aimed : Aimed or None
-        The last correction that was made.
-    refusal : str
-        Why it is not executed, '' if it is.
-    cause, reason : Cause, str
-        Why it stopped.
-    promised : float
-        The largest miss that is expected, m: the 95 % bound of the estimate, what the simulated
-        motion adds, and by how much the DLO may still swing from the motion to the standoff; nan
-        before it enters.
     """
 
     def __init__(self, task: Threading, observing: Observing, here: Pose, *,
@@ -337,13 +109,13 @@ class ThreadingLoop:
         self._lag = lag_of(observing.seeing, horizon)
         self._heard: Heard | None = None
         self._enabled: Enabled | None = None
-        self.execution: Execution | None = None
-        self.last: Execution | None = None
-        self.aimed: Aimed | None = None
-        self.refusal = ''
+        self.execution: Execution | None = None  # the motion under way; None: the gripper stands
+        self.last: Execution | None = None  # the last motion, which may have ended
+        self.aimed: Aimed | None = None  # the last correction that was made
+        self.refusal = ''                # why it is not executed
         self._work: Callable[[], Any] | None = None
         self._done: Any = None
-        self._entry: _Entry | None = None
+        self._entry: Entry | None = None
         self._correction: Correction | None = None
         self._ended = np.inf  # stamp at which the last motion began, had it gone on evenly
         self._left = 0.0  # m of swing that the motion to the standoff leaves
@@ -355,7 +127,10 @@ class ThreadingLoop:
         self._calmed: Calming | None = None  # the last calming of this look
         self._calmings = 0
         self._misses = False  # whether that is why it last turned back
-        self.promised, self.cause, self.reason = np.nan, Cause.DONE, ''
+        # the largest miss that is expected, m: the 95 % bound of the estimate, what the simulated
+        # motion adds, and what the DLO still swings from the one to the standoff
+        self.promised = np.nan
+        self.cause, self.reason = Cause.DONE, ''  # why it stopped
 
     @property
     def phase(self) -> Phase:
@@ -531,23 +306,23 @@ class ThreadingLoop:
     def _plan(self, time: float, done: Any) -> None:
         task, estimate = self._task, self.observing.estimate
         self._done = None
-        if not isinstance(done, _Entry | _Motion):
-            most = (1 - _LEAST_FOR_MOTION) * task.room
+        if not isinstance(done, Entry | GripperMotion):
+            most = (1 - LEAST_FOR_MOTION) * task.room
             self._work = (partial(way_in, task, estimate, self._here, most, self._lag)
                           if self._loop.at_standoff else
                           partial(way_to_standoff, task, estimate, self._here))
             return
         bound = None
-        if isinstance(done, _Entry):
+        if isinstance(done, Entry):
             self._entry, self._correction = done, None
             self._left = max(self._left, self.observing.swing)
             moves = np.inf if done.motion is None else done.motion.bound
             bound = done.bound + self._left + moves
         loop = self._loop.advanced(time, bound, finished=True, doubted=self.observing.doubted)
-        if isinstance(done, _Motion) and loop.phase is Phase.GO:
+        if isinstance(done, GripperMotion) and loop.phase is Phase.GO:
             self._left = done.departure
             self._go(done)
-        elif loop.phase is Phase.ENTER and isinstance(done, _Entry) and bound is not None:
+        elif loop.phase is Phase.ENTER and isinstance(done, Entry) and bound is not None:
             assert done.motion is not None  # its bound would be infinite
             self.promised = bound
             self._go(done.motion)
@@ -555,7 +330,7 @@ class ThreadingLoop:
 
     # ---- motion ---------------------------------------------------------------------------------
 
-    def _go(self, motion: _Motion) -> None:
+    def _go(self, motion: GripperMotion) -> None:
         """Begin a motion."""
         self.execution = self._execution_of(motion.steered)
         self.observing.moves(motion.swing, self._time_at)
@@ -568,7 +343,7 @@ class ThreadingLoop:
     def _move(self, time: float, now: float) -> None:
         if self.execution is None:  # back: there is no way back, or it is found
             done, self._done = self._done, None
-            if not isinstance(done, _Motion):
+            if not isinstance(done, GripperMotion):
                 self._to(self._loop.advanced(time, finished=True), time)
                 return
             self._go(done)
@@ -597,7 +372,9 @@ class ThreadingLoop:
             bound = self._corrected_bound(time, execution)
             unseen = time - max(self.observing.seen, self._loop.since or 0.0)
             late = 0.0 if self._work is None else time - (self._loop.corrected or time)
-            doubted = doubted or (max(unseen, late) > _UNSEEN and self._before_entry(execution))
+            left = self._to_entry(execution)
+            doubted = doubted or (max(unseen, late) > _UNSEEN and left > 0)
+            self.observing.closely = 0 < left < _CLOSELY
         loop = self._loop.advanced(time, bound, doubted=doubted)
         if loop.phase is Phase.RETREAT:
             self._misses = not doubted
@@ -617,8 +394,8 @@ class ThreadingLoop:
         longest = _CALM_STOP * float(way.windows[0])
         if self.phase is Phase.RETREAT and not self._loop.at_standoff:
             return longest
-        left = float(self._reached(way)[0]) - execution.done
-        return min(longest, 2 * _OF_THE_WAY * max(left, 0.0))  # it goes half as far as it would
+        # it goes half as far as it would
+        return min(longest, 2 * _OF_THE_WAY * max(self._to_entry(execution), 0.0))
 
     def _stopped(self, time: float, execution: Execution) -> None:
         """Find the way back to the standoff, or look where the gripper is; or that is the end."""
@@ -640,7 +417,7 @@ class ThreadingLoop:
 
     def _to(self, loop: ClosedLoop, time: float) -> None:
         """Take the next state of the strategy."""
-        before, self._loop = self._loop, loop
+        before, self._loop, self.observing.closely = self._loop, loop, False
         if loop.phase is Phase.LOOK and before.phase is Phase.PLAN:
             self._calmed, self._calmings = None, 0
             if loop.tries > before.tries:
@@ -671,15 +448,10 @@ class ThreadingLoop:
 
     # ---- corrections ----------------------------------------------------------------------------
 
-    def _reached(self, way: Steered) -> Floats:
-        """Return the times at which the motion reaches the waypoints from the entry on."""
+    def _to_entry(self, execution: Execution) -> float:
+        """Return the seconds of its motion until the entry, below 0 after it."""
         assert self._entry is not None
-        whole, passing = self._entry.whole, self._entry.commanded
-        return way.reached(whole.times[len(whole) - len(passing):])
-
-    def _before_entry(self, execution: Execution) -> bool:
-        assert isinstance(execution.way, Steered)
-        return bool(execution.done < self._reached(execution.way)[0])
+        return float(self._entry.reached[0]) - execution.done
 
     def _corrected_bound(self, time: float, execution: Execution) -> float | None:
         """Have the rest aimed anew if that is due; return the bound of the miss, before the entry.
@@ -690,7 +462,7 @@ class ThreadingLoop:
         assert isinstance(way, Steered) and entry is not None
         if isinstance(aimed, Aimed):
             self._done = None
-            reached = self._reached(way)
+            reached = entry.reached
             corrected, refusal = execution, aimed.doubts
             if not refusal and execution.free + way.windows.sum() > way.trajectory.duration:
                 refusal = 'it comes too late to be blended in'
@@ -699,7 +471,7 @@ class ThreadingLoop:
                     execution.free, aimed.correction, reached[aimed.correction.first:]))
                 self._correction, refusal = aimed.correction, corrected.refusal
             self.aimed, self.refusal = aimed, refusal
-            if not self._before_entry(execution):
+            if self._to_entry(execution) <= 0:
                 return None
             bound = self._left + in_motion(execution) + (
                 aimed.bound if corrected.way is not way else aimed.bound_before)
@@ -708,12 +480,12 @@ class ThreadingLoop:
         seen = self.observing.seen > (self._loop.corrected or -np.inf)
         if self._work is None and seen and self._loop.correction_due(time):
             self._loop = self._loop.with_correction(time)
-            first = int(np.searchsorted(self._reached(way), execution.free))
+            first = int(np.searchsorted(entry.reached, execution.free))
             if first < len(entry.commanded):
                 observing = self.observing
                 self._work = partial(
                     aimed_anew, self._task.inverse, observing.estimate, entry.commanded, way,
-                    execution.free, self._reached(way), self._correction,
+                    execution.free, entry.reached, self._correction,
                     observing.seeing.largest_correction, self._lag,
                     unexplained(observing, self._task.limits.linear_speed))
         return None

@@ -190,6 +190,7 @@ class Observing:
         self._clouds: deque[tuple[float, Floats]] = deque(maxlen=_CLOUDS)  # (stamp, points)
         self._swing: tuple[Swing, Callable[[float], float]] | None = None
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)  # (stamp, Pose)
+        self.closely = False  # whether all clouds are looked at, a slip has to be seen soon
         self.reset()
 
     @property
@@ -329,7 +330,8 @@ class Observing:
     def due(self, stamp: float) -> bool:
         """Return whether a cloud of this stamp (s) should be looked at."""
         last, period = self._clouds[-1][0] if self._clouds else -np.inf, self.seeing.period
-        return abs(stamp - last) >= (period if stamp >= self._resting else min(period, _OFTEN))
+        often = self.closely or stamp < self._resting
+        return abs(stamp - last) >= (min(period, _OFTEN) if often else period)
 
     def look(self, stamp: float, points: Floats) -> Estimate:
         """Return the Estimate after one more cloud; if that does not agree, the one before.

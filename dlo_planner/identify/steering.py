@@ -10,18 +10,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
+from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.blending import MOST_TIMES, Change, apart_in_time, step_response
 from dlo_planner.identify.correction import Correction
-from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import instance, items, number, row
+from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.model.checks import array, instance, items, number, row, shown
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.requirements import Limits
@@ -31,8 +32,66 @@ _MODES = 4       # slowest vibrations that are looked at: two in each plane of a
 _DIFFERENT = 1.2  # ratio above which two periods count as different
 _EVEN = 0.1      # s, width of the third window, which bounds the jerk
 _LEAST = 3       # windows: with fewer the jerk is not bounded
-_SHORT, _LONG = 0.02, 5.0  # s: widths of windows
+NARROWEST, WIDEST = 0.02, 5.0  # s, of windows
 _GRID = 4096     # times between which a waypoint's time is interpolated
+_MOST_TIMES = 100_000  # times in one call, as `TimedPath.at` takes
+_AT_ONCE = 1e-9  # s: waypoints reached so shortly one after the other are one (a dwell)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Change(Value):
+    """Change of the remaining poses, blended in from some time on.
+
+    Attributes
+    ----------
+    since : float
+        Time at which the blending begins, s.
+    times : ndarray, shape (m,)
+        Times at which the remaining waypoints are reached, s, none before the last.
+    offsets : ndarray, shape (m, 6)
+        Change of their poses: rotation vector, rad, then displacement, m; world axes.
+
+    Raises
+    ------
+    InvalidTask
+        An argument makes no sense; the message names it, its value and what would be right.
+    """
+
+    since: float
+    times: Floats
+    offsets: Floats
+
+    def __post_init__(self) -> None:
+        put(self, since=number('Change.since', self.since),
+            times=row('Change.times', self.times, most=_MOST_TIMES))
+        put(self, offsets=array('Change.offsets', self.offsets, (self.times.size, 6)))
+        if (np.diff(self.times) < 0).any():
+            raise InvalidTask(f'Change.times = {shown(self.times.tolist())}: expected times in '
+                              'ascending order')
+        super().__post_init__()
+
+    def at(self, times: Floats, order: int = 0) -> Floats:
+        """Return (n, 6) the unblended change at times (n,) s, or its derivative of `order` by time.
+
+        A cubic spline between the waypoints, constant before the first and after the last.
+        """
+        if self._spline is None:
+            return np.repeat(self.offsets[:1] * (order == 0), len(times), axis=0)
+        known = self._spline.x
+        inside = np.clip(times, known[0], known[-1])
+        out = self._spline(inside, order)
+        if order:
+            out[times != inside] = 0.0
+        result: Floats = out
+        return result
+
+    @cached_property
+    def _spline(self) -> CubicSpline | None:
+        """CubicSpline of the offsets; None where all waypoints are reached at once."""
+        kept = apart_in_time(self.times)  # a dwell reaches two at once
+        if kept.sum() == 1:
+            return None
+        return CubicSpline(self.times[kept], self.offsets[kept], bc_type='clamped')
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,7 +127,7 @@ class Steered(Value):
     def __post_init__(self) -> None:
         instance('Steered.trajectory', self.trajectory, TimedPath)
         instance('Steered.tool', self.tool, Pose)
-        put(self, windows=row('Steered.windows', self.windows, minimum=_SHORT, maximum=_LONG),
+        put(self, windows=row('Steered.windows', self.windows, minimum=NARROWEST, maximum=WIDEST),
             changes=items('Steered.changes', self.changes, Change))
         if self.windows.size < _LEAST:
             raise InvalidTask(f'Steered.windows has {self.windows.size} entries: expected {_LEAST} '
@@ -102,7 +161,7 @@ class Steered(Value):
         periods = 1 / instance('shape', shape, Shape).modes(_MODES).frequencies
         others = periods[periods * _DIFFERENT < periods[0]]
         windows = np.concatenate([periods[:1], others[:1] if others.size else periods[:1], [_EVEN]])
-        return cls(trajectory, np.clip(windows, _SHORT, _LONG),
+        return cls(trajectory, np.clip(windows, NARROWEST, WIDEST),
                    tool=Pose.identity() if tool is None else tool)
 
     @property
@@ -127,7 +186,7 @@ class Steered(Value):
         InvalidTask
             A time is not a finite number.
         """
-        times = row('times', times, most=MOST_TIMES)
+        times = row('times', times, most=_MOST_TIMES)
         poses, speeds, accelerations = self.trajectory.at(times)
         arms, spin = np.array([pose.rotation @ self.tool.position for pose in poses]), speeds[:, 3:]
         speeds[:, :3] += np.cross(spin, arms)
@@ -157,11 +216,18 @@ class Steered(Value):
         InvalidTask
             A time is not a finite number.
         """
-        times = row('times', times, most=MOST_TIMES)
-        poses = [pose.compose(self.tool) for pose in self.trajectory.poses(times)]
+        return [Pose.from_rotation(*frame) for frame in zip(*self.frames(times), strict=True)]
+
+    def frames(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Return positions (n, 3) and rotations (n, 3, 3) of `poses`: many cost little more."""
+        times = row('times', times, most=_MOST_TIMES)
+        positions, rotations = self.trajectory.frames(times)
+        positions = positions + rotations @ self.tool.position
+        rotations = rotations @ self.tool.rotation
         if not self.changes:
-            return poses
-        return list(map(displaced, poses, self._offsets(times, 1)[0]))
+            return positions, rotations
+        turned, shifted = np.split(self._offsets(times, 1)[0], 2, axis=1)
+        return positions + shifted, Rotation.from_rotvec(turned).as_matrix() @ rotations
 
     def progress(self, times: ArrayLike) -> Floats:
         """Return the plan's times (n,) that the trajectory has reached at `times` (n,), s."""
@@ -207,7 +273,7 @@ class Steered(Value):
         InvalidTask
             A time is not a finite number.
         """
-        plan_times = row('plan_times', plan_times, most=MOST_TIMES)
+        plan_times = row('plan_times', plan_times, most=_MOST_TIMES)
         times = np.linspace(0, self.trajectory.duration, _GRID)
         done = np.maximum.accumulate(self.trajectory.progress(times))
         return np.interp(plan_times, done, times)
@@ -233,7 +299,7 @@ class Steered(Value):
         """
         time = number('time', time)
         instance('correction', correction, Correction)
-        reached = row('reached', reached, most=MOST_TIMES)
+        reached = row('reached', reached, most=_MOST_TIMES)
         if reached.size != len(correction.grippers):
             raise InvalidTask(f'reached has {reached.size} entries: expected one for each waypoint '
                               f'of the correction, {len(correction.grippers)}')
@@ -242,3 +308,26 @@ class Steered(Value):
         before = sum((change.at(reached) for change in self.changes), np.zeros((reached.size, 6)))
         change = Change(time, reached, correction.offsets - before)
         return replace(self, changes=(*self.changes, change))
+
+
+def step_response(times: Floats, windows: Floats, order: int = 0) -> Floats:
+    """Return (n,) a unit step at time 0 averaged over moving windows, or a derivative of that.
+
+    In closed form: the Laplace transform of a step is 1 / s, and a window of width w multiplies it
+    by (1 - exp(-s w)) / (s w).
+
+    Shapes: times (n,), windows (k,).
+    """
+    power, out = len(windows) - order, np.zeros(np.shape(times))
+    times = np.minimum(times, np.sum(windows))  # at rest from there on
+    for count in range(len(windows) + 1):
+        for some in combinations(windows, count):
+            since = times - sum(some)
+            out += (-1) ** count * np.maximum(since, 0.0) ** power
+    out /= factorial(power) * np.prod(windows)
+    return out if order else np.clip(out, 0.0, 1.0)
+
+
+def apart_in_time(times: Floats) -> Bools:
+    """Return (n,) which of ascending times are not reached together with the one before."""
+    return np.append(True, np.diff(times) > _AT_ONCE)

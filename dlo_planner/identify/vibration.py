@@ -39,30 +39,15 @@ _WEAK = 1e-6       # of the largest: keeps the fit regular where a mode is hardl
 
 @dataclass(frozen=True, eq=False)
 class FreeVibration:
-    """The vibration of a DLO in a gripper that stands; m modes.
+    """The vibration of a DLO in a gripper that stands; m modes."""
 
-    Attributes
-    ----------
-    modes : Modes
-        Modes about the shape at rest.
-    stamp : float
-        Time in s of the state.
-    state : ndarray, shape (2, m)
-        Coordinates y of the modes then, and y' over the angular frequency.
-    factor : (float, float)
-        By what the frequencies of the modes have to be multiplied, and the standard deviation.
-    misfit : float
-        Standard deviation, m, of what it leaves of a point along each axis.
-    deviation : float
-        Standard deviation of the amplitude, m: what noise alone would give.
-    """
-
-    modes: Modes
-    stamp: float
-    state: Floats
+    modes: Modes  # modes about the shape at rest
+    stamp: float  # time in s of the state
+    state: Floats  # (2, m) coordinates y of the modes then, and y' over the angular frequency
+    # by what the frequencies of the modes have to be multiplied, and the standard deviation
     factor: tuple[float, float]
-    misfit: float
-    deviation: float
+    misfit: float  # standard deviation, m, of what it leaves of a point along each axis
+    deviation: float  # standard deviation of the amplitude, m: what noise alone would give
 
     @classmethod
     def of(cls, shape: Shape, clouds: Sequence[tuple[float, Floats]],

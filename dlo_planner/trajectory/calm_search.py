@@ -24,6 +24,7 @@ from dlo_planner.plan.requirements import Limits
 from dlo_planner.progress import Progress
 from dlo_planner.trajectory.dynamic_check import (
     InMotion,
+    calm_shapes,
     in_motion,
     least_clearance,
     step_error,
@@ -254,8 +255,9 @@ class CalmSearch:
         return TimedPath(self.fastest.path, tuple(laws), self.fastest.limits), known
 
     def _moved(self, timed: TimedPath) -> list[InMotion]:
-        return [in_motion(simulator, self.plan, timed, self._first, self.obstacles,
-                          self.progress, touched=False) for simulator in self._simulators]
+        calm = calm_shapes(self._free, self.plan, timed, self._first, self.progress)
+        return [in_motion(simulator, self.plan, timed, self._first, self.obstacles, self.progress,
+                          touched=False, calm=calm) for simulator in self._simulators]
 
     @one_thread()
     def assessed(self, calm: Calm) -> Calm:

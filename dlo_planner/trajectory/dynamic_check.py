@@ -132,8 +132,8 @@ class InMotion(Value):
 
 def in_motion(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
               obstacles: tuple[Obstacle, ...], progress: Progress, *,
-              touched: bool = True) -> InMotion:
-    """Return InMotion of a Plan's DLO.
+              touched: bool = True, calm: Sequence[Shape] | None = None) -> InMotion:
+    """Return InMotion of a Plan's DLO; `calm` are its `calm_shapes`, where they are known.
 
     A DLO that is not meant to touch the simulator's obstacles moves as without them, and is shown
     to stay clear of them, at the instants and between. Only if that fails is it simulated in
@@ -141,8 +141,9 @@ def in_motion(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: S
     """
     around = unplanned(simulator, plan)
     if not around:
-        return _figures(simulator, plan, timed, first, obstacles, progress)
-    free = _figures(simulator.without_obstacles(), plan, timed, first, obstacles, progress, around)
+        return _figures(simulator, plan, timed, first, obstacles, progress, calm=calm)
+    free = _figures(simulator.without_obstacles(), plan, timed, first, obstacles, progress, around,
+                    calm)
     if free.contact_force == 0 or not (touched and free.converged):
         return free
     return _figures(simulator, plan, timed, first, obstacles, progress)
@@ -155,12 +156,12 @@ def unplanned(simulator: DirectSimulator, plan: Plan) -> tuple[Obstacle, ...]:
 
 def _figures(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
              obstacles: tuple[Obstacle, ...], progress: Progress,
-             around: tuple[Obstacle, ...] = ()) -> InMotion:
+             around: tuple[Obstacle, ...] = (), calm: Sequence[Shape] | None = None) -> InMotion:
     """Return InMotion; of a DLO that comes near to `around` the contact force is infinite."""
-    period = slowest_period(simulator.rod)
-    times = np.linspace(0, timed.duration + period, _instants(timed.duration + period, period))
+    times = _instants(simulator, timed)
     grippers, reached = timed.poses(times), timed.progress(times)
-    simulated = _simulated(simulator, plan, Instants(grippers, reached, times[1]), first, progress)
+    simulated = _simulated(simulator, plan, Instants(grippers, reached, times[1]), first, progress,
+                           calm)
     obstacles = watched(simulator, plan, obstacles)
     passed, anything = any(plan.via_points), bool(plan.sheets or obstacles)
     if simulated is None:
@@ -246,11 +247,11 @@ class _Simulated:
 
 
 def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
-               progress: Progress) -> _Simulated | None:
+               progress: Progress, calm: Sequence[Shape] | None) -> _Simulated | None:
     """Return a motion simulated to its end, None if that failed."""
     bore = held_after(plan)
     if bore is None:
-        return _without_bore(simulator, plan, instants, first, progress)[0]
+        return _without_bore(simulator, plan, instants, first, progress, calm)[0]
     # the bore takes the DLO at the last instant at which it is still before the mouth
     at = int(np.searchsorted(instants.u, plan.times[bore] + _AT_ONCE * np.ptp(plan.times),
                              'right')) - 1
@@ -268,14 +269,27 @@ def _simulated(simulator: DirectSimulator, plan: Plan, instants: Instants, first
     return within if before is None else before.then(within)
 
 
+def calm_shapes(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Shape,
+                progress: Progress) -> Sequence[Shape] | None:
+    """Return the Shapes of a DLO that follows slowly, at the instants of `in_motion`.
+
+    They are the same whatever damps it. None of one that a bore takes.
+    """
+    if held_after(plan) is not None:
+        return None
+    return simulator.track(timed.poses(_instants(simulator, timed)), progress.done, first)
+
+
 def _without_bore(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
-                  progress: Progress) -> tuple[_Simulated | None, Motion]:
+                  progress: Progress, calm: Sequence[Shape] | None = None,
+                  ) -> tuple[_Simulated | None, Motion]:
     """Return the simulated motion of a DLO that no bore holds, or None, and the Motion."""
     grippers = instants.grippers
     motion = simulator.simulate(grippers, instants.dt, first, progress=progress.done)
     if not (motion.converged and first.converged):
         return None, motion
-    calm = simulator.track(grippers, progress.done, first)
+    if calm is None:
+        calm = simulator.track(grippers, progress.done, first)
     swing = np.array([apart(*pair) for pair in zip(motion.shapes, calm, strict=True)])
     errors = _misses(plan, instants.u, motion.shapes)
     force = max((contact.force for shape in motion.shapes for contact in shape.contacts),
@@ -295,13 +309,16 @@ def watched(simulator: DirectSimulator, plan: Plan,
     return obstacles if held_after(plan) is None else (*obstacles, *simulator.obstacles)
 
 
-def _instants(duration: float, period: float) -> int:
+def _instants(simulator: DirectSimulator, timed: TimedPath) -> Floats:
+    """Return the times (n,), s, that are looked at: to a slowest period after the end."""
+    period = slowest_period(simulator.rod)
+    duration = timed.duration + period
     count = max(_FEWEST, int(np.ceil(_PER_PERIOD * duration / period))) + 1
     if count > _MOST:
         raise InvalidTask(f'limits: the motion takes {duration:.3g} s, {count} steps of '
                           f'1/{_PER_PERIOD} of the slowest period of {period:.3g} s: expected at '
                           f'most {_MOST} steps')
-    return count
+    return np.linspace(0, duration, count)
 
 
 def least_clearance(plan: Plan, obstacles: Sequence[Obstacle], surface: Surface,

@@ -126,8 +126,8 @@ class TimedPath(Value):
         Times at which the k legs begin, s, and the duration.
     """
 
-    PARTS: tuple[str, ...] = ('path', 'laws', 'limits')
-    REMEMBERED = ('starts', 'duration')
+    _PARTS: tuple[str, ...] = ('path', 'laws', 'limits')
+    _REMEMBERED = ('starts', 'duration')
 
     path: GripperPath
     laws: tuple[TimeLaw | None, ...]
@@ -182,16 +182,19 @@ class TimedPath(Value):
         InvalidTask
             A time is not a finite number.
         """
+        return [Pose.from_rotation(*frame) for frame in zip(*self.frames(times), strict=True)]
+
+    def frames(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Return positions (n, 3) and rotations (n, 3, 3) of `poses`: many cost little more."""
         which, since = self._split(times)
-        poses = np.empty(since.size, dtype=object)
+        positions, rotations = np.empty((since.size, 3)), np.empty((since.size, 3, 3))
         for k in np.unique(which):
-            places, law = np.flatnonzero(which == k), self.laws[k]
-            position, turns = self.path.legs[k].poses(self._progress(k, since[places])[0])
+            places, law = which == k, self.laws[k]
+            positions[places], rotations[places] = self.path.legs[k].poses(
+                self._reached(k, since[places]))
             if law is not None and law.shift is not None:
-                position = position + law.shift.at(since[places])
-            for index, *pose in zip(places, position, turns, strict=True):
-                poses[index] = Pose.from_rotation(*pose)
-        return list(poses)
+                positions[places] += law.shift.at(since[places])
+        return positions, rotations
 
     def progress(self, times: ArrayLike) -> Floats:
         """Return the plan's times (n,), as in `Plan.times`, that are reached at `times` (n,) s.
@@ -204,8 +207,12 @@ class TimedPath(Value):
         which, since = self._split(times)
         done = np.empty(since.size)
         for k in np.unique(which):
-            done[which == k] = self._progress(k, since[which == k])[0]
+            done[which == k] = self._reached(k, since[which == k])
         return done
+
+    def _reached(self, k: int, since: Floats) -> Floats:
+        law = self.laws[k]
+        return self._progress(k, since)[0] if law is None else law.reached(since)
 
     def _progress(self, k: int, since: Floats) -> Floats:
         law, leg = self.laws[k], self.path.legs[k]

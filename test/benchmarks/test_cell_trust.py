@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip('mujoco', reason='the cell needs mujoco (extra `cell`)')
 
 from benchmarks import cell_trust  # noqa: E402
+from benchmarks.cell.run import Outcome, Stay  # noqa: E402
 from dlo_planner import Infeasible, InvalidTask  # noqa: E402
 from dlo_planner.cell.camera import BAD  # noqa: E402
 from dlo_planner.cell.cases import CASES, NOMINAL, case  # noqa: E402
-from dlo_planner.cell.run import Outcome, Stay  # noqa: E402
 
 
 def one(name='slip', refused='', **outcome):
@@ -101,12 +101,12 @@ def test_the_table_counts():
 def test_what_was_asked_for_is_run(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(cell_trust, 'driven', lambda name, seed: {
         **one(name, force=2.0 * (seed == 6)), 'seed': seed})
-    asked = ['--cases', 'slip', 'bump', '--jobs', '1', '--output', str(tmp_path / 'trust.json')]
+    asked = ['--cases', 'slip', 'bump', '--jobs', '1', '--output', str(tmp_path / 'trust.jsonl')]
     assert cell_trust.main([*asked, '--seeds', '4:6']) == 0
     assert cell_trust.main([*asked, '--seeds', '4:7']) == 1
-    runs = json.loads((tmp_path / 'trust.json').read_text())['runs']
+    runs = [json.loads(line) for line in (tmp_path / 'trust.jsonl').read_text().splitlines()]
     assert [(run['case'], run['seed']) for run in runs] == [
-        (name, seed) for name in ('bump', 'slip') for seed in (4, 5, 6)]
+        (name, seed) for seed in (4, 5, 4, 5, 6) for name in ('slip', 'bump')]
     assert '6 of 6' in capsys.readouterr().out
 
 

@@ -12,13 +12,20 @@ import pytest
 
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
+from benchmarks.cell.bench import (  # noqa: E402
+    HEAD,
+    Film,  # noqa: E402
+    bench,
+    main,  # noqa: E402
+    rows,
+    summary,
+    table,
+    write_csv,
+)
+from benchmarks.cell.drivers import PERIOD, OpenLoop, planned, sampled  # noqa: E402
+from benchmarks.cell.run import run  # noqa: E402
 from dlo_planner import CutOut, Infeasible, InvalidTask, Limits, Pose, Rod  # noqa: E402
-from dlo_planner.cell.__main__ import main  # noqa: E402
-from dlo_planner.cell.bench import HEAD, bench, rows, summary, table, write_csv  # noqa: E402
 from dlo_planner.cell.camera import Camera  # noqa: E402
-from dlo_planner.cell.drivers import PERIOD, OpenLoop, planned, sampled  # noqa: E402
-from dlo_planner.cell.film import Film  # noqa: E402
-from dlo_planner.cell.run import run  # noqa: E402
 from dlo_planner.cell.tasks import RODS, Task, draw_task  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
 

@@ -10,11 +10,15 @@ import pytest
 
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
+from benchmarks.cell.drivers import (  # noqa: E402
+    PERIOD,
+    Looking,  # noqa: E402
+    OpenLoop,
+    planned,
+)
+from benchmarks.cell.run import run  # noqa: E402
 from dlo_planner import CutOut, Limits, Pose, Rod  # noqa: E402
 from dlo_planner.cell.camera import Camera  # noqa: E402
-from dlo_planner.cell.closed import Looking  # noqa: E402
-from dlo_planner.cell.drivers import PERIOD, OpenLoop, planned  # noqa: E402
-from dlo_planner.cell.run import run  # noqa: E402
 from dlo_planner.cell.tasks import Task  # noqa: E402
 from dlo_planner.cell.truth import Unknowns  # noqa: E402
 

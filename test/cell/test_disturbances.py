@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
+from benchmarks.cell.drivers import PERIOD, OpenLoop  # noqa: E402
+from benchmarks.cell.run import Outcome, Stay, run  # noqa: E402
 from dlo_planner import CutOut, InvalidTask, Pose, Rod  # noqa: E402  mujoco may be missing
 from dlo_planner.cell.camera import Camera  # noqa: E402
 from dlo_planner.cell.disturbances import Bump, Disturbances, Slip  # noqa: E402
-from dlo_planner.cell.drivers import PERIOD, OpenLoop  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
 from dlo_planner.cell.robot import nearer  # noqa: E402
-from dlo_planner.cell.run import Outcome, Stay, run  # noqa: E402
 from dlo_planner.cell.tasks import Task  # noqa: E402
 from dlo_planner.cell.truth import VERY_UNCERTAIN, Truth, Unknowns  # noqa: E402
 

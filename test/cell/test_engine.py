@@ -10,6 +10,6 @@ import pytest
 
 def test_what_is_missing_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, 'mujoco', None)
-    monkeypatch.delitem(sys.modules, 'dlo_planner.cell.engine', raising=False)
+    monkeypatch.delitem(sys.modules, 'dlo_planner.cell.chain', raising=False)
     with pytest.raises(ImportError, match=r'pip install dlo_planner\[cell\]'):
-        importlib.import_module('dlo_planner.cell.engine')
+        importlib.import_module('dlo_planner.cell.chain')

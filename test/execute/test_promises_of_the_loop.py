@@ -19,12 +19,13 @@ from dlo_planner import (
     Trajectory,
     Workspace,
 )
-from dlo_planner.execute import judge, threading_loop
+from dlo_planner.execute import judge, threading_motions
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.judge import aimed_anew
-from dlo_planner.execute.limiter import used
-from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
+from dlo_planner.execute.limiter import frames_of, used
+from dlo_planner.execute.threading_loop import ThreadingLoop
+from dlo_planner.execute.threading_motions import Threading
 from dlo_planner.identify import Steered
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
@@ -83,7 +84,7 @@ def moving(plan, bound, departure):
     way = Trajectory(plan, task().motion_limits, tolerance=np.inf)
     figures = InMotion(True, bound, 0.0, 0.0, departure, np.inf, np.inf, 0.0, 1.0, 0.01)
     timed = restored(way.path, way.laws, way.limits, 1e-3, figures, np.nan, '')
-    return threading_loop._Motion(Seen().estimate, timed, plan.shapes[-1], None)
+    return threading_motions.GripperMotion(Seen().estimate, timed, plan.shapes[-1], None)
 
 
 class Cell:
@@ -92,7 +93,7 @@ class Cell:
     def __init__(self, ways, **options):
         there, on, through = ways
         whole = concatenate(on, through)
-        self.plans = [moving(there, 2e-3, 3e-4), threading_loop._Entry(
+        self.plans = [moving(there, 2e-3, 3e-4), threading_motions.Entry(
             Seen().estimate, 1e-3, whole, through, moving(whole, 4e-4, 0.0))]
         self.seen, self.time = Seen(), 0.0
         self.tool = options.get('tool', Pose.identity())
@@ -154,7 +155,7 @@ def test_a_swing_is_taken_away_before_it_is_planned(ways):
     away = [np.linalg.norm(pose.position - START.position) for pose in moved]
     assert 2e-4 < max(away) <= 0.01
     assert away[-1] == pytest.approx(0.0, abs=1e-9)
-    assert used(moved, task().limits, PERIOD) <= 1
+    assert used(frames_of(moved), task().limits, PERIOD) <= 1
     ended = cell.time
     cell.until(lambda: cell.loop.phase is not Phase.LOOK)
     assert cell.loop.phase is Phase.PLAN
@@ -218,6 +219,24 @@ def test_where_looks_disagree_or_fail_it_comes_to_rest_before_the_hole(ways, wha
     assert (ways[2].grippers[0].position - cell.here.position) @ HOLE.normal > 0.02
 
 
+def test_it_looks_at_each_cloud_shortly_before_the_entry(ways):
+    cell = Cell(ways).entering()
+    entry, looked = cell.loop._entry.reached[0], []
+
+    def watched():
+        if cell.loop.work is not None:
+            cell.loop.finish(cell.loop.work, None)  # no correction
+        if cell.loop.execution is not None:
+            looked.append((entry - cell.loop.execution.done, cell.seen.closely))
+        return cell.loop.phase is Phase.DONE
+
+    cell.until(watched)
+    assert cell.seen.closely is False
+    assert not any(closely for left, closely in looked if left > 1.5 or left < -0.1)
+    assert all(closely for left, closely in looked if 0.1 < left < 1.4)
+    assert looked[0][0] > 1.5
+
+
 def test_the_tool_is_between_what_is_measured_and_the_dlo(ways):
     cell = Cell(ways, tool=TOOL)
     before = cell.here
@@ -274,32 +293,46 @@ def test_what_a_robot_errs_after_a_look_is_in_the_expected_miss(ways, rng):
     assert (np.diff(bounds) > 0.01 * bounds[0]).all()
 
 
+def test_where_the_robot_errs_much_it_goes_in_so_slowly_that_it_can_be_corrected(ways, rng,
+                                                                              monkeypatch):
+    monkeypatch.setattr(threading_motions, '_trajectory', lambda task, plan, tolerance, limits:
+                        Trajectory(plan, limits, tolerance=np.inf))  # whether it is calm or not
+    monkeypatch.setattr(threading_motions, 'swing_of', lambda *_: None)
+    observer = Observer(DIRECT, SPREAD, noise=NOISE, robot_rotation=8e-3)
+    here = ways[0].grippers[-1]
+    estimate = looked(Truth.drawn(rng), observer, rng, here, looks=3)
+    corrected, blind = (threading_motions.way_in(task(), estimate, here, np.inf, lag)
+                        for lag in (0.7, np.inf))
+    assert corrected.motion.trajectory.duration > 1.3 * blind.motion.trajectory.duration
+    assert corrected.bound < 0.9 * blind.bound
+
+
 def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):
     on = ways[1]
     known = Seen().estimate
     way = Trajectory(on, task().motion_limits, tolerance=np.inf)
     times = way.duration * 0.5 * (1 - np.cos(np.linspace(0, np.pi, 200)))  # slow at both ends
     dense = [*way.poses(times)[::-1], *way.poses(np.zeros(50))]
-    poses = threading_loop._evenly(dense, 12)
+    poses = threading_motions._evenly(dense, 12)
     steps = np.linalg.norm(np.diff([pose.position for pose in poses], axis=0), axis=1)
     assert 8 <= len(steps) <= 11
     assert steps.min() > 0.5 * steps.max()
-    back = threading_loop.way_back(task(), known, [known.commanded(pose) for pose in dense],
+    back = threading_motions.way_back(task(), known, [known.commanded(pose) for pose in dense],
                                    on.shapes[-1])
     assert back.trajectory.duration < 2 * way.duration
-    most = threading_loop._LEAST_FOR_MOTION * task().room
-    assert threading_loop._off(back.trajectory.path, dense, float(on.shapes[-1].s[-1])) <= most
+    most = threading_motions.LEAST_FOR_MOTION * task().room
+    assert threading_motions._off(back.trajectory.path, dense, float(on.shapes[-1].s[-1])) <= most
 
 
 def test_how_far_a_path_leaves_poses_counts_what_is_carried_along():
     poses = [displaced(START, np.append(np.zeros(3), (0.01 * k, 0, 0))) for k in range(5)]
     path = GripperPath.through(poses, np.arange(5.0), 1.0)
-    assert threading_loop._off(path, poses, 0.7) == pytest.approx(0, abs=1e-9)
+    assert threading_motions._off(path, poses, 0.7) == pytest.approx(0, abs=1e-9)
     side = START.rotation[:, 2] if abs(START.rotation[0, 2]) < 0.5 else START.rotation[:, 1]
     for twist, off in ((np.append(np.zeros(3), (0, 0, 2e-3)), 2e-3),
                        (0.01 * np.append(side, np.zeros(3)), 2 * np.sin(0.005) * 0.7)):
         # a little farther on the path it may be nearer
-        found = threading_loop._off(path, [displaced(pose, twist) for pose in poses], 0.7)
+        found = threading_motions._off(path, [displaced(pose, twist) for pose in poses], 0.7)
         assert 0.5 * off <= found <= 1.01 * off
 
 
@@ -310,4 +343,4 @@ def test_a_way_back_that_cannot_keep_to_the_way_there_is_refused(ways):
              for pose in Trajectory(on, task().motion_limits, tolerance=np.inf).poses(
                  np.linspace(0, 3, 200))]
     with pytest.raises(Infeasible, match='leaves the way there'):
-        threading_loop.way_back(task(), known, rough, on.shapes[0])
+        threading_motions.way_back(task(), known, rough, on.shapes[0])

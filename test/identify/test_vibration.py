@@ -15,8 +15,8 @@ from dlo_planner.cell.disturbances import UNDISTURBED, Bump
 from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.robot import Robot
 from dlo_planner.cell.tasks import draw_task
-from dlo_planner.execute.calming import Calming
-from dlo_planner.execute.limiter import used
+from dlo_planner.execute.limiter import frames_of, used
+from dlo_planner.execute.threading_motions import Calming
 from dlo_planner.identify.vibration import FreeVibration
 
 PERIOD = 0.02
@@ -102,7 +102,7 @@ def test_the_motion_keeps_limits_and_comes_back():
     for limits, whole in ((Limits(), True), (Limits(0.01, 0.05, linear_jerk=0.5), False)):
         calming = Calming.of(seen, cell.plant.time, 0.0, TASK.start, limits, PERIOD)
         poses = calming.way.poses(np.arange(-0.1, calming.way.duration + 0.1, PERIOD))
-        part = used(poses, limits, PERIOD)
+        part = used(frames_of(poses), limits, PERIOD)
         assert part <= 0.95 + 1e-9
         assert (part < 0.9) == whole  # else it takes away what it can
         for pose in (poses[0], poses[-1]):

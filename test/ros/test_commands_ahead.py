@@ -9,12 +9,10 @@ import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
 from dlo_planner.cell.robot import Robot, Timetable
-from dlo_planner.execute.ahead import coming
 from dlo_planner.execute.causes import Cause
-from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.execution import Ahead, Execution, places_ahead
 from dlo_planner.execute.guards import Guards, Heard
-from dlo_planner.identify.blending import Change
-from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.steering import Change, Steered
 from msg_helpers.trajectories import poses_ahead, stamped_poses
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
@@ -26,6 +24,11 @@ PERIOD, STEP, HORIZON = 0.02, 0.01, 1.0
 CLOCK = 1.7e9 - 100.0  # of the stamps against the steady clock, s
 PERIOD_STEPS = 2
 CLOSE = 1e-4           # m: a robot goes straight between two poses that are a period apart
+
+
+def coming(execution):
+    """Return what a robot would be told now of the coming time."""
+    return Ahead.of(execution, *execution.way.frames(places_ahead(execution)))
 
 
 class Line:
@@ -210,6 +213,7 @@ def tolerated(age, horizon, timeout=0.5, times=REGULAR, stands_at=np.inf):
     return True
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('horizon', [0.0, HORIZON])
 def test_the_gripper_is_compared_with_the_command_of_its_time(horizon):
     assert tolerated(0.1, horizon)

@@ -10,15 +10,13 @@ from scipy.spatial.transform import Rotation
 from streams import ROUNDED, largest, shares
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
-from dlo_planner.execute.beginning import from_where_it_is
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.execution import Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.limiter import Limiter, shortest_stop, used
-from dlo_planner.identify.blending import Change
-from dlo_planner.identify.steering import Steered
-from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.execute.limiter import Limiter, frames_of, shortest_stop, used
+from dlo_planner.identify.steering import Change, Steered
 from dlo_planner.ros.scene import build_scene
+from dlo_planner.settings.parameters import PARAMETERS
 
 PERIOD, LIMITS = 0.02, Limits()
 FULL = Limits(*(0.95 * LIMITS.sizes).ravel())  # what a motion is made for
@@ -104,18 +102,19 @@ def test_the_measure_is_that_of_closed_forms():
         for k, size in ((0, r * w**n), (1, 0.2 * w**n)):
             name = [['linear', 'angular'][k], ['speed', 'acceleration', 'jerk'][n - 1]]
             one = replace(free, **{'_'.join(name): 2 * size})
-            assert used(poses, one, period) == pytest.approx(0.5, rel=1e-3)
+            assert used(frames_of(poses), one, period) == pytest.approx(0.5, rel=1e-3)
             assert largest(poses, one, period, rests=(False, False)) == pytest.approx(
                 0.5, rel=1e-3)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('plan', 'way', 'meters', 'radians', 'horizon'), [
     (STIFF, SHORT, 0.019, 0.09, 0.0), (STIFF, SHORT, 0.019, 0.09, 1.0),
     (STIFF, SHORT, 0.3, 1.0, 0.0), (WIRE, WAY, 0.019, 0.09, 1.0),
     (STIFF, SHORT, 0.0, 0.006, 0.0), (STIFF, SHORT, 0.0011, 0.0, 0.0)])
 def test_a_start_from_elsewhere_keeps_the_limits(plan, way, meters, radians, horizon):
     here = displaced(plan.grippers[0], meters, radians)
-    start, begin = from_where_it_is(way, here, plan.shapes[0], LIMITS, PERIOD)
+    start, begin = blend_from_current_pose(way, here, plan.shapes[0], LIMITS, PERIOD)
     robot = Robot(begun(start, horizon, begin)).run(regular(way.duration - begin + 1))
     assert robot.execution.phase == 'succeeded'
     assert len(robot.streams) == 1 + bool(horizon)
@@ -134,10 +133,11 @@ def test_a_start_that_the_limits_do_not_allow_is_refused():
     here = displaced(STIFF.grippers[0], 0.3, 0.0)
     slow = replace(LIMITS, linear_speed=0.02)
     with pytest.raises(Refused, match=r'0\.3 m and .* rad from where the plan begins') as refused:
-        from_where_it_is(SHORT, here, STIFF.shapes[0], slow, PERIOD)
+        blend_from_current_pose(SHORT, here, STIFF.shapes[0], slow, PERIOD)
     assert refused.value.cause == Cause.NOT_AT_START
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('horizon', [0.0, 1.0])
 @pytest.mark.parametrize('index', [2, 9, 20, 60, 140, 220, 300, 380, 455])
 def test_a_stop_keeps_all_limits_and_is_soon_at_rest(index, horizon):
@@ -162,7 +162,7 @@ def test_a_stop_keeps_a_limit_of_jerk_that_it_depends_on(index):
 
 def test_a_stop_on_the_way_to_the_beginning_keeps_the_limits():
     here = displaced(STIFF.grippers[0], 0.019, 0.09)
-    start, begin = from_where_it_is(SHORT, here, STIFF.shapes[0], LIMITS, PERIOD)
+    start, begin = blend_from_current_pose(SHORT, here, STIFF.shapes[0], LIMITS, PERIOD)
     for index in range(4, round(-begin / PERIOD), 7):
         robot = Robot(begun(start, 0.0, begin)).run(regular(5), {index: Execution.canceled})
         assert robot.execution.phase == 'stopped' and robot.execution.done < 0.5
@@ -178,6 +178,7 @@ def test_a_robot_whose_planner_dies_comes_to_rest_within_the_limits(index):
     assert steps[-1] < 1e-6
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('late', [0.08, 0.2, 0.45])
 @pytest.mark.parametrize('at', [40, 250])
 def test_after_a_pause_commands_begin_again_where_the_gripper_stands(late, at):
@@ -352,7 +353,7 @@ def test_a_stop_in_a_correction_keeps_the_limits():
 
 
 def test_a_motion_is_made_for_a_part_of_the_limits():
-    values = {name: entry.default for name, entry in ENTRIES.items()}
+    values = {name: entry.default for name, entry in PARAMETERS.items()}
     scene = build_scene({**values, 'threading.linear_jerk': float('inf')})
     np.testing.assert_allclose(scene.motion_limits.sizes, 0.95 * scene.limits.sizes)
     assert scene.horizon == 1.0

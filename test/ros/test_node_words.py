@@ -12,7 +12,7 @@ from planner_process import PATIENCE, drain
 from visualization_msgs.msg import Marker
 
 from dlo_planner import Pose
-from dlo_planner.execute.causes import MEANINGS, Cause
+from dlo_planner.execute.causes import Cause
 from msg_helpers.poses import pose_msg, pose_stamped_msg
 
 
@@ -118,13 +118,13 @@ def test_absurd_obstacles_are_refused_by_name(inside, node, spoil, named):
     marker = box(9)
     spoil(marker)
     inside.send_obstacles([marker])
-    assert until(lambda: named in node._health.report()[1])
+    assert until(lambda: named in node.shared.statistics.report()[1])
     assert not state(node).bodies
 
 
 def test_a_flood_of_odd_poses_is_a_line_a_second(inside, node, capfd):
     def refused():
-        return node._health.report()[2]['poses refused']
+        return node.shared.statistics.report()[2]['poses refused']
 
     begun, before = time.monotonic(), refused()
     while refused() < before + 100:
@@ -163,6 +163,6 @@ def test_table_and_page_of_causes_agree():
     page = (Path(__file__).parents[2] / 'docs' / 'ros_interface.md').read_text()
     rows = [line for line in page.splitlines() if line.startswith('| ')]
     for cause in Cause:
-        assert f'| {cause.value} | `{cause.name}` | {MEANINGS[cause]} |' in rows
+        assert f'| {cause.value} | `{cause.name}` | {cause.meaning} |' in rows
     named = [row for row in rows if row.split('|')[1].strip().isdigit()]
     assert len(named) == len(Cause)

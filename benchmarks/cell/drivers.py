@@ -1,9 +1,23 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The driver that looks: `execute.ThreadingLoop`, as the node runs it, in exact time."""
+"""Drivers, which move the gripper.
+
+A driver is a function (task) -> command; a command is a function (images, time, gripper) -> Pose
+or None. The command is called once in each period of control with the Images that have arrived
+since the last call, the time in s, and the Pose of the gripper as its robot measures it then. It
+returns the pose of the gripper at the end of the period, or None when it is done. Both may raise
+`Infeasible`, `NotConverged` or `DeadlineExceeded`. For a bench on several processes a driver has to
+be picklable.
+
+A command may have four attributes, which are read after each call: `promised`, the largest miss
+that it expects, m; `busy`, the time that the call would take a real machine, s, for which the
+robot is told its last pose on, and only then what the call returned; `phase`, a word for what it is
+at; `ahead`, stamps (n,) in s and n Poses, which the robot follows from then on instead of what it
+returns, or None.
+"""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -11,24 +25,30 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.cell.camera import Camera, Image
-from dlo_planner.cell.drivers import PERIOD, Command
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import Unknowns
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, Infeasible, InvalidTask
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Guards, Heard
-from dlo_planner.execute.threading_loop import Threading, ThreadingLoop
+from dlo_planner.execute.threading_loop import ThreadingLoop
+from dlo_planner.execute.threading_motions import Threading
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.tasks import Approach
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.requirements import Limits
+from dlo_planner.plan.plan import Plan, concatenate
+from dlo_planner.plan.requirements import Limits, Requirements
+from dlo_planner.trajectory.trajectory import Trajectory
 
+Command = Callable[[Sequence[Image], float, Pose], Pose | None]
+Driver = Callable[[Task], Command]
+PERIOD = 0.01   # s, of the control
+_WAYPOINTS = 40   # of a threading
 _STANDOFF = 0.05    # of the length
-_WAYPOINTS = 40     # of a threading
 _LOOKING = 0.05     # s of computing that an image takes
 _CORRECTING = 0.3   # s of computing that a correction takes, in which the gripper goes on
 _PLANNING = 2.0     # s of computing that a plan takes, in which the gripper stands
@@ -40,22 +60,59 @@ _VARIATION = 0.03   # 1/m: no DLO is bent quite evenly
 
 
 @dataclass(frozen=True)
+class OpenLoop:
+    """The driver that does not look."""
+
+    # function (task) -> Trajectory, or Poses, one for the end of each period
+    motion: Callable[[Task], Trajectory | Sequence[Pose]]
+
+    def __call__(self, task: Task) -> Command:
+        """Return the command for a Task."""
+        return _Replayed(self.motion(task))
+
+
+class _Replayed:
+    def __init__(self, motion: Trajectory | Sequence[Pose]) -> None:
+        self.promised = np.nan
+        if isinstance(motion, Trajectory):
+            self.promised = motion.motion.bound if motion.motion else np.nan
+            motion = sampled(motion)
+        self._poses = iter(motion)
+
+    def __call__(self, images: Sequence[Image], time: float, gripper: Pose) -> Pose | None:
+        return next(self._poses, None)
+
+
+def planned(task: Task, limits: Limits | None = None) -> Trajectory:
+    """Return start phase and threading of the DLO as stated, as one motion."""
+    return Trajectory(concatenate(*ways(task, limits=limits)), limits)
+
+
+def ways(task: Task, standoff: float | None = None,
+         limits: Limits | None = None) -> tuple[Plan, Plan]:
+    """Return the start phase and the threading."""
+    inverse = InverseSimulator(DirectSimulator(task.rod, obstacles=[task.sheet]))
+    depths = np.linspace(0, task.depth, _WAYPOINTS)
+    through = inverse.thread(task.cutout, start=task.start, depths=depths)
+    way = inverse.plan(Approach(task.cutout, through.shapes[0], standoff, through),
+                       start=task.start, requirements=Requirements(limits=limits or Limits()))
+    return way, through
+
+
+def sampled(trajectory: Trajectory) -> list[Pose]:
+    """Return the poses of a Trajectory at the ends of the periods of control."""
+    count = int(np.ceil(trajectory.duration / PERIOD))
+    return trajectory.poses(PERIOD * np.arange(1, count + 1))
+
+
+@dataclass(frozen=True)
 class Looking:
-    """The driver of a closed loop; `Looking.knowing` makes one for an `Unknowns` and a `Camera`.
+    """The driver of a closed loop; `Looking.knowing` makes one for an `Unknowns` and a `Camera`."""
 
-    Attributes
-    ----------
-    seeing : Seeing
-        How well the camera sees and the robot measures, and how uncertain the DLO is.
-    limits : Limits or None
-        Limits of the gripper. If None, the default ones.
-    look : float
-        Duration of a look at rest, s.
-    """
-
+    # how well the camera sees and the robot measures, and how uncertain the DLO is
     seeing: Seeing = Seeing()
-    limits: Limits | None = None
-    look: float = 2.0
+    limits: Limits | None = None  # limits of the gripper. If None, the default ones
+    look: float = 2.0  # duration of a look at rest, s
 
     @classmethod
     def knowing(cls, unknowns: Unknowns, camera: Camera, limits: Limits | None = None,

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.cell.drivers import PERIOD, Command, Driver
 from dlo_planner.cell.camera import Camera, Image, Viewer
 from dlo_planner.cell.disturbances import UNDISTURBED, Disturbances
-from dlo_planner.cell.drivers import PERIOD, Command, Driver
-from dlo_planner.cell.plant import Plant
+from dlo_planner.cell.plant import STEP, TOUCH, Plant
 from dlo_planner.cell.robot import Robot
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import NOTHING_UNKNOWN, Unknowns
@@ -23,9 +23,7 @@ from dlo_planner.model.checks import instance, integer, number
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value
 
-TOUCH = 0.05      # N: a larger contact force counts as a touch
-RAM = 1.0         # N: a larger one as a ram
-STEP = 2e-3       # s, of the plant
+RAM = 1.0         # N: a larger contact force counts as a ram
 CELLS = 80        # of a plant that is not looked at
 SEEN_CELLS = 40   # of one that is: 0.2 mm of 1 m from 80, 0.05 mm with a length fitted to it
 _FINER = 1.4      # times as many cells as the plant that runs once more
@@ -38,70 +36,39 @@ _REFUSALS = Infeasible, NotConverged, DeadlineExceeded
 
 
 class Stay(NamedTuple):
-    """A time in which the DLO was in the hole: one, unless the driver turned back in it.
+    """A time in which the DLO was in the hole: one, unless the driver turned back in it."""
 
-    Attributes
-    ----------
-    begin, end : float
-        Seconds since the beginning of the run.
-    miss : float
-        Largest distance from the center of the hole in it, m.
-    promised : float
-        The largest miss that the driver expected when it began, m; nan if it did not say.
-    """
-
-    begin: float
+    begin: float  # seconds since the beginning of the run
     end: float
-    miss: float
+    miss: float  # largest distance from the center of the hole in it, m
+    # the largest miss that the driver expected when it began, m; nan if it did not say
     promised: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Outcome(Value):
-    """The outcome of a Task.
+    """The outcome of a Task."""
 
-    Attributes
-    ----------
-    seed : int
-        Seed of the Truth and of the camera's errors.
-    refused : str
-        Why the driver gave up, at the beginning or later; empty: it did not.
-    threaded : bool
-        Whether the DLO is through the hole to its depth at the end, its misses below the radius; a
-        force of more than 5 N ends a run.
-    depth : float
-        Length of the DLO beyond the sheet at the end, m.
-    miss : float
-        Largest distance from the center of the hole, in its plane, of the DLO that crosses it,
-        every 20 ms, m; nan if it never did. Without a camera, extrapolated to a DLO that is no
-        chain, see `run`.
-    force : float
-        Largest contact force on the DLO, N; inf if the simulation became unstable.
-    time : float
-        Duration of the motion, s.
-    promised : float
-        The largest miss that the driver expected when the DLO first came into the plane of the
-        hole, or at the end if it never did, m; nan if it did not say.
-    chain_error : float
-        By how much the extrapolation moved the DLO in the hole, m: the error of the plant's chain
-        there; nan with a camera.
-    phase : str
-        What the driver was at in the end; empty if it does not say.
-    stays : tuple of Stay
-        The times in the hole.
-    """
-
-    seed: int
-    refused: str
+    seed: int  # seed of the Truth and of the camera's errors
+    refused: str  # why the driver gave up, at the beginning or later; empty: it did not
+    # whether the DLO is through the hole to its depth at the end, its misses below the radius; a
+    # force of more than 5 N ends a run
     threaded: bool = False
-    depth: float = 0.0
+    depth: float = 0.0  # length of the DLO beyond the sheet at the end, m
+    # largest distance from the center of the hole, in its plane, of the DLO that crosses it, every
+    # 20 ms, m; nan if it never did. Without a camera, extrapolated to a DLO that is no chain, see
+    # `run`
     miss: float = np.nan
-    force: float = 0.0
-    time: float = 0.0
+    force: float = 0.0  # largest contact force on the DLO, N; inf if the simulation became unstable
+    time: float = 0.0  # duration of the motion, s
+    # the largest miss that the driver expected when the DLO first came into the plane of the hole,
+    # or at the end if it never did, m; nan if it did not say
     promised: float = np.nan
+    # by how much the extrapolation moved the DLO in the hole, m: the error of the plant's chain
+    # there; nan with a camera
     chain_error: float = np.nan
-    phase: str = ''
-    stays: tuple[Stay, ...] = ()
+    phase: str = ''  # what the driver was at in the end; empty if it does not say
+    stays: tuple[Stay, ...] = ()  # the times in the hole
 
     @property
     def touched(self) -> bool:
@@ -172,30 +139,16 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
 
 @dataclass
 class _Driven:
-    """What happened: the poses of all periods, and where the hole was crossed.
+    """What happened: the poses of all periods, and where the hole was crossed."""
 
-    Attributes
-    ----------
-    poses : list of Pose
-        Measured ones.
-    crossings : dict
-        Period -> (2,) coordinates in the plane of the hole, m.
-    force : float
-        Largest contact force, N.
-    promises : dict
-        First period of a stay in the hole -> what was promised last before it, m.
-    expected : float
-        What was promised last outside the hole, m.
-    refused : str
-        Why the driver gave up.
-    """
-
-    poses: list[Pose] = field(default_factory=list)
+    poses: list[Pose] = field(default_factory=list)  # measured ones
+    # period -> (2,) coordinates in the plane of the hole, m
     crossings: dict[int, Floats] = field(default_factory=dict)
-    force: float = 0.0
+    force: float = 0.0  # largest contact force, N
+    # first period of a stay in the hole -> what was promised last before it, m
     promises: dict[int, float] = field(default_factory=dict)
-    expected: float = np.nan
-    refused: str = ''
+    expected: float = np.nan  # what was promised last outside the hole, m
+    refused: str = ''  # why the driver gave up
 
     @property
     def miss(self) -> float:

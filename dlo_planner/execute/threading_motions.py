@@ -1,0 +1,320 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The motions of a threading in a closed loop, which take seconds to be computed.
+
+To the standoff, from there through the hole, and back again; and a small one by which a standing
+gripper takes the vibration of its DLO away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from dlo_planner.direct.shape import Shape
+from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.execute.judge import bound_of, obstacles_around
+from dlo_planner.execute.limiter import used
+from dlo_planner.identify.estimate import Estimate, way_between
+from dlo_planner.identify.observing import Swing
+from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered, step_response
+from dlo_planner.identify.vibration import FreeVibration
+from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.tasks import Approach, Thread
+from dlo_planner.model.arrays import Floats
+from dlo_planner.model.cutout import CutOut
+from dlo_planner.model.pose import Pose
+from dlo_planner.plan.builder import build_plan
+from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, truncate
+from dlo_planner.plan.requirements import Limits
+from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.trajectory.modal_response import vibrated
+from dlo_planner.trajectory.timed_path import TimedPath
+from dlo_planner.trajectory.trajectory import Trajectory
+
+_FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
+_SLOWER = 1.0, 0.7, 0.5, 0.35, 0.25  # of the speed that limits allow, until
+_AT_MOST = 0.75     # of the room is what the DLO may miss at rest
+_OF_SPARE = 0.6     # part of the room that the bound leaves, which motion may use: far below 1 mm
+                    # the search takes long and finds motions that take four times as long
+LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
+_LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
+_OF_LIMITS = 0.95   # that motions are made for: the rest is for corrections
+_BACK = 12, 24, 48  # poses on the way back to the standoff: as many as keep to the way there
+_TRIED = 200        # times at which it is looked where on its way the gripper stands
+_WINDOW = 0.1       # of the slowest period, of each of three windows that smooth a step
+_PULSES = 10       # steps aside and back again, one after the other
+_APART = 0.15      # of the slowest period, from one to the next
+_ASIDE = 2         # of them, until it goes back
+_SMALL = 1e-3      # weight of a displacement beside that of the free end: no more than is needed
+_STEP = 1 / 200    # of the slowest period
+FARTHEST = 0.01   # m, that the gripper may be displaced
+_DELAYS = np.linspace(-0.1, 0.4, 101)  # s
+
+
+@dataclass(frozen=True)
+class Threading:
+    """What is to be threaded through what."""
+
+    inverse: InverseSimulator  # of the DLO as stated, with its obstacles and its workspace
+    cutout: CutOut             # with a radius, as stated
+    depths: Floats             # (n,) of the waypoints, m, from 0 on
+    standoff: float            # m, of the free end before the hole where it looks again
+    limits: Limits = Limits()  # of the gripper
+
+    @property
+    def room(self) -> float:
+        """By how much the DLO may miss the center without touching the rim, m."""
+        radius, rod = self.cutout.radius, self.inverse.simulator.rod
+        if radius is None or not isinstance(rod.radius, float) or radius <= rod.radius:
+            raise InvalidTask(f'cutout.radius = {radius}: expected more than the radius of the '
+                              f'DLO, which has to be one number, not {rod.radius!r}')
+        return radius - rod.radius
+
+    @property
+    def motion_limits(self) -> Limits:
+        """Limits that motions are made for."""
+        return Limits(*map(float, (_OF_LIMITS * self.limits.sizes).ravel()))
+
+    @property
+    def tolerance(self) -> float:
+        """By how much the DLO may swing when it has come to rest before the hole, m."""
+        return max(_LEAST_TOLERANCE, _FOR_MOTION * self.room)
+
+    def ways(self, estimate: Estimate, here: Pose, standoff: float) -> tuple[Plan, Plan]:
+        """Return the way to the entry, and on to the depth, in true poses of the estimated DLO."""
+        known = self.inverse
+        inverse = InverseSimulator(known.simulator.with_rod(estimate.rod),
+                                   workspace=known.workspace,
+                                   allow_plastic=known.requirements.allow_plastic)
+        cutout, start = estimate.moved_cutout(self.cutout), estimate.actual(here)
+        through = inverse.plan(Thread(cutout, self.depths), start=start)
+        return inverse.plan(Approach(cutout, through.shapes[0], standoff), start=start), through
+
+
+class GripperMotion(NamedTuple):
+    """A motion to rest, the Shape in which it leaves the DLO, and how that swings on the way.
+
+    The poses are true ones, of the gripper by the Estimate with which it was planned.
+    """
+
+    estimate: Estimate
+    trajectory: Trajectory
+    there: Shape
+    swing: Swing
+
+    @property
+    def steered(self) -> Steered:
+        """The motion in poses to be commanded, which can be corrected."""
+        return _steered(self.trajectory, self.estimate, self.there)
+
+    @property
+    def bound(self) -> float:
+        """By how much motion displaces the DLO in the cut-out at most, m."""
+        return np.nan if self.trajectory.motion is None else self.trajectory.motion.bound
+
+    @property
+    def departure(self) -> float:
+        """By how much the DLO still swings at its end, m."""
+        return np.nan if self.trajectory.motion is None else self.trajectory.motion.departure
+
+
+def _steered(trajectory: Trajectory, estimate: Estimate, there: Shape) -> Steered:
+    return Steered.of(trajectory, there, estimate.gripper_offset.inverse())
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The way from the standoff to the depth, and what is expected of it."""
+
+    estimate: Estimate  # by which it was made
+    bound: float        # of the miss with 95 %, m, at rest
+    whole: Plan         # in true poses
+    commanded: Plan     # its part from the entry on, in poses to be commanded
+    motion: GripperMotion | None  # of the whole; None: the bound is too large to enter
+
+    @cached_property
+    def reached(self) -> Floats:
+        """Times (n,), s, at which the motion reaches the waypoints from the entry on."""
+        assert self.motion is not None
+        return self.motion.steered.reached(self.whole.times[-len(self.commanded):])
+
+
+def way_to_standoff(task: Threading, estimate: Estimate, here: Pose) -> GripperMotion:
+    """Return the motion from a measured pose to the standoff."""
+    way, _ = task.ways(estimate, here, task.standoff)
+    return _motion(task, estimate, truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE))
+
+
+def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: float) -> Entry:
+    """Return the way from a measured pose at the standoff to the depth."""
+    way, through = task.ways(estimate, here, 0.0)
+    whole, stated = concatenate(replace(way, stops=()), through), task.cutout.center
+    commanded = replace(
+        through, grippers=tuple(estimate.commanded(pose) for pose in through.grippers),
+        via_points=tuple(tuple((stated, s, normal) for _, s, normal in passes)
+                         for passes in through.via_points))
+
+    def bound_in(way: Steered) -> float:
+        reached = way.reached(whole.times[-len(through):])
+        return bound_of(estimate, commanded, way, reached, 0.0, lag)
+
+    tried = []
+    for part in _SLOWER if np.isfinite(lag) else _SLOWER[:1]:  # slower is corrected the better
+        limits = slowed(task.motion_limits, part)
+        tried.append((bound_in(_steered(Trajectory(whole, limits, tolerance=np.inf), estimate,
+                                        whole.shapes[-1])), limits))
+        if tried[-1][0] <= _AT_MOST * task.room:
+            break
+    at_most, limits = min(tried, key=lambda one: one[0])
+    tolerance = max(LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
+    trajectory = _trajectory(task, whole, tolerance, limits)
+    motion = GripperMotion(estimate, trajectory, whole.shapes[-1],
+                           swing_of(trajectory, estimate, whole))
+    bound = bound_in(motion.steered)
+    return Entry(estimate, bound, whole, commanded, None if bound > most else motion)
+
+
+def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose],
+             known: Shape) -> GripperMotion:
+    """Return the motion through many measured poses; the DLO hangs, and leaves the hole freely.
+
+    `known` is its Shape near the first of them.
+    """
+    for count in _BACK:
+        some = _evenly(poses, count)
+        shapes = estimate.simulator.track([estimate.actual(pose) for pose in some], initial=known)
+        plan = build_plan([Waypoint(shape) for shape in shapes], np.zeros(len(shapes)),
+                          task.limits.sizes[0], PlanStatus.COMPLETE)
+        off = _off(GripperPath.of(plan), [estimate.actual(pose) for pose in poses],
+                   float(known.s[-1]))
+        if off <= LEAST_FOR_MOTION * task.room:
+            return _motion(task, estimate, plan)
+    raise Infeasible(f'the way back leaves the way there by {off:.3g} m: expected '
+                     f'{LEAST_FOR_MOTION * task.room:.3g} m at most', 0, 'clearance', off)
+
+
+def _evenly(poses: Sequence[Pose], count: int) -> list[Pose]:
+    """Return so many of many poses, about as far from each other: short bends take long."""
+    way = np.cumsum([0.0, *(way_between(*pair) for pair in pairwise(poses))])
+    chosen = np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(0, len(poses) - 1)
+    return [poses[k] for k in np.unique(chosen)]
+
+
+def _off(path: GripperPath, poses: Sequence[Pose], length: float) -> float:
+    """Return how far a path leaves Poses, m: of the gripper, or of what is a length (m) ahead."""
+    def ahead(position: Floats, rotation: Floats) -> Floats:
+        return np.concatenate([position[..., None, :], position[..., None, :] + length
+                               * np.swapaxes(rotation[..., :2], -1, -2)], axis=-2)
+
+    on_it = ahead(*path.at(np.linspace(path.times[0], path.times[-1], 2 * _TRIED)))
+    wanted = ahead(np.array([pose.position for pose in poses]),
+                   np.array([pose.rotation for pose in poses]))
+    steps, since = np.diff(on_it, axis=0), wanted[:, None] - on_it[:-1]
+    part = np.clip(np.einsum('mkij,kij->mk', since, steps)
+                   / np.maximum((steps**2).sum(axis=(1, 2)), 1e-300), 0, 1)
+    apart = np.linalg.norm(since - part[:, :, None, None] * steps, axis=3).max(axis=2)
+    return float(apart.min(axis=1).max())
+
+
+def slowed(limits: Limits, part: float) -> Limits:
+    """Return the limits of a motion that takes 1 / part as long."""
+    return Limits(*map(float, (limits.sizes * part ** np.arange(1.0, 4.0)[:, None]).ravel()))
+
+
+def _trajectory(task: Threading, plan: Plan, tolerance: float, limits: Limits) -> Trajectory:
+    """Return the motion along a Plan of true poses, which keeps clear of what is around."""
+    trajectory = Trajectory(plan, limits, tolerance=tolerance,
+                            obstacles=obstacles_around(task.inverse))
+    motion = trajectory.motion
+    if motion is not None and motion.clearance < 0:
+        raise Infeasible(f'in motion the DLO comes {-motion.clearance:.3g} m into what it has to '
+                         'stay clear of', 0, 'clearance', float(-motion.clearance))
+    return trajectory
+
+
+def _motion(task: Threading, estimate: Estimate, plan: Plan) -> GripperMotion:
+    trajectory = _trajectory(task, plan, task.tolerance, task.motion_limits)
+    return GripperMotion(estimate, trajectory, plan.shapes[-1],
+                         swing_of(trajectory, estimate, plan))
+
+
+def swing_of(trajectory: Trajectory, estimate: Estimate, plan: Plan) -> Swing:
+    """Return how inertia bends the estimated DLO in a motion along a Plan of true poses."""
+    return Swing.of(trajectory, estimate.simulator, plan.shapes[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Calming:
+    """A motion that takes most of a vibration away.
+
+    The gripper is displaced in smooth steps, and comes back to where it stood. What they do to each
+    mode is linear, so those are wanted that leave least of the vibration: linear least squares.
+    """
+
+    before: FreeVibration
+    way: Steered    # from where the gripper stands, and back
+    stamp: float    # s, when it ends
+    answer: Floats  # (2, m) state of the DLO then if it had been at rest before
+
+    @classmethod
+    def of(cls, vibration: FreeVibration, stamp: float, delay: float, here: Pose, limits: Limits,
+           period: float, farthest: float = FARTHEST) -> Calming:
+        """Return that from a stamp (s) on: as much as is possible within the limits."""
+        slowest = float(2 * np.pi / vibration.rates.min())
+        windows: Floats = np.full(3, float(np.clip(_WINDOW * slowest, NARROWEST, WIDEST)))
+        begins: Floats = _APART * slowest * np.arange(float(_PULSES))
+        lasts = _ASIDE * _APART * slowest
+        duration = float(begins[-1] + lasts + windows.sum())
+        answers = _answers(vibration, begins, lasts, windows, duration)
+        sizes = np.linalg.norm(vibration.modes.displacements[:, -1], axis=1)
+        left = (sizes * vibration.after(stamp + delay - vibration.stamp + duration)).ravel()
+        rows = (answers * sizes).reshape(len(answers), -1).T
+        pulses = -np.linalg.solve(rows.T @ rows + _SMALL**2 * np.eye(len(answers)),
+                                  rows.T @ left)
+        path = GripperPath.through([here, here], [0.0, duration], 1.0)
+
+        def way(pulses: Floats) -> Steered:
+            changes = [Change(begin + later, np.zeros(1), np.append(np.zeros(3), sign * pulse)[
+                None]) for begin, pulse in zip(begins, pulses.reshape(-1, 3), strict=True)
+                for later, sign in ((0.0, 1.0), (lasts, -1.0))]
+            return Steered(TimedPath(path, (None,), limits), windows, tuple(changes))
+
+        frames = way(pulses).frames(np.arange(0.0, duration + 4 * period, period))
+        away = np.linalg.norm(frames[0] - here.position, axis=1).max()
+        most = max(used(frames, limits, period) / _OF_LIMITS, float(away) / farthest)
+        pulses /= max(most, 1.0)
+        return cls(vibration, way(pulses), stamp + duration, np.tensordot(pulses, answers, 1))
+
+    def delay(self, after: FreeVibration) -> float:
+        """Return by how much later than commanded the DLO answered, as it was seen, s."""
+        before, size = self.before, []
+        for delay in _DELAYS:
+            answer = before.decayed(self.answer, after.stamp - self.stamp - delay)
+            state = before.after(after.stamp - before.stamp) + answer
+            size.append(np.linalg.norm(before.end(state) - after.end(after.state)))
+        return float(_DELAYS[int(np.argmin(size))])
+
+
+def _answers(vibration: FreeVibration, begins: Floats, lasts: float, windows: Floats,
+             duration: float) -> Floats:
+    """Return (3 k, 2, m) what each of k pulses along each axis leaves of the modes at the end."""
+    count = int(np.ceil(duration * vibration.rates.min() / (2 * np.pi * _STEP)))
+    step = duration / count
+    middle = step * (np.arange(count) + 0.5)
+    pulls = vibration.modes.participation[:, :3]
+    modes = vibration.rates.size
+    force = np.array([-np.outer(step_response(middle - begin, windows, 2)
+                                - step_response(middle - begin - lasts, windows, 2), pull)
+                      for begin in begins for pull in pulls.T])
+    damping = np.tile(vibration.modes.damping_ratios, (count, 1))
+    turns = np.tile(np.eye(modes), (count, 1, 1))
+    out = vibrated(step, np.tile(vibration.rates, (count, 1)), damping, turns, force,
+                   np.zeros((2, len(force), modes)))
+    return np.moveaxis(out[:, :, -1], 0, 1)
