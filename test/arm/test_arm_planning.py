@@ -85,6 +85,7 @@ def test_the_tool_follows_the_gripper(arm, positions, ready):
         np.testing.assert_allclose(made.positions[0], positions, atol=1e-6)
 
 
+@pytest.mark.sweep
 def test_a_plan_for_a_dlo(rng):
     trajectory = values()['Trajectory']
     reachable = trajectory.at([0.0])[0][0]
@@ -169,6 +170,7 @@ def test_a_joint_at_its_limit_is_named():
     assert 41 * 0.4 < refused.value.waypoint < 41 * 0.8
 
 
+@pytest.mark.sweep
 def test_a_roll_helps_where_it_is_free():
     arm, positions = ur5('ur5_joint_limited_robot'), UR5_READY * [1, 1, 1, 1, 1, 0]
     trajectory = turning(arm, positions, 5.5)

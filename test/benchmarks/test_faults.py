@@ -30,6 +30,7 @@ def test_what_is_not_there_once_is_no_fault(text):
         Fault('one', 'file.py', 'a = 1', 'a = 3', []).applied(text)
 
 
+@pytest.mark.sweep
 def test_a_fault_is_noticed_or_not_and_the_file_is_as_it_was(tmp_path):
     (tmp_path / 'halves.py').write_text('def half(x):\n    return x / 2\n')
     for name, x in (('well', 3), ('badly', 0)):

@@ -60,6 +60,7 @@ def test_a_bar_goes_through_the_hole():
     assert outcome.time == pytest.approx(150 * PERIOD)
 
 
+@pytest.mark.sweep
 def test_a_bar_aside_is_stopped_by_the_sheet():
     outcome = run(bar_task(0.03), OpenLoop(pushed))
     assert not outcome.threaded
@@ -67,6 +68,7 @@ def test_a_bar_aside_is_stopped_by_the_sheet():
     assert outcome.time < 150 * PERIOD
 
 
+@pytest.mark.sweep
 def test_beside_the_sheet_is_not_threaded():
     outcome = run(bar_task(0.25), OpenLoop(pushed))
     assert outcome.depth == pytest.approx(0.25, abs=1e-4)
@@ -75,10 +77,12 @@ def test_beside_the_sheet_is_not_threaded():
     assert not outcome.threaded
 
 
+@pytest.mark.sweep
 def test_not_deep_enough_is_not_threaded():
     assert not run(replace(bar_task(), depth=0.26), OpenLoop(pushed)).threaded
 
 
+@pytest.mark.sweep
 def test_what_is_unknown_counts():
     shifted = [run(bar_task(), OpenLoop(pushed), seed=seed, unknowns=Unknowns(
         gripper_position=1e-3)) for seed in (1, 1, 2)]

@@ -234,6 +234,7 @@ def test_the_driver_knows_what_is_stated_and_no_more():
     assert np.median(true) == pytest.approx(1, abs=0.07)
 
 
+@pytest.mark.sweep
 def test_the_sheet_rubs_where_that_is_stated():
     def driver(task):  # on to the sheet, then aside
         at = task.start.position

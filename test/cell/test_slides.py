@@ -43,6 +43,7 @@ def part_lost(plan, friction):
     return 1 - np.mean(touches)
 
 
+@pytest.mark.sweep
 def test_the_least_force_of_a_plan_keeps_the_contact_where_there_is_friction():
     inverse = InverseSimulator(DirectSimulator(WIRE, basis='local', n_elements=24,
                                                obstacles=[BAR]))
