@@ -125,7 +125,7 @@ class Plant:
         self._held = self._holding(gripper, 0.0)
         self._settle()
         self._damp(number('damping', damping, minimum=0))
-        # (n,) N, sums of the sizes of the contact forces of each obstacle on the DLO, means over the
+        # (n,) N, sums of the sizes of each obstacle's contact forces, means over the
         # last `move`, as a sensor of that sampling time shows an impact; and the largest so far
         self.forces = np.zeros(len(self._obstacles))
         self.largest_forces = self.forces.copy()
