@@ -34,7 +34,7 @@ QUICK := and not sweep
 test: lint types imports $(VENV)/compiled
 	$(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time $(QUICK)'
 	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m 'real_time $(QUICK)' \
-	  -rR --reruns 1 --reruns-delay 5 --max-suite-reruns 5
+	  -rR --reruns 1 --reruns-delay 5 --max-suite-reruns 5 test/ros test/cell test/view
 
 test-all: QUICK :=
 test-all: test

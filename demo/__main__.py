@@ -80,7 +80,7 @@ def wire(diameter: float) -> Rod:
 def planner_process(domain: int, directory: str) -> AbstractContextManager[Popen[bytes]]:
     """Return a context in which the planner node runs in a ROS domain of its own: its Popen."""
     environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': str(directory)}
-    return child('dlo_planner.ros.planner_node', '--ros-args', '--params-file',
+    return child('dlo_planner.ros.main', '--ros-args', '--params-file',
                  str(config_file('copper_wire')), '-p',
                  f'threading.waypoints:={WAYPOINTS}', '-p', f'threading.deepest:={DEEPEST}',
                  env=environment)

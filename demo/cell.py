@@ -29,7 +29,7 @@ from demo.figures import Watched, save_cell
 from dlo_planner.execute.execution import ACTIVE
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.managed import LATCHED
+from dlo_planner.ros.lifecycle import LATCHED
 from msg_helpers.poses import pose_from_msg
 from msg_helpers.trajectories import poses_from_path
 

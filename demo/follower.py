@@ -14,7 +14,7 @@ from rclpy.qos import qos_profile_sensor_data
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.managed import REQUEST
+from dlo_planner.ros.lifecycle import REQUEST
 from msg_helpers.poses import pose_from_msg, pose_stamped_msg
 from msg_helpers.trajectories import stamped_poses
 

@@ -14,6 +14,8 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.step import corrected_by, past_of
+from dlo_planner.execute.judge import aimed_anew
+from dlo_planner.execute.threading_motions import Threading, way_back, way_in, way_to_standoff
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observation import Observation
@@ -28,9 +30,11 @@ from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import PointLoad
 from dlo_planner.parallel.batch import solve_many
 from dlo_planner.plan.goals import AwayFrom, Through
+from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.ros.warm_up import warm_up, warm_up_loop, warm_up_proofs
+from dlo_planner.verify.replay import replay
 
+_THIN = Rod(1.0, 0.01, 1.0, 1.0, radius=1e-3)
 _ROD = Rod(1.0, 0.1, (1.0, 2.0), 0.7, natural_curvature=(0.1, 0.2))
 _YIELDING = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, yield_curvature=0.2, hardening=0.1)
 _LEVEL = Pose((0, 0, 0), (0, 0, 0, 1))
@@ -64,7 +68,8 @@ def motions() -> None:
 
 
 def many() -> None:
-    """Solve many at once, and with a load that is none of gravity's."""
+    """Solve many at once, in all ways to hang, and with a load that is none of gravity's."""
+    assert hanging_shapes(DirectSimulator(_ROD).surroundings, np.linspace(0, 1, 9)) is not None
     for direct, _ in _hanging():
         assert solve_many(direct, [_LEVEL, _TILTED]).converged.all()
         assert solve_many(direct, _LEVEL, rods=[_ROD, _ROD]).converged.all()
@@ -72,16 +77,69 @@ def many() -> None:
     assert DirectSimulator(_ROD, point_loads=[turned]).solve(_LEVEL).converged
 
 
-def node() -> None:
-    """Do what a planner node may be asked for."""
-    warm_up()
-    assert hanging_shapes(DirectSimulator(_ROD).surroundings, np.linspace(0, 1, 9)) is not None
+# What a node does when it starts: answers itself, the others in threads and processes.
+
+
+def answers() -> None:
+    """Use every kernel that an answer of the node may need."""
+    rod = _THIN
+    floor = Plane((0, 0, -0.001), (0, 0, 1))
+    level = Pose((0, 0, 0), (0, 0, 0, 1))
+    holes = [_hole(x) for x in (0.0, 0.2)]
+    for basis in ('local', 'chebyshev'):
+        direct = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4)
+        shape = direct.track([level, Pose.looking_along((0, 0, 0), (1, 0, 0.1))])[-1]
+        _ = shape.error_estimate
+        Workspace(keep_out=[floor]).min_margin(level)
+        free = InverseSimulator(direct)
+        free.approach(holes[0], free.thread(holes[0], depths=[0.0, 0.1]),
+                      Pose((-1.5, 0, 0), (0, 0, 0, 1)), standoff=0.1)
+        free.thread_two(*holes, depths=[0.0, 0.3])
+        lying = DirectSimulator(rod, basis=basis, n_elements=16, n_terms=4, obstacles=[floor])
+        lying.solve(level, lying.solve(level))
+    yielding = Rod(1.0, 0.01, 1.0, 1.0, yield_curvature=0.01, hardening=0.5)
+    DirectSimulator(yielding, n_elements=16, n_terms=4).solve(level)
 
 
 def proofs() -> None:
-    """Do what the processes of its proofs and of its closed loop may be asked for."""
-    warm_up_proofs()
-    warm_up_loop()
+    """Use every kernel that a proof may need."""
+    for basis in ('local', 'chebyshev'):
+        direct = DirectSimulator(_THIN, basis=basis, n_elements=16, n_terms=4)
+        plan = InverseSimulator(direct).thread(_hole(0.0), depths=[0.0, 0.1])
+        replay(direct, plan, limits=Limits())
+
+
+def corrections() -> None:
+    """Use every kernel that a look at the DLO, or a correction of what is executed, may need."""
+    for basis in ('local', 'chebyshev'):
+        direct = DirectSimulator(_THIN, basis=basis, n_elements=16, n_terms=4)
+        plan = InverseSimulator(direct).thread(_hole(0.0), depths=[0.0, 0.1])
+        observer = Observer(direct, Uncertainty(0.05, 0.05, 0.05, natural_curvature=0.1))
+        seen = plan.shapes[0]
+        estimate = observer.update(observer.begin(), Observation(seen.gripper, seen.positions))
+        correct(estimate, plan)
+        plan.shapes[-1].modes(1)  # of which the windows of a correction are made
+
+
+def closed_loop() -> None:
+    """Use the kernels that a plan of a closed loop may need, or a correction."""
+    direct = DirectSimulator(_THIN, n_elements=16, n_terms=4)
+    task = Threading(InverseSimulator(direct), _hole(0.0), np.array([0.0, 0.1]), 0.1)
+    here = Pose((-1.2, 0, 0), (0, 0, 0, 1))
+    observer = Observer(direct, Uncertainty(0.05, 0.05, 0.05, natural_curvature=0.1))
+    estimate = observer.update(observer.begin(), Observation(here, direct.solve(here).positions))
+    way_to_standoff(task, estimate, here)
+    entry = way_in(task, estimate, here, np.inf, 0.5)
+    assert entry.motion is not None  # any bound will do
+    way = entry.motion.steered
+    aimed_anew(task.inverse, estimate, entry.commanded, way, 0.0,
+               way.reached(entry.whole.times[-len(entry.commanded):]), None, np.inf, 0.5)
+    way_back(task, estimate, way.poses(way.duration * np.array([0.1, 0.05, 0.0])),
+             entry.whole.shapes[0])
+
+
+def _hole(x: float) -> CutOut:
+    return CutOut(Pose.looking_along((x, 0, 0), (1, 0, 0)), radius=0.1)
 
 
 def touching() -> None:
@@ -131,4 +189,5 @@ def seen() -> None:
     correct(estimate, plan)
 
 
-ALL = (shapes, touching, motions, node, held, seen, proofs, many)  # the first one is shared
+# the first one is shared
+ALL = (shapes, touching, motions, answers, held, seen, proofs, closed_loop, many)

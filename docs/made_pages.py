@@ -12,7 +12,7 @@ import ast
 import re
 from pathlib import Path
 
-from dlo_planner.settings.parameters import ENTRIES, Entry
+from dlo_planner.settings.parameters import PARAMETERS, ParameterSpec
 
 COPIES = ('CONTRIBUTING.md', 'CHANGELOG.rst')
 TUTORIALS = {  # page -> scripts
@@ -64,7 +64,7 @@ def parameters_page() -> str:
              '`dlo-planner -p`, as `ros2 param describe` prints them. This page is made from the '
              'table in `dlo_planner/settings/parameters.py`.']
     groups: dict[str, list[str]] = {}
-    for name, entry in ENTRIES.items():
+    for name, entry in PARAMETERS.items():
         group = name.split('.')[0] if '.' in name else 'Of the node itself'
         groups.setdefault(group, []).append(parameter_row(name, entry))
     for group, rows in groups.items():
@@ -73,7 +73,7 @@ def parameters_page() -> str:
     return '\n\n'.join(parts) + '\n'
 
 
-def parameter_row(name: str, entry: Entry) -> str:
+def parameter_row(name: str, entry: ParameterSpec) -> str:
     """Return the row of one parameter."""
     limits = '' if entry.lowest is None else f'{entry.lowest:g} to {entry.highest:g}'
     fixed = not (entry.read_only or entry.while_executing)

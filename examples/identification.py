@@ -16,14 +16,9 @@ matplotlib.use('Agg')
 from matplotlib import pyplot as plt  # noqa: E402  the backend has to be chosen first
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from dlo_planner import (  # noqa: E402
-    DirectSimulator,
-    GraspedInside,
-    Observation,
-    Pose,
-    Rod,
-    fit_rod,
-)
+from dlo_planner import DirectSimulator, Pose, Rod, fit_rod
+from dlo_planner.identify import Observation
+from dlo_planner.rods import GraspedInside
 
 
 def main():

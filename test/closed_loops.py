@@ -21,13 +21,12 @@ from dlo_planner import (  # noqa: E402
     CutOut,
     DirectSimulator,
     InverseSimulator,
-    Observation,
     Observer,
     Pose,
     Rod,
     Uncertainty,
 )
-from dlo_planner.identify import correct  # noqa: E402
+from dlo_planner.identify import Observation, correct  # noqa: E402
 from dlo_planner.identify.parameters import variation_deviations  # noqa: E402
 from dlo_planner.identify.predicted_miss import crossing  # noqa: E402
 from dlo_planner.model.varying import Expanded  # noqa: E402

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from dlo_planner import DirectSimulator, Observation, Pose, Rod, Uncertainty, fit_rod  # noqa: E402
+from dlo_planner import DirectSimulator, Pose, Rod, Uncertainty, fit_rod  # noqa: E402
+from dlo_planner.identify import Observation  # noqa: E402
 
 TRUE = Rod(1.0, 0.07, 0.02, 0.015, natural_curvature=(0.3, -0.2))
 GUESS = Rod(1.0, 0.07, 0.03, 0.015)

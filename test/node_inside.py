@@ -12,8 +12,8 @@ from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker
 
 from dlo_planner import Pose
-from dlo_planner.ros.managed import PatientExecutor
-from dlo_planner.ros.planner_node import PlannerNode
+from dlo_planner.ros.lifecycle import PatientExecutor
+from dlo_planner.ros.node import PlannerNode
 from msg_helpers.poses import pose_msg
 
 HERE = Pose.looking_along((0.1, -0.2, 1.0), (1.0, 0.3, 0.2))
@@ -59,7 +59,7 @@ class Alive:
 
 def state(node):
     """Return what the node knows."""
-    return node._store.state
+    return node.shared.store.state
 
 
 def until(wanted, timeout=PATIENCE):

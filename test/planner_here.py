@@ -11,8 +11,8 @@ from planner_process import PATIENCE, WIRE
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dlo_planner.ros import planner_node
-from dlo_planner.ros.managed import PatientExecutor
+from dlo_planner.ros import node as planner
+from dlo_planner.ros.lifecycle import PatientExecutor
 
 
 @contextlib.contextmanager
@@ -36,13 +36,13 @@ def planner_here(monkeypatch, context, *arguments, warm_up=lambda: None, **value
         warm_up: what it does in place of loading the solver
         values: of parameters; '__' stands for '.'
     """
-    monkeypatch.setattr(planner_node, 'warm_up', warm_up)
-    for name in ('warm_up_proofs', 'warm_up_loop'):  # of other processes
-        monkeypatch.setattr(planner_node, name, int)
+    monkeypatch.setattr(planner, 'answers', warm_up)
+    for name in ('proofs', 'closed_loop'):  # of other processes
+        monkeypatch.setattr(planner, name, int)
     overrides = [Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]
-    node = planner_node.PlannerNode(context=context, parameter_overrides=overrides,
+    node = planner.PlannerNode(context=context, parameter_overrides=overrides,
                                     cli_args=['--ros-args', *WIRE, *arguments])
-    executor = PatientExecutor(num_threads=planner_node.THREADS, context=context)
+    executor = PatientExecutor(num_threads=planner.THREADS, context=context)
     executor.add_node(node)
     thread = Thread(target=executor.spin, daemon=True)
     thread.start()

@@ -32,7 +32,7 @@ class Planner:
         wire = () if '--params-file' in arguments else WIRE
         with self.log_file.open('w') as log:
             self.process = subprocess.Popen(
-                [sys.executable, '-m', 'dlo_planner.ros.planner_node', '--ros-args', *wire,
+                [sys.executable, '-m', 'dlo_planner.ros.main', '--ros-args', *wire,
                  *arguments],
                 stdout=log, stderr=subprocess.STDOUT, cwd=ROOT,
                 env={**os.environ, 'PYTHONUNBUFFERED': '1'})

@@ -18,20 +18,16 @@ from dlo_planner import (
     Cylinder,
     DirectSimulator,
     FarEnd,
-    GraspedInside,
     HoldContact,
     Insert,
     InverseSimulator,
     Limits,
     Minimize,
-    Observation,
     Observer,
-    Piecewise,
     Plane,
     PointLoad,
     Pose,
     Rod,
-    Section,
     Sheet,
     SlideContact,
     Sphere,
@@ -48,7 +44,7 @@ from dlo_planner import (
 )
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.identify import ObservedMotion, Steered, correct
+from dlo_planner.identify import Observation, ObservedMotion, Steered, correct
 from dlo_planner.inverse.task import PlanContext
 from dlo_planner.parallel import CellGrid, capability_map
 from dlo_planner.penalties import (
@@ -62,6 +58,7 @@ from dlo_planner.penalties import (
     Through,
     minimize_penalty,
 )
+from dlo_planner.rods import GraspedInside, Piecewise, Section
 from dlo_planner.tasks import Approach, PlanStatus, Requirements
 
 # For those who write tasks and penalties of their own: no values that are given or got.

@@ -21,7 +21,6 @@ from dlo_planner import (
     CutOut,
     DirectSimulator,
     InverseSimulator,
-    Observation,
     Observer,
     Plane,
     Pose,
@@ -45,7 +44,7 @@ from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
-from dlo_planner.identify import correct, parameters, residuals
+from dlo_planner.identify import Observation, correct, parameters, residuals
 from dlo_planner.identify.residuals import nearest
 from dlo_planner.inverse.equilibria import integrate_from_tip
 from dlo_planner.inverse.nearest_goals import _nearest_goals

@@ -16,7 +16,6 @@ from dlo_planner import (
     FarEnd,
     InverseSimulator,
     Limits,
-    Observation,
     Plane,
     Pose,
     Rod,
@@ -28,6 +27,7 @@ from dlo_planner import (
     replay,
     robustness,
 )
+from dlo_planner.identify import Observation
 from dlo_planner.penalties import DirectionAt, PositionAt, Through, minimize_penalty
 
 

@@ -17,7 +17,6 @@ from specimens import LEVEL, PUBLIC, values
 from dlo_planner import (
     CutOut,
     DirectSimulator,
-    GraspedInside,
     Infeasible,
     InverseSimulator,
     Plane,
@@ -29,7 +28,8 @@ from dlo_planner import (
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.model.value import Value, brief
+from dlo_planner.model.value import Value, brief, parts_of
+from dlo_planner.rods import GraspedInside
 
 TYPES = [name for name, member in PUBLIC.items()
          if inspect.isclass(member) and not issubclass(member, Exception | Enum)]
@@ -80,7 +80,8 @@ def arrays_in(content, depth=0):
     elif isinstance(content, dict):
         yield from arrays_in(list(content.values()), depth + 1)
     elif isinstance(content, Value) and depth < 6:
-        names = [item.name for item in fields(content)] if is_dataclass(content) else content.PARTS
+        names = ([item.name for item in fields(content)] if is_dataclass(content)
+                 else parts_of(content))
         for name in names:
             yield from arrays_in(getattr(content, name), depth + 1)
 
@@ -216,7 +217,8 @@ def _inside(content, known):
     """Note in `known` all values that a content consists of, by their ids."""
     if isinstance(content, Value) and id(content) not in known:
         known[id(content)] = content
-        names = [item.name for item in fields(content)] if is_dataclass(content) else content.PARTS
+        names = ([item.name for item in fields(content)] if is_dataclass(content)
+                 else parts_of(content))
         content = [getattr(content, name) for name in names]
     if isinstance(content, tuple | list | dict):
         for part in content.values() if isinstance(content, dict) else content:

@@ -39,7 +39,7 @@ from dlo_planner.cell.tasks import draw_task  # noqa: E402
 from dlo_planner.cell.truth import VERY_UNCERTAIN  # noqa: E402
 from dlo_planner.execute.causes import Cause  # noqa: E402
 from dlo_planner.execute.execution import ACTIVE  # noqa: E402
-from dlo_planner.ros.managed import ALL_LATCHED, CHANGES, LATCHED  # noqa: E402
+from dlo_planner.ros.lifecycle import ALL_LATCHED, CHANGES, LATCHED  # noqa: E402
 from msg_helpers.poses import pose_from_msg  # noqa: E402
 
 DLO, RADIUS = 'wire 1.5', 5e-3

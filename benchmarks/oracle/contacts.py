@@ -13,13 +13,13 @@ from dlo_planner import (
     Cylinder,
     DirectSimulator,
     FarEnd,
-    GraspedInside,
     Plane,
     Pose,
     Rod,
     Sheet,
     Sphere,
 )
+from dlo_planner.rods import GraspedInside
 
 HOW = {}, {'basis': 'local'}, {'basis': 'local', 'n_elements': 32}, {'n_elements': 32, 'n_terms': 8}
 _ROOM = 0.03  # m, between the gripper and what is touched

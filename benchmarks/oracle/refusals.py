@@ -12,7 +12,6 @@ from dlo_planner import (
     Cylinder,
     DirectSimulator,
     FarEnd,
-    GraspedInside,
     HoldContact,
     Insert,
     InverseSimulator,
@@ -32,9 +31,9 @@ from dlo_planner import (
     Workspace,
     replay,
     solve_many,
-    with_plug,
 )
 from dlo_planner.penalties import PositionAt, minimize_penalty
+from dlo_planner.rods import GraspedInside, with_plug
 from dlo_planner.tasks import Requirements
 
 WIRE = {'length': 1.0, 'mass_per_length': 0.05, 'bending_stiffness': 0.5,

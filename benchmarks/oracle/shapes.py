@@ -10,21 +10,19 @@ from benchmarks.oracle.answers import Answer, Scale, add_shape, touches
 from dlo_planner import (
     DirectSimulator,
     FarEnd,
-    GraspedInside,
-    Observation,
     Observer,
-    Piecewise,
     Plane,
     PointLoad,
     Pose,
     Rod,
     Uncertainty,
     fit_rod,
-    modes_along,
     solve_many,
-    with_plug,
 )
+from dlo_planner.identify import Observation
 from dlo_planner.penalties import minimize_penalty
+from dlo_planner.results import modes_along
+from dlo_planner.rods import GraspedInside, Piecewise, with_plug
 
 HOW = ({}, {'basis': 'local'}, {'n_elements': 64, 'n_terms': 6}, {'n_elements': 128, 'n_terms': 20},
        {'basis': 'local', 'n_elements': 33}, {'basis': 'fourier', 'n_terms': 12},

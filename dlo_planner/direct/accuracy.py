@@ -91,8 +91,10 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
         if not shape.converged:
             return shape, kicks
         # the first mesh is hardly ever fine enough: then nothing else is computed on it
-        hopeless = mesh is first and not surely_within(shape, accuracy)
-        better = foreseen(shape, accuracy, _DOUBTFUL) if hopeless and fine == 'local' else None
+        new = mesh is first and (initial is None or initial.state.mesh is not mesh)
+        better = None
+        if new and fine == 'local' and not surely_within(shape, accuracy):
+            better = foreseen(shape, accuracy, _DOUBTFUL)
         if better is None:
             if fine_enough(shape, accuracy):
                 return shape, kicks

@@ -28,7 +28,7 @@ class GripTrajectory(Value):
     `at_rest`: whether the velocity is zero at time 0; else it is what the poses say. dt in s.
     """
 
-    PARTS = ('poses', 'dt', 'at_rest')
+    _PARTS = ('poses', 'dt', 'at_rest')
 
     poses: tuple[Pose, ...]
     dt: float
@@ -42,7 +42,7 @@ class GripTrajectory(Value):
             put(self, _spline=_spline(self.poses, at_rest))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), tuple(getattr(self, name) for name in self.PARTS)
+        return type(self), tuple(getattr(self, name) for name in self._PARTS)
 
     def at(self, place: float) -> Pose:
         """Return the Pose at `place` = time / dt."""
@@ -90,7 +90,7 @@ def _spline(poses: Sequence[Pose], at_rest: bool) -> Any:
 class BoundaryMotion(Value):
     """All that holds a DLO in motion; `grip` is that of `FarEnd`, unused where the end is free."""
 
-    PARTS = ('gripper', 'far_end', 'grip')
+    _PARTS = ('gripper', 'far_end', 'grip')
 
     gripper: GripTrajectory
     far_end: GripTrajectory | None

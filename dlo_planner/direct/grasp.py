@@ -48,7 +48,7 @@ class GraspedInside(Value):
         An argument makes no sense.
     """
 
-    PARTS = ('rod', 'at', '_parts')
+    _PARTS = ('rod', 'at', '_parts')
 
     rod: Rod
     at: float

@@ -478,12 +478,11 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
         problem: with the multipliers of its constraints at the end; state: Configuration there
         residual, stability, iterations, violation: of the search
     """
-    (strains, buffer.frames[row], positions, _, wrenches, hold, plastic, forces, contacts, _, _,
-     lost, missed, inside, stationary) = outcome(problem, state, buffer.origins[row], residual,
-                                                 options.rounding, True)
+    (strains, buffer.frames[row], positions, _, buffer.wrenches[row], buffer.end_wrenches[row],
+     hold, plastic, forces, contacts, _, _, lost, missed, inside, stationary) = outcome(
+         problem, state, buffer.origins[row], residual, options.rounding, True)
     copy(positions, buffer.nodes[0, row])
     copy(strains, buffer.bends[0, row])
-    buffer.wrenches[row], buffer.end_wrenches[row] = wrenches[0], wrenches[1]
     _move_on(how, buffer.nodes, row)
     _move_on(how, buffer.bends, row)
     violation = max(violation, inside)

@@ -300,7 +300,7 @@ class Modes(Value):
     overlap: Floats | None = None
     _estimate: Callable[[], Floats] | None = field(default=None, compare=False)
 
-    REMEMBERED = ('error_estimate',)
+    _REMEMBERED = ('error_estimate',)
 
     def __post_init__(self) -> None:
         displacements = results('Modes.displacements', self.displacements, (None, None, 3))

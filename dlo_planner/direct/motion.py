@@ -86,7 +86,7 @@ class Motion(Filmed):
     message: str = ''
     _estimate: Callable[[], Floats] | None = field(default=None, compare=False)
 
-    REMEMBERED = ('error_estimate',)
+    _REMEMBERED = ('error_estimate',)
 
     def __post_init__(self) -> None:
         boxed: Any = self.__dict__.pop('shapes')

@@ -187,7 +187,7 @@ class Shape(Pictured):
     parts: tuple[Shape, ...] | None = None
     state: State = field(default=UNKNOWN, metadata={'opaque': True})
 
-    REMEMBERED = ('error_estimate',)
+    _REMEMBERED = ('error_estimate',)
 
     def __init__(self, gripper: Pose, s: Floats, positions: Floats, frames: Floats,
                  element_strains: Floats, energy: float, elastic_energy: float,
@@ -415,11 +415,8 @@ class Shape(Pictured):
         return found
 
     @cached_property
-    def for_kernels(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Lengths of elements, their strains, frames and positions of nodes, for kernels alone.
-
-        Copies: read-only arrays are another type for numba, and would compile everything again.
-        """
+    def _kernel_arrays(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Copies: read-only arrays are another type for numba, which would compile all again."""
         return (np.diff(self.s), self.element_strains.copy(), self.frames.copy(),
                 self.positions.copy())
 
@@ -483,7 +480,7 @@ class Shape(Pictured):
         radii = _radii_of(self)
         if radii is None:
             return np.nan, np.nan
-        distance, gap = self_distance(*self.for_kernels, radii, np.inf, np.inf)
+        distance, gap = self_distance(*self._kernel_arrays, radii, np.inf, np.inf)
         return float(distance), float(gap)
 
     @property
@@ -565,11 +562,19 @@ class Shape(Pictured):
         return Linearized(self).vibration.jacobian
 
 
+def kernel_arrays(shape: Shape) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return lengths (N,) and strains (N, 3) of elements, frames and positions of nodes.
+
+    For kernels alone.
+    """
+    return shape._kernel_arrays
+
+
 def in_itself(shape: Shape, surface: Surface) -> float:
     """Return by how much, in m, a Shape with this Surface lies in itself; 0 where it does not."""
     if surface.radius == 0.0 or not may_head_back(shape.s, shape.element_strains):
         return 0.0
-    _, gap = self_distance(*shape.for_kernels, _radii(surface, shape.s), 0.0, 0.0)
+    _, gap = self_distance(*kernel_arrays(shape), _radii(surface, shape.s), 0.0, 0.0)
     return -float(gap)
 
 

@@ -132,7 +132,7 @@ class DirectSimulator(Value):
         An argument makes no sense; the message names it.
     """
 
-    PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_asked', '_fine',
+    _PARTS = ('surroundings', 'method', 'strains', 'accuracy', 'basis', '_asked', '_fine',
              '_history', '_discretization')
 
     surroundings: Surroundings

@@ -152,7 +152,8 @@ def held_by(surroundings: Surroundings, gripper: Pose, initial: Shape | None) ->
 def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) -> Memory:
     """Return the Memory, on a mesh, of the DLO in the Shape `initial` or None."""
     known = None if initial is None else initial.state.history
-    if (initial is not None and known is not None and known.positions is not initial.positions
+    if (initial is not None and known is not None and len(known.positions)
+            and known.positions is not initial.positions
             and not np.array_equal(known.positions, initial.positions)):
         # carried somewhere else since, or predicted: there it has touched nothing yet
         known = known.lasting()

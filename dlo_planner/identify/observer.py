@@ -74,7 +74,7 @@ class Observer(Value):
         An argument makes no sense; the message names it.
     """
 
-    PARTS = ('uncertain', 'noise', 'outliers', 'sway', 'robot')
+    _PARTS = ('uncertain', 'noise', 'outliers', 'sway', 'robot')
 
     uncertain: UncertainState
     noise: float

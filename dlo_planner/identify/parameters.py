@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.energy.loads import node_masses
@@ -129,7 +129,7 @@ class RodParameters(Value):
         Arc lengths, m. If None, polynomials.
     """
 
-    PARTS = ('rod', 'quantities', 'numbers', 'knots')
+    _PARTS = ('rod', 'quantities', 'numbers', 'knots')
 
     rod: Rod
     quantities: tuple[str, ...]
@@ -393,7 +393,7 @@ def moved_points(shape: Shape, s: Floats, strains: Floats, stretch: Floats) -> F
     """
     elements = np.clip(np.searchsorted(shape.s, s, side='right') - 1, 0, shape.s.size - 2)
     fractions = (s - shape.s[elements]) / np.diff(shape.s)[elements]
-    lengths, own, rotations, _ = shape.for_kernels
+    lengths, own, rotations, _ = kernel_arrays(shape)
     # a longer arc of the same curvature: a larger one that turns as much further
     changes = strains + stretch[:, :, None] * own
     result: Floats = _moved_points(lengths, own, rotations, elements, fractions, changes, stretch)
@@ -459,7 +459,7 @@ class UncertainState(Value):
         Names of the n numbers.
     """
 
-    PARTS = ('simulator', 'uncertainty', 'n_terms', 'bias', 'cutout')
+    _PARTS = ('simulator', 'uncertainty', 'n_terms', 'bias', 'cutout')
 
     simulator: DirectSimulator
     uncertainty: Uncertainty
@@ -504,7 +504,7 @@ class UncertainState(Value):
         super().__post_init__()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), tuple(getattr(self, name) for name in self.PARTS)
+        return type(self), tuple(getattr(self, name) for name in self._PARTS)
 
     @property
     def size(self) -> int:

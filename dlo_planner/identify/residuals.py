@@ -17,7 +17,7 @@ import numpy as np
 from dlo_planner.direct.boundary_motion import GripTrajectory
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import left_jacobian
@@ -53,7 +53,7 @@ def point_residuals(shape: Shape, points: Floats, s: Floats | None = None,
 
     `bent` (k, 3), m: by how much the DLO is off the shape at even arc lengths.
     """
-    nodes, kernels = np.array(shape.s), shape.for_kernels  # copies: see `Shape.for_kernels`
+    nodes, kernels = np.array(shape.s), kernel_arrays(shape)  # copies: see `kernel_arrays`
     even = np.linspace(0, nodes[-1], 0 if bent is None else len(bent))
 
     def off_shape(at: Floats) -> Floats:

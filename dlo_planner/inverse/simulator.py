@@ -69,7 +69,7 @@ class InverseSimulator(Value):
         `replay` with `simulator` shows the permanent set.
     """
 
-    PARTS = ('simulator', 'requirements', '_given')
+    _PARTS = ('simulator', 'requirements', '_given')
 
     simulator: DirectSimulator
     requirements: Requirements

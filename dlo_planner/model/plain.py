@@ -11,7 +11,7 @@ from enum import Enum
 import numpy as np
 
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value
+from dlo_planner.model.value import Value, parts_of
 
 
 def plain(content: object) -> object:
@@ -29,7 +29,7 @@ def plain(content: object) -> object:
         return {'position': content.position.tolist(), 'quaternion': content.quaternion.tolist()}
     if isinstance(content, Value):
         names = ([item.name for item in fields(content) if not item.metadata.get('opaque')]
-                 if is_dataclass(content) else content.PARTS)
+                 if is_dataclass(content) else parts_of(content))
         return {name: plain(getattr(content, name)) for name in names if not name.startswith('_')}
     if isinstance(content, Mapping):
         return {str(key): plain(part) for key, part in content.items()}

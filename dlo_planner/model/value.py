@@ -19,17 +19,17 @@ _LONGEST, _SHOWN = 160, 4  # characters of a repr; items of a sequence in it
 
 
 class Value:
-    """Base of `@dataclass(frozen=True, eq=False, repr=False)`, and of classes with `PARTS`.
+    """Base of `@dataclass(frozen=True, eq=False, repr=False)`, and of classes with `_PARTS`.
 
     Arrays in fields become read-only, equality and hash go by the content of all fields that are
     compared (`field(compare=True)`), copies are the value itself, pickles come back read-only
-    (with the fields, and of what was computed since, what `REMEMBERED` lists). A class with a
+    (with the fields, and of what was computed since, what `_REMEMBERED` lists). A class with a
     `__post_init__` of its own ends it with `super().__post_init__()`; a class that is no dataclass
-    lists what is compared in `PARTS`, and makes itself with `put`.
+    lists what is compared in `_PARTS`, and makes itself with `put`.
     """
 
-    PARTS: tuple[str, ...] = ()
-    REMEMBERED: tuple[str, ...] = ()
+    _PARTS: tuple[str, ...] = ()
+    _REMEMBERED: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name, content in self.__dict__.items():
@@ -50,11 +50,11 @@ class Value:
             return True
         if type(other) is not type(self):
             return NotImplemented
-        return all(same(getattr(self, name), getattr(other, name)) for name in self.compared())
+        return all(same(getattr(self, name), getattr(other, name)) for name in parts_of(self))
 
     def __hash__(self) -> int:
         return hash((type(self).__name__, *(_hashable(getattr(self, name))
-                                            for name in self.compared())))
+                                            for name in parts_of(self))))
 
     def __repr__(self) -> str:
         """Say what differs from the defaults."""
@@ -73,27 +73,20 @@ class Value:
         return self
 
     def __getstate__(self) -> dict[str, Any]:
-        kept = {item.name for item in fields(self)} if is_dataclass(self) else set(self.PARTS)
+        kept = {item.name for item in fields(self)} if is_dataclass(self) else set(self._PARTS)
         return {name: content for name, content in self.__dict__.items()
-                if name in kept or name in self.REMEMBERED}
+                if name in kept or name in self._REMEMBERED}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         for content in state.values():
             freeze(content)
 
-    @classmethod
-    def compared(cls) -> Sequence[str]:
-        """Return the names of the fields by which values are equal."""
-        if is_dataclass(cls):
-            return [item.name for item in fields(cls) if item.compare]
-        return cls.PARTS
-
 
 class Constant(Value):
     """A function that returns the same whatever it is called with; unlike a lambda it travels."""
 
-    PARTS = ('content',)
+    _PARTS = ('content',)
 
     content: Any
 
@@ -115,6 +108,13 @@ class FrozenDict(dict[Any, Any]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (dict(self),)
+
+
+def parts_of(value: Value) -> Sequence[str]:
+    """Return the names of the fields by which values of a class are equal."""
+    if is_dataclass(value):
+        return [item.name for item in fields(value) if item.compare]
+    return value._PARTS
 
 
 def put(value: Value, **contents: object) -> None:

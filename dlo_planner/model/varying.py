@@ -486,7 +486,7 @@ _STIFF = ('torsional_stiffness', 'bending_stiffness')
 class AlongRod(Value):
     """Base of `Rod`: reads what is a number, a table or a function of arc length."""
 
-    REMEMBERED = ('_profiles',)  # functions are asked hundreds of times for them
+    _REMEMBERED = ('_profiles',)  # functions are asked hundreds of times for them
 
     length: float
     mass_per_length: Along

@@ -37,7 +37,7 @@ from dlo_planner.model.checks import (
 )
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import Value, brief, parts_of, put
 from dlo_planner.parallel.pool import CachedPayload, Pool, Workers, checked
 from dlo_planner.pictured import Answer
 from dlo_planner.plan.plan import Plan
@@ -556,7 +556,7 @@ def _parts(content: Any) -> Iterator[bytes]:
     elif isinstance(content, dict):
         yield from _parts(sorted(content.items(), key=lambda item: str(item[0])))
     elif isinstance(content, Value):
-        for name in content.compared():
+        for name in parts_of(content):
             yield from _parts(getattr(content, name))
     elif is_dataclass(content) and not isinstance(content, type):
         for item in fields(content):

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.energy.gap import (
     closest_point_in_element,
     gap_at,
@@ -58,7 +58,7 @@ def sheet_of(cutout: CutOut, length: float, obstacles: Iterable[Obstacle] = ()) 
 def clearance(obstacles: Iterable[Obstacle], surface: Surface | float, shape: Shape) -> float:
     """Return the smallest distance in m between a DLO's surface and obstacles (< 0: inside)."""
     scene = build_scene(obstacles, surface, shape.s, sharp=True)
-    return float(_smallest(scene, *shape.for_kernels, np.zeros(3), np.inf)[3])
+    return float(_smallest(scene, *kernel_arrays(shape), np.zeros(3), np.inf)[3])
 
 
 def scene_about(sheet: Sheet, surface: Surface | float, s: Floats) -> Scene:
@@ -81,7 +81,7 @@ def hole_clearances(sheet: Sheet, normal: ArrayLike, surface: Surface | float,
     """
     middle = np.array(sheet.pose.position)
     scene = scene_about(sheet, surface, shape.s) if scene is None else scene
-    lengths, strains, frames, positions = shape.for_kernels
+    lengths, strains, frames, positions = kernel_arrays(shape)
     result: Floats = _smallest(scene, lengths, strains, frames, positions - middle,
                                np.array(normal, dtype=float), 0.5 * sheet.thickness)[:3]
     return result
@@ -123,7 +123,7 @@ class Bodies:
 
     def rooms(self, shape: Shape, least: float = -np.inf) -> Floats:
         """Return (N,) a lower bound in m of the distance of each element, none below `least`."""
-        result: Floats = element_rooms(self._known(shape)[0], *shape.for_kernels, least)
+        result: Floats = element_rooms(self._known(shape)[0], *kernel_arrays(shape), least)
         return result
 
     def least(self, shapes: Sequence[Shape]) -> float:
@@ -338,7 +338,7 @@ def _room_in_plane(scene: Scene, o: int, x: Floats) -> Any:
 def nearest(scene: Scene, shape: Shape) -> list[tuple[float, float, Floats]]:
     """Return [(gap in m, arc length in m, unit normal (3,))] of the DLO's nearest points."""
     s = np.array(shape.s)
-    return [_nearest(scene, o, s, *shape.for_kernels) for o in range(scene.kind.size)]
+    return [_nearest(scene, o, s, *kernel_arrays(shape)) for o in range(scene.kind.size)]
 
 
 @kernel

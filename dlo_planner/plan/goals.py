@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.energy.scene import Scene, build_scene
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import nearest_place
@@ -253,7 +253,7 @@ class Through(Goal):
     def _nearest(self, shape: Shape) -> tuple[float, Floats]:
         """Return the arc length of the passage, and what `nearest_place` fills, (3, 3)."""
         place = np.empty((3, 3))
-        s = nearest_place(shape.s, *shape.for_kernels, np.array(self.point), self.after, place)
+        s = nearest_place(shape.s, *kernel_arrays(shape), np.array(self.point), self.after, place)
         return float(s), place
 
 

@@ -36,7 +36,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
@@ -201,8 +201,8 @@ def curve_distances(this: Shape, that: Shape) -> Floats:
     """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
     ends = this.positions[[0, -1]] - that.positions[[0, -1]]
     reach = float(np.sqrt((ends**2).sum(axis=1).max()))
-    result: Floats = _distances(np.array(this.s), this.for_kernels[3], np.array(that.s),
-                                *that.for_kernels[1:], reach)
+    result: Floats = _distances(np.array(this.s), kernel_arrays(this)[3], np.array(that.s),
+                                *kernel_arrays(that)[1:], reach)
     return result
 
 

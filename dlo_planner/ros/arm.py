@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
@@ -20,45 +19,33 @@ from dlo_planner.arm.robot import parsed, single_joints
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.settings.parameters import ARM
+from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
 from dlo_planner.trajectory.timed_path import TimedPath
 from msg_helpers.trajectories import joint_trajectory_msg, positions_from_joint_state
 
-_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
-                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_LATEST = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+_JOINTS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 _MOST_JOINTS = 1000  # of which positions are remembered
 _STALE = 1.0   # s, after which a position of the arm's joints is not the present one
 _AWAY = 1e-2   # rad or m: farther from its first point the arm has to be brought there
 
 
 class ArmOutput:
-    """Publishes `~/joint_trajectory` when a plan is proved.
+    """Publishes `~/joint_trajectory` when a plan is proved; parameters `arm.*` count for the next.
 
-    Parameters
-    ----------
-    node : object
-        Rclpy Node, whose parameters `arm.*` are declared; they count for the next plan.
+    Listens to robot_description, robot_description_semantic and joint_states.
     """
 
-    def __init__(self, node: Any) -> None:
+    def __init__(self, node: LifecycleNode, group: Any) -> None:
         self._node = node
         self._description = self._semantic = None
         # name -> (rad or m, when it was received)
         self._positions: dict[str, tuple[float, float]] = {}
-        for name, (default, description) in ARM.items():
-            if not node.has_parameter(name):
-                _declare(node, name, default, description)
-        self._out = node.create_publisher(JointTrajectoryMsg, '~/joint_trajectory', _LATCHED)
-
-    def subscribe(self, callback_group: Any = None) -> None:
-        """Listen to robot_description, robot_description_semantic and joint_states."""
+        self._out = node.add_publisher(JointTrajectoryMsg, '~/joint_trajectory', LATCHED)
         for kind, topic, callback, qos in (
-                (String, 'robot_description', self._on_description, _LATCHED),
-                (String, 'robot_description_semantic', self._on_semantic, _LATCHED),
-                (JointState, 'joint_states', self._on_joint_state, _LATEST)):
-            self._node.create_subscription(kind, topic, callback, qos,
-                                           callback_group=callback_group)
+                (String, 'robot_description', self._on_description, LATCHED),
+                (String, 'robot_description_semantic', self._on_semantic, LATCHED),
+                (JointState, 'joint_states', self._on_joint_state, _JOINTS)):
+            node.add_subscription(kind, topic, callback, qos, group)
 
     def on_proof(self, trajectory: TimedPath | None, tool: Pose, stamp: Time,
                  free_roll: bool = False) -> JointTrajectory | None:
@@ -140,26 +127,3 @@ def _current(arm: Arm, known: Mapping[str, tuple[float, float]], now: float) -> 
                           f'{"so far" if unknown else f"in the last {_STALE:g} s"}: expected all '
                           f'of {", ".join((*arm.joints, *arm.carriers))}')
     return np.array([known[name][0] for name in arm.joints])
-
-
-def _declare(node: Any, name: str, default: object, description: str) -> None:
-    """Declare a parameter; a list that is given as empty, or in whole numbers, is understood."""
-    value = node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
-    node.undeclare_parameter(name)
-    try:
-        node.declare_parameter(name, _typed(value, default),
-                               ParameterDescriptor(description=description), ignore_override=True)
-    except (TypeError, ValueError):
-        raise InvalidTask(f'parameter {name} = {value!r}: expected as in {default!r}') from None
-
-
-def _typed(value: Any, default: Any) -> Any:
-    """Return a parameter's value in the type of its default, or raise TypeError or ValueError."""
-    if isinstance(default, list):
-        kind = type(default[0])
-        if isinstance(value, str) or kind is str and any(type(item) is not str for item in value):
-            raise TypeError
-        return [kind(item) for item in value] or default
-    if isinstance(value, str) != isinstance(default, str) or isinstance(value, bool):
-        raise TypeError
-    return type(default)(value)

@@ -25,7 +25,7 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.managed import ALL_LATCHED, REQUEST
+from dlo_planner.ros.lifecycle import ALL_LATCHED, REQUEST
 from dlo_planner.ros.status import stamp_text
 from dlo_planner.settings.tasks import task_to_yaml
 from msg_helpers.obstacles import obstacles_msg

@@ -3,7 +3,6 @@
 """What is seen of the DLO: an estimate of it, by which motions are corrected, or the parameters."""
 
 from collections import deque
-from collections.abc import Callable
 from contextlib import suppress
 from threading import Lock
 from typing import Any
@@ -32,60 +31,47 @@ from dlo_planner.identify.observing import Observing, Swing, deviation
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.drive import room_of
 from dlo_planner.ros.inputs import OneFrame, named, pose_in
-from dlo_planner.ros.managed import LATEST, REQUEST, Gate
+from dlo_planner.ros.lifecycle import LATEST, REQUEST
 from dlo_planner.ros.scene import Scene
-from dlo_planner.ros.state import Made, State
-from dlo_planner.ros.status import Parts
+from dlo_planner.ros.state import PlanResult, State
+from dlo_planner.ros.status import Part, Shared
+from dlo_planner.ros.streaming import room_of
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.view.scene import drawn_radius, estimate_primitives
 from msg_helpers.clouds import points_from_cloud
+from msg_helpers.poses import seconds_of
 
 _REMEMBERED = 500    # gripper poses, until a first cloud comes
 _LONGEST_AGE = 1.0  # s, after which what was seen of the DLO says nothing of it now
 
 
-class Camera:
-    """Hears points of the DLO, and where its cut-out is seen.
+class Estimator(Part):
+    """Hears points of the DLO, and where its cut-out is seen."""
 
-    Parameters
-    ----------
-    node : Gate
-        Rclpy Node.
-    parts : Parts
-    seeing, identifying : object
-        Callback groups: clouds that come quicker than they are looked at starve no service.
-    set_parameters : callable
-        Takes rclpy Parameters, sets all or none, returns a SetParametersResult.
-    """
-
-    def __init__(self, node: Gate, parts: Parts, seeing: Any, identifying: Any,
-                 set_parameters: Callable[..., Any]) -> None:
-        self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
-        self._reporter, self._picture, self._frames = parts.reporter, parts.picture, parts.frames
-        self._set, self._lock, self._turn = set_parameters, Lock(), Lock()
+    def __init__(self, shared: Shared, looks: Any, asking: Any) -> None:
+        super().__init__(shared)
+        self._turn = Lock()  # one look, or identification, after the other
         # (stamp, Pose of the tool frame)
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
         # Scene, Observing of its DLO or None, State.resets
         self._at: tuple[Scene | None, Observing | None, int] = None, None, 0
         self._identified: Estimate | None = None  # of which the parameters are being made
         # running plan, when, the last Correction
-        self._corrected: tuple[Made | None, float, Correction | None] = None, -np.inf, None
+        self._corrected: tuple[PlanResult | None, float, Correction | None] = None, -np.inf, None
         # the plan whose motion is expected, by whom, State.resets
-        self._moves_by: tuple[Made | None, Observing | None, int] = None, None, -1
+        self._moves_by: tuple[PlanResult | None, Observing | None, int] = None, None, -1
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
         # center of the cut-out that was seen, as stated; stamp
         self._hole: tuple[Floats | None, float] = None, -np.inf
-        node.create_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST,
-                                 callback_group=seeing)
-        node.create_subscription(PoseStamped, '~/observed_cutout', self._on_cutout, REQUEST,
-                                 callback_group=seeing)
-        node.create_service(Trigger, '~/identify', self._on_identify, callback_group=identifying)
+        node = self.node
+        node.add_subscription(PointCloud2, '~/observed_points', self._on_points, LATEST, looks)
+        node.add_subscription(PoseStamped, '~/observed_cutout', self._on_cutout, REQUEST, looks)
+        node.add_service(Trigger, '~/identify', self._on_identify, asking)
 
     def gripper(self, pose: Pose, stamp: Time) -> float:
         """Take in a Pose of the tool frame; return how far the DLO is off its plan, m, or nan."""
-        seconds, (scene, observing, _) = _seconds(stamp), self._at
+        seconds, (scene, observing, _) = seconds_of(stamp), self._at
         self._grippers.append((seconds, pose))
         if observing is not None and scene is not None:
             observing.gripper(seconds, pose.compose(scene.tool))
@@ -94,30 +80,31 @@ class Camera:
 
     def observing(self, stamp: Time) -> Observing | None:
         """Return what observes the DLO, None where it was not looked at shortly before a stamp."""
-        observing = self._observing_of(self._store.state)
+        with self._turn:
+            observing = self._observing_of(self.store.state)
         if observing is None:
             return None
-        age = abs(_seconds(stamp) - observing.looked)
+        age = abs(seconds_of(stamp) - observing.looked)
         return observing if age <= max(_LONGEST_AGE, 2 * observing.seeing.period) else None
 
     # ---- looks ------------------------------------------------------------------------------
 
     def _on_points(self, msg: PointCloud2) -> None:
-        with self._turn, self._reporter.answering(
+        with self._turn, self.status.answering(
                 'observed_points', counter='clouds refused', told=False):
-            self._health.count('clouds received')
-            state, stamp = self._store.state, _seconds(msg.header.stamp)
+            self.statistics.count('clouds received')
+            state, stamp = self.store.state, seconds_of(msg.header.stamp)
             observing = self._observing_of(state)
             if observing is None or not observing.due(stamp):
                 return
-            points = points_in(state.scene, msg, 'observed_points', self._frames)
+            points = points_in(state.scene, msg, 'observed_points', self.frames)
             try:
                 estimate = self._look(observing, stamp, points)
             finally:  # what no equilibrium explains is a disagreement as well
                 if observing.doubted and state.looking is None:
-                    self._store.change(lambda now: now.stopped(
+                    self.store.change(lambda now: now.stopped(
                         Cause.LOOKS_DISAGREE, disagreement(observing)))
-            self._health.estimated(estimate)
+            self.statistics.estimated(estimate)
             self._draw(state, estimate, points, msg.header.stamp)
             if state.executing:
                 self._compare(state, stamp, points, observing)
@@ -134,9 +121,9 @@ class Camera:
 
         What was seen of the DLO is forgotten with it: the camera's error is one of both.
         """
-        with self._turn, self._reporter.answering('observed_cutout', told=False):
-            state, stamp = self._store.state, _seconds(msg.header.stamp)
-            seen = pose_in(state.scene, msg, 'observed_cutout', self._frames).position
+        with self._turn, self.status.answering('observed_cutout', told=False):
+            state, stamp = self.store.state, seconds_of(msg.header.stamp)
+            seen = pose_in(state.scene, msg, 'observed_cutout', self.frames).position
             observing, stated = self._observing_of(state), cutout_of(state)
             if observing is None or stated is None:
                 return
@@ -163,27 +150,26 @@ class Camera:
         if state.gripper is not None:
             shape, scene = estimate.shape(state.gripper), state.scene
             if shape.converged:
-                self._picture.show('estimate', scene.frame_id, stamp, lambda: estimate_primitives(
+                self.markers.show('estimate', scene.frame_id, stamp, lambda: estimate_primitives(
                     shape, drawn_radius(scene.direct.rod), points))
 
     def _observing_of(self, state: State) -> Observing | None:
         """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""
         scene = state.scene
-        with self._lock:
-            known, observing, resets = self._at
-            kept = state.executing and state.looking is not None  # by the closed loop
-            if known is None or not kept and (known.seeing, known.tool, known.direct.rod) != (
-                    scene.seeing, scene.tool, scene.direct.rod):
-                observing = observing_of(scene, list(self._grippers), self._identified)
-                self._identified = None
-            elif resets != state.resets and observing is not None:
-                observing.reset()
-            self._at = known if kept else scene, observing, state.resets
-            return observing
+        known, observing, resets = self._at
+        kept = state.executing and state.looking is not None  # by the closed loop
+        if known is None or not kept and (known.seeing, known.tool, known.direct.rod) != (
+                scene.seeing, scene.tool, scene.direct.rod):
+            observing = observing_of(scene, list(self._grippers), self._identified)
+            self._identified = None
+        elif resets != state.resets and observing is not None:
+            observing.reset()
+        self._at = known if kept else scene, observing, state.resets
+        return observing
 
     def _expect(self, state: State, observing: Observing) -> None:
         """Have the DLO expected as inertia bends it in the motion that was proved."""
-        made, proof = state.made, state.proof
+        made, proof = state.planned, state.proof
         known = made, observing, state.resets
         if known == self._moves_by or made is None or proof is None or not proof.safe:
             return
@@ -196,8 +182,8 @@ class Camera:
 
     def _time_at(self, stamp: float) -> float:
         """Return the time of the motion, s, at a stamp; at rest after its end."""
-        execution = self._store.state.execution
-        if execution is None or self._store.state.running is not self._moves_by[0]:
+        execution = self.store.state.execution
+        if execution is None or self.store.state.running is not self._moves_by[0]:
             return -np.inf
         return execution.done_at(stamp) if execution.active else np.inf
 
@@ -248,23 +234,23 @@ class Camera:
         left, moving = entry - execution.done, in_motion(execution)
         bound = aimed.bound_before if reason else aimed.bound
         if left > 0:
-            self._health.expected(bound + moving)
+            self.statistics.expected(bound + moving)
         room = room_of(made)
         barred = '' if room is None else kept_out(bound, room, left, moving)
         if barred:
-            self._store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
+            self.store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
         elif not reason:
-            after = self._store.change(lambda now: now.steered(execution.way, lambda done: (
+            after = self.store.change(lambda now: now.with_correction(execution.way, lambda done: (
                 steered.corrected(done, found, reached[found.first:])))).execution
             if after is None or after.way is way:
                 reason = (after and after.refusal) or 'it came when the motion had ended'
-        self._health.corrected(found, barred or reason)
+        self.statistics.corrected(found, barred or reason)
 
     # ---- identification ---------------------------------------------------------------------
 
     def _on_identify(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        with self._turn, self._reporter.answering('identify', answer=response) as outcome:
-            state = self._store.state
+        with self._turn, self.status.answering('identify', answer=response) as outcome:
+            state = self.store.state
             if state.executing:
                 raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or '
                               '~/cancel')
@@ -279,19 +265,20 @@ class Camera:
                               '~/reset')
             changed = parameters_of_estimate(estimate, state.values)
             self._identified = estimate
-            result = self._set([Parameter(name, value=value) for name, value in changed.items()])
+            result = self.node.set_parameters_atomically(
+                [Parameter(name, value=value) for name, value in changed.items()])
             if not result.successful:
                 self._identified = None
                 raise Refused(Cause.INVALID_PARAMETER, result.reason)
-            self._observing_of(self._store.state)  # from now on; what was told stays told
-            outcome.message = told(estimate)
+            self._observing_of(self.store.state)  # from now on; what was told stays told
+            outcome.message = estimate_summary(estimate)
             outcome.values = {name: str(value) for name, value in changed.items()}
         return response
 
 
 def cutout_of(state: State) -> Floats | None:
     """Return the center of the one cut-out of what is executed or planned, None: there is none."""
-    made = state.running if state.executing else state.made
+    made = state.running if state.executing else state.planned
     centers = [] if made is None else [one[0] for some in made.plan.via_points for one in some]
     if not centers or any((center != centers[0]).any() for center in centers):
         return None
@@ -323,11 +310,7 @@ def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Fl
     return result
 
 
-def _seconds(stamp: Time) -> float:
-    return float(stamp.sec + 1e-9 * stamp.nanosec)
-
-
-def told(estimate: Estimate) -> str:
+def estimate_summary(estimate: Estimate) -> str:
     """Return in a sentence what an Estimate says: the numbers that were told by what was seen."""
     values, deviations = estimate.values, estimate.deviations
     prior = dict(zip(estimate.names, estimate.uncertain.deviations.tolist(), strict=True))

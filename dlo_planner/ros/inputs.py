@@ -40,15 +40,7 @@ class OneFrame:
 
 
 class TfFrames(OneFrame):
-    """Knows what tf knows.
-
-    Parameters
-    ----------
-    node : object
-        Rclpy Node that listens to /tf and /tf_static.
-    tf2 : object
-        Module tf2_ros.
-    """
+    """Knows what tf knows."""
 
     def __init__(self, node: Any, tf2: Any) -> None:
         from rclpy.duration import Duration  # noqa: PLC0415

@@ -41,8 +41,8 @@ def main(args: list[str] | None = None) -> int:
 
 
 def _planner() -> tuple[Any, Any]:
-    from dlo_planner.ros.managed import PatientExecutor  # noqa: PLC0415
-    from dlo_planner.ros.planner_node import THREADS, PlannerNode  # noqa: PLC0415
+    from dlo_planner.ros.lifecycle import PatientExecutor  # noqa: PLC0415
+    from dlo_planner.ros.node import THREADS, PlannerNode  # noqa: PLC0415
     return PlannerNode(), PatientExecutor(num_threads=THREADS)
 
 
@@ -52,16 +52,7 @@ def _computes_on() -> bool:
 
 
 class Process:
-    """One node, its executor, and the thread that runs both.
-
-    Parameters
-    ----------
-    make : callable
-        Returns the node, which has `end()`, and its PatientExecutor; called once ROS is there, in a
-        thread that is not the main one.
-    args : list of str
-        Args of the command line.
-    """
+    """One node, its executor, and the thread that runs both."""
 
     def __init__(self, make: Callable[[], tuple[Any, Any]], args: list[str]) -> None:
         self._make, self._args = make, args

@@ -29,10 +29,10 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import interrupted_by
 from dlo_planner.ros.inputs import goals_in, judge_distance, pose_in
-from dlo_planner.ros.managed import LATCHED, REQUEST, Gate
+from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.ros.scene import Scene
-from dlo_planner.ros.state import Made, Proof, State
-from dlo_planner.ros.status import Outcome, Parts, stamp_text
+from dlo_planner.ros.state import PlanResult, Proof, State
+from dlo_planner.ros.status import Outcome, Part, Shared, stamp_text
 from dlo_planner.settings.tasks import (
     Present,
     Wanted,
@@ -52,16 +52,8 @@ _SERVICES = {'plan': None, 'plan_threading': 'Thread', 'plan_insertion': 'Insert
 _BY_DEFAULT: Mapping[str, Any] = {'Thread': {'type': 'Thread'}, 'Insert': {'type': 'Insert'}}
 
 
-class Run:
-    """A plan that is being made, and whether it is still wanted.
-
-    Parameters
-    ----------
-    deadline : float
-        Seconds from now.
-    now : callable, optional
-        Function that returns s, steady.
-    """
+class PlanningJob:
+    """A plan that is being made, with seconds to its deadline, and whether it is still wanted."""
 
     def __init__(self, deadline: float, now: Callable[[], float] = monotonic) -> None:
         self._now, self._begun, self._deadline = now, now(), deadline
@@ -81,48 +73,33 @@ class Run:
                           f'threading.planning_deadline = {self._deadline:g} s at most')
 
 
-class Planning:
-    """Answers planning requests.
+class PlanningServer(Part):
+    """Answers planning requests, one at a time; `prove` is called when there is a plan to prove."""
 
-    Parameters
-    ----------
-    node : Gate
-        Rclpy Node.
-    parts : Parts
-    prove : callable
-        Called when there is a plan to be proved.
-    planning, answering : object
-        Callback groups of the topics and of the services: tasks that come quicker than plans are
-        made starve no service.
-    """
-
-    def __init__(self, node: Gate, parts: Parts, prove: Callable[[], object], planning: Any,
-                 answering: Any) -> None:
-        self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
-        self._reporter, self._picture = parts.reporter, parts.picture
-        self._frames, self._prove = parts.frames, prove
+    def __init__(self, shared: Shared, prove: Callable[[], object], tasks: Any,
+                 planning: Any) -> None:
+        super().__init__(shared)
+        self._prove = prove
         self._lock, self._turn, self._ended = Lock(), Lock(), ''
-        self._run: Run | None = None
-        self._out = node.create_publisher(Path, '~/gripper_trajectory', LATCHED)
+        self._job: PlanningJob | None = None
+        node = self.node
+        self._out = node.add_publisher(Path, '~/gripper_trajectory', LATCHED)
         for kind, name, callback in ((String, 'task', self._on_task),
                                      (PoseStamped, 'task_goal', self._on_goal),
                                      (Goals, 'task_goals', self._on_goals)):
-            node.create_subscription(kind, f'~/{name}', callback, REQUEST,
-                                     callback_group=planning)
+            node.add_subscription(kind, f'~/{name}', callback, REQUEST, tasks)
         for name, kind in _SERVICES.items():
-            node.create_service(GetPlan, f'~/{name}', partial(self._on_plan, name, kind),
-                                callback_group=answering)
-        node.create_service(GetPlan, '~/plan_two_cutouts', self._on_plan_two_cutouts,
-                            callback_group=answering)
-        node.create_service(Trigger, '~/replan', self._on_replan, callback_group=answering)
+            node.add_service(GetPlan, f'~/{name}', partial(self._on_plan, name, kind), planning)
+        node.add_service(GetPlan, '~/plan_two_cutouts', self._on_plan_two_cutouts, planning)
+        node.add_service(Trigger, '~/replan', self._on_replan, planning)
 
     def cancel(self, reason: str, for_good: bool = False) -> bool:
         """End the plan that is being made; return whether there was one."""
         with self._lock:
             self._ended = reason if for_good else self._ended
-            if self._run is None:
+            if self._job is None:
                 return False
-            self._run.cancel(reason)
+            self._job.cancel(reason)
             return True
 
     def allow(self) -> None:
@@ -135,12 +112,12 @@ class Planning:
     def _on_task(self, msg: String) -> None:
         with self._answering('task', None) as outcome:
             content = open_task(msg.data)
-            state = self._store.change(lambda now: now.opened(content))
+            state = self.store.change(lambda now: now.opened(content))
             self._plan(outcome, state, self._closed(state, content, None, 'task'), state.gripper)
 
     def _on_goal(self, msg: PoseStamped) -> None:
         with self._answering('task_goal', msg.header.stamp) as outcome:
-            state = self._store.state
+            state = self.store.state
             goal = self._pose(state, msg, 'task_goal')
             content = state.open_task() or state.scene.task
             self._plan(outcome, state, self._closed(state, content, goal, 'task_goal'),
@@ -148,15 +125,15 @@ class Planning:
 
     def _on_goals(self, msg: Goals) -> None:
         with self._answering('task_goals', msg.header.stamp) as outcome:
-            state = self._store.state
-            goals = goals_in(state.scene, msg, 'task_goals', self._frames)
+            state = self.store.state
+            goals = goals_in(state.scene, msg, 'task_goals', self.frames)
             self._plan(outcome, state, through(state.scene, goals), state.gripper)
 
     def _on_plan(self, name: str, kind: str | None, request: GetPlan.Request,
                  response: GetPlan.Response) -> GetPlan.Response:
         """Plan a task; where the frame of `start` or `goal` is empty, it is left out."""
         with self._answering(name, stamp_of(request.goal, request.start)) as outcome:
-            state = self._store.state
+            state = self.store.state
             start, goal = (self._pose(state, msg, f'{name}.{field}') if msg.header.frame_id
                            else None for field, msg in (('start', request.start),
                                                         ('goal', request.goal)))
@@ -173,7 +150,7 @@ class Planning:
                              response: GetPlan.Response) -> GetPlan.Response:
         name = 'plan_two_cutouts'
         with self._answering(name, stamp_of(request.start, request.goal)) as outcome:
-            state = self._store.state
+            state = self.store.state
             goals = [self._pose(state, msg, f'{name}.{field}') for field, msg in (
                 ('start', request.start), ('goal', request.goal))]
             response.plan = self._plan(outcome, state, through(state.scene, goals),
@@ -182,7 +159,7 @@ class Planning:
 
     def _on_replan(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._answering('replan', answer=response) as outcome:
-            state = self._store.state
+            state = self.store.state
             if state.task is None:
                 raise Refused(Cause.NO_GOAL, 'there is no task yet: send one to ~/task, or its '
                               'pose to ~/task_goal')
@@ -192,12 +169,12 @@ class Planning:
     @contextmanager
     def _answering(self, what: str, stamp: Time | None = None,
                    answer: Any = None) -> Iterator[Outcome]:
-        with self._turn, self._reporter.answering(what, stamp=stamp, answer=answer,
+        with self._turn, self.status.answering(what, stamp=stamp, answer=answer,
                                                   counter='plans refused') as outcome:
             yield outcome
 
     def _pose(self, state: State, msg: PoseStamped, name: str) -> Pose:
-        return pose_in(state.scene, msg, name, self._frames)
+        return pose_in(state.scene, msg, name, self.frames)
 
     def _closed(self, state: State, content: Mapping[str, Any], goal: Pose | None,
                 name: str) -> Task:
@@ -212,7 +189,7 @@ class Planning:
     def _plan(self, outcome: Outcome, state: State, task: Task, start: Pose | None,
               miss: float | None = None) -> Path:
         """Plan, publish and return the trajectory of the tool frame as a Path."""
-        self._store.change(lambda now: now.asked(task))
+        self.store.change(lambda now: now.asked(task))
         begun = monotonic()
         if state.scene.grasped is not None:
             raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = '
@@ -223,41 +200,41 @@ class Planning:
                           'far_end.hold = free, or no pose, for a plan')
         plan, before = self._made(state, task, start, miss)
         seconds = monotonic() - begun
-        scene, stamp = state.scene, self._clock.now().to_msg()
-        made = Made(scene, plan, before, stamp, task, outcome.stamp)
-        self._store.change(lambda now: now.planned(made))
+        scene, stamp = state.scene, self.node.get_clock().now().to_msg()
+        made = PlanResult(scene, plan, before, stamp, task, outcome.stamp)
+        self.store.change(lambda now: now.with_plan(made))
         back = scene.tool.inverse()
         path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
                          scene.frame_id, stamp)
         self._out.publish(path)
-        self._picture.show('plan', scene.frame_id, stamp, lambda: plan_primitives(
+        self.markers.show('plan', scene.frame_id, stamp, lambda: plan_primitives(
             plan, cutouts_of(task), drawn_radius(scene.direct.rod)))
-        self._health.plan_proved(Proof(plan))  # what was said of the plan before is over
-        self._health.plan_done(plan, seconds, stamp)
+        self.statistics.plan_proved(Proof(plan))  # what was said of the plan before is over
+        self.statistics.plan_done(plan, seconds, stamp)
         self._prove()
         outcome.message = f'{len(plan)} gripper poses'
         outcome.values = {'task': type(task).__name__, 'plan stamp': stamp_text(stamp),
                           'waypoints': len(plan), 'seconds': seconds,
                           'largest miss [m]': float(plan.position_error.max()),
                           'smallest stability': float(plan.stability.min())}
-        self._reporter.info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
+        self.status.info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
                             f'largest miss {plan.position_error.max():.1e} m, '
                             f'smallest stability {plan.stability.min():.2f}')
         return path
 
     def _made(self, state: State, task: Task, start: Pose | None,
               miss: float | None) -> tuple[Plan, Shape | None]:
-        run = Run(state.scene.planning_deadline)
+        job = PlanningJob(state.scene.planning_deadline)
         with self._lock:
             if self._ended:
                 raise Refused(Cause.PLANNING_CANCELED, self._ended)
-            self._run = run
+            self._job = job
         try:
-            with interrupted_by(run.check):
+            with interrupted_by(job.check):
                 return make_plan(state.scene, task, start, state.shape, miss)
         finally:
             with self._lock:
-                self._run = None
+                self._job = None
 
 
 def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,

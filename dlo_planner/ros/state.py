@@ -34,30 +34,17 @@ _SEEN = 3  # periods before and after a motion, in which its jerk is seen
 
 
 @dataclass(frozen=True)
-class Made:
-    """A plan, and with what it was made.
-
-    Attributes
-    ----------
-    scene : Scene
-    plan : Plan
-    before : Shape or None
-        Shape of the DLO before the first pose, or None.
-    stamp : Time
-        builtin_interfaces/Time of the messages that carry it.
-    task : Task
-    asked : Time
-        builtin_interfaces/Time of the request for it.
-    """
+class PlanResult:
+    """A plan, and with what it was made."""
 
     scene: Scene
     plan: Plan
-    before: Shape | None
-    stamp: Time
+    before: Shape | None  # of the DLO before the first pose, None: any
+    stamp: Time           # of the messages that carry it
     task: Task
-    asked: Time
+    asked: Time           # of the request for it
 
-    def is_as(self, other: Made) -> bool:
+    def is_as(self, other: PlanResult) -> bool:
         """Whether another plan is as good as the same one: the same way, in the same scene."""
         return (self.scene.keeps_plans(other.scene) and len(self.plan) == len(other.plan)
                 and all(np.linalg.norm(one.position - another.position) <= _SAME[0]
@@ -68,25 +55,12 @@ class Made:
 
 @dataclass(frozen=True)
 class Proof:
-    """How far the proof of a plan has come, and what it says.
-
-    Attributes
-    ----------
-    plan : Plan
-    report : ValidationReport or None
-        ValidationReport, of the last step that was done, or None.
-    reason : str
-        Why its trajectory must not be executed; empty: it may be.
-    done : bool
-        Whether no step is left.
-    cause : Cause
-        Number of the reason.
-    """
+    """How far the proof of a plan has come, and what it says."""
 
     plan: Plan
-    report: ValidationReport | None = None
-    reason: str = _CHECKED
-    done: bool = False
+    report: ValidationReport | None = None  # of the last step that was done
+    reason: str = _CHECKED  # why its trajectory must not be executed; empty: it may be
+    done: bool = False      # whether no step is left
     cause: Cause = Cause.PROOF_PENDING
 
     @property
@@ -112,64 +86,28 @@ class Looking(NamedTuple):
 
 @dataclass(frozen=True)
 class State:
-    """What the node knows; its methods return the next State.
-
-    Attributes
-    ----------
-    scene : Scene
-    values : dict
-        Values of the parameters, and bodies: (namespace, id) -> obstacle, that it is made of.
-    shape : Shape or None
-        The last Shape of the DLO, None: it begins with its natural one.
-    resets : int
-        How often the shape was forgotten.
-    pose : Pose or None
-        Pose of the tool frame, the last one that came, or None.
-    heard : Heard or None
-        The last one that was not too old when it came, or None.
-    far_end : Heard or None
-        The last pose of the far end's grip, or None.
-    tasks : dict
-        The last task of each type that came on ~/task, as `open_task` returns it, the newest last.
-    task : Task or None
-        The last task that a plan was asked for, or None.
-    made : Made or None
-        The last plan, None: there is none, `void` says why.
-    proof : Proof or None
-        Proof of it, as far as it has come.
-    execution : Execution or None
-        The last Execution, or None.
-    running : Made or None
-        The plan that it executes.
-    looking : Looking or None
-        How that stands, if it is in a closed loop; else None.
-    latest : Made or None
-        The last plan that was made, void or not, or None.
-    others : int
-        How many plans were made since an execution began that differ from the one before.
-    enabled : Enabled or None
-        What was heard last of whether the gripper may move, or None.
-    """
+    """What the node knows; its methods return the next State."""
 
     scene: Scene
-    values: Mapping[str, Any]
-    bodies: Mapping[tuple[str, int], Any] = field(default_factory=dict)
-    shape: Shape | None = None
-    resets: int = 0
-    pose: Pose | None = None
-    heard: Heard | None = None
-    far_end: Heard | None = None
+    values: Mapping[str, Any]  # of the parameters that it is made of
+    bodies: Mapping[tuple[str, int], Any] = field(default_factory=dict)  # obstacles by ns and id
+    shape: Shape | None = None  # the last one, None: the DLO begins with its natural one
+    resets: int = 0             # how often the shape was forgotten
+    pose: Pose | None = None    # of the tool frame, the last one that came
+    feedback: Heard | None = None  # the last one that was not too old when it came
+    far_end: Heard | None = None   # the last pose of the far end's grip
+    # the last task of each type that came on ~/task, as `open_task` returns it, the newest last
     tasks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    task: Task | None = None
-    made: Made | None = None
-    void: str = 'there is no plan yet'
-    proof: Proof | None = None
-    execution: Execution | None = None
-    running: Made | None = None
-    looking: Looking | None = None
-    latest: Made | None = None
-    others: int = 0
-    enabled: Enabled | None = None
+    task: Task | None = None    # the last one that a plan was asked for
+    planned: PlanResult | None = None  # the last plan, None: there is none, `no_plan` says why
+    no_plan: str = 'there is no plan yet'
+    proof: Proof | None = None  # of that plan, as far as it has come
+    execution: Execution | None = None  # the last one
+    running: PlanResult | None = None   # the plan that it executes
+    looking: Looking | None = None      # how that stands, if it is in a closed loop
+    latest: PlanResult | None = None    # the last plan that was made, valid or not
+    others: int = 0  # plans made since an execution began that differ from the one before
+    enabled: Enabled | None = None      # what was heard last of whether the gripper may move
 
     @property
     def gripper(self) -> Pose | None:
@@ -193,16 +131,18 @@ class State:
     def without_plan(self, cause: Cause, reason: str) -> State:
         """Return the State in which the plan is void, and what is executed comes to rest."""
         state = self.stopped(cause, reason)
-        return state if state.made is None else replace(state, made=None, proof=None, void=reason)
+        if state.planned is None:
+            return state
+        return replace(state, planned=None, proof=None, no_plan=reason)
 
     # ---- shapes -----------------------------------------------------------------------------
 
-    def hearing(self, heard: Heard) -> State:
+    def with_feedback(self, heard: Heard) -> State:
         """Return the State after a gripper pose; one that is too old is no news of the gripper."""
         limit = self.scene.guards.incoming_command_timeout
         fresh = not limit or abs(heard.age) <= limit
-        return replace(self, pose=heard.pose, heard=replace(heard, age=max(heard.age, 0.0))
-                       if fresh else self.heard)
+        return replace(self, pose=heard.pose, feedback=replace(heard, age=max(heard.age, 0.0))
+                       if fresh else self.feedback)
 
     def held_at(self, now: float) -> FarEnd | None:
         """Return what holds the far end at `now` s, steady; None: it is free."""
@@ -212,7 +152,7 @@ class State:
             return None
         return FarEnd(heard.pose, scene.far_hold)
 
-    def allowing(self, enabled: Enabled) -> State:
+    def with_enabled(self, enabled: Enabled) -> State:
         """Return the State after it was heard whether the gripper may move."""
         return replace(self, enabled=enabled)
 
@@ -242,17 +182,17 @@ class State:
         """Return the State in which a plan of a task was asked for."""
         return replace(self, task=task)
 
-    def planned(self, made: Made) -> State:
+    def with_plan(self, made: PlanResult) -> State:
         """Return the State with a plan; raise Refused if it was made for another scene."""
         if not made.scene.keeps_plans(self.scene):
             raise Refused(Cause.SCENE_CHANGED, 'obstacles or parameters changed while the plan was '
                           'made: ask again')
         others = self.others + (self.latest is None or not made.is_as(self.latest))
-        return replace(self, made=made, proof=Proof(made.plan), latest=made, others=others)
+        return replace(self, planned=made, proof=Proof(made.plan), latest=made, others=others)
 
-    def proved(self, proof: Proof) -> State:
+    def with_proof(self, proof: Proof) -> State:
         """Return the State with a Proof, if it is of the last plan."""
-        if self.made is None or proof.plan is not self.made.plan:
+        if self.planned is None or proof.plan is not self.planned.plan:
             return self
         return replace(self, proof=proof)
 
@@ -261,10 +201,11 @@ class State:
     def started(self, now: float, wanted: Time | None = None) -> State:
         """Return the State in which the last plan is executed, from `now` s on."""
         proved = ready(self, now, wanted)
-        assert self.made is not None and self.heard is not None  # `ready` looks at both
-        scene = self.made.scene
-        way, begin = blend_from_current_pose(proved, self.heard.pose.compose(scene.tool),
-                                      self.made.plan.shapes[0], scene.limits, scene.period)
+        assert self.planned is not None and self.feedback is not None  # `ready` looks at both
+        scene = self.planned.scene
+        way, begin = blend_from_current_pose(
+            proved, self.feedback.pose.compose(scene.tool), self.planned.plan.shapes[0],
+            scene.limits, scene.period)
         times = np.arange(-_SEEN, proved.duration / scene.period + _SEEN) * scene.period
         part = used(proved.frames(times), scene.limits, scene.period)
         if part > EXACT:
@@ -273,10 +214,11 @@ class State:
         execution = Execution(way, scene.tool.inverse(), scene.frame_id, self.scene.guards,
                               scene.period, self.scene.horizon, scene.limits, begin=begin,
                               done=begin)
-        return replace(self, execution=execution, running=self.made, looking=None,
+        return replace(self, execution=execution, running=self.planned, looking=None,
                        latest=None, others=0)
 
-    def looked(self, before: Execution | None, execution: Execution, looking: Looking) -> State:
+    def after_loop_tick(self, before: Execution | None, execution: Execution,
+                        looking: Looking) -> State:
         """Return the State after a tick of a closed loop, `before` which it was another Execution.
 
         What was stopped meanwhile stays so: the next tick hears it.
@@ -285,13 +227,14 @@ class State:
             return self
         return replace(self._with_execution(execution), looking=looking)
 
-    def ticked(self, now: float, stamp: float | None = None) -> State:
+    def after_tick(self, now: float, stamp: float | None = None) -> State:
         """Return the State with the next command, at `now` s, `stamp` s on the stamps' clock."""
         if self.execution is None:
             return self
-        return self._with_execution(self.execution.tick(now, self.heard, stamp, self.enabled))
+        return self._with_execution(self.execution.tick(now, self.feedback, stamp, self.enabled))
 
-    def steered(self, way: TimedPath | Steered, corrected: Callable[[float], Steered]) -> State:
+    def with_correction(self, way: TimedPath | Steered,
+                        corrected: Callable[[float], Steered]) -> State:
         """Return the State in which the rest of what is executed is corrected."""
         execution = self.execution
         if execution is None or execution.phase != 'running' or execution.way is not way:
@@ -317,19 +260,19 @@ class State:
             return self
         return self._with_execution(self.execution.stop(cause, reason))
 
-    def detailed(self, cause: Cause, reason: str) -> State:
+    def with_detail(self, cause: Cause, reason: str) -> State:
         """Return the State that says more of why the plan is void, if that is the cause."""
         execution = self.execution
         if execution is None or execution.cause != cause:
             return self
         return replace(self, execution=replace(execution, reason=reason),
-                       void=reason if self.made is None else self.void)
+                       no_plan=reason if self.planned is None else self.no_plan)
 
     def _with_execution(self, execution: Execution) -> State:
         """Return the State with another Execution; a plan that was not finished is void."""
         state = replace(self, execution=execution)
-        if execution.phase in ('stopping', 'stopped') and self.made is self.running:
-            return replace(state, made=None, proof=None, void=execution.reason)
+        if execution.phase in ('stopping', 'stopped') and self.planned is self.running:
+            return replace(state, planned=None, proof=None, no_plan=execution.reason)
         return state
 
 
@@ -354,19 +297,19 @@ def ready(state: State, now: float, wanted: Time | None = None) -> TimedPath:
     """Return the Trajectory to be executed: the one that was proved."""
     if state.executing:
         raise Refused(Cause.EXECUTING, 'a plan is being executed: expected its end, or ~/cancel')
-    if state.made is None:
-        raise Refused(Cause.NO_PLAN, f'there is no plan: {state.void}')
-    _meant(state, state.made, wanted)
+    if state.planned is None:
+        raise Refused(Cause.NO_PLAN, f'there is no plan: {state.no_plan}')
+    _meant(state, state.planned, wanted)
     proof = state.proof
     assert proof is not None  # every plan has one
     if not proof.safe:
         raise Refused(proof.cause, proof.reason)
     _heard_lately(state, now)
-    assert proof.report is not None and state.heard is not None
+    assert proof.report is not None and state.feedback is not None
     way, scene = proof.report.trajectory, state.scene
     assert way is not None  # what is safe has one
-    first = way.poses([0.0])[0].compose(state.made.scene.tool.inverse())
-    here = state.heard.pose
+    first = way.poses([0.0])[0].compose(state.planned.scene.tool.inverse())
+    here = state.feedback.pose
     away = float(np.linalg.norm(here.position - first.position))
     if away > scene.start_distance:
         raise Refused(Cause.NOT_AT_START, f'the gripper is {away:.3g} m from where the plan '
@@ -380,7 +323,7 @@ def ready(state: State, now: float, wanted: Time | None = None) -> TimedPath:
     return way
 
 
-def _meant(state: State, made: Made, wanted: Time | None) -> None:
+def _meant(state: State, made: PlanResult, wanted: Time | None) -> None:
     """Refuse to execute a plan that may be another one than is meant."""
     if wanted is None and state.others > 1:
         raise Refused(Cause.OTHER_PLAN, f'{state.others} different plans were made since an '
@@ -400,10 +343,10 @@ def _heard_lately(state: State, now: float) -> None:
         raise Refused(Cause.NO_GRIPPER_POSE, 'no gripper pose is known: send ~/gripper_pose')
     limit = state.scene.guards.incoming_command_timeout
     expected = f'expected incoming_command_timeout = {limit:g} s at most, by its stamp'
-    if state.heard is None:
+    if state.feedback is None:
         raise Refused(Cause.OLD_GRIPPER_POSE, 'gripper_pose: each one that came was too old, or '
                       f'from the future: {expected}')
-    age = state.heard.age + now - state.heard.arrived
+    age = state.feedback.age + now - state.feedback.arrived
     if limit and age > limit:
         raise Refused(Cause.OLD_GRIPPER_POSE,
                       f'gripper_pose: the last one is {age:.3g} s old: {expected}')
@@ -421,9 +364,6 @@ class Store:
     def __init__(self, state: State) -> None:
         self._lock = Lock()
         self._state = state
-        # Scenes take long to build. Whoever replaces it holds this one from reading to writing:
-        # shapes, plans and commands do not wait for it.
-        self.rebuilding = Lock()
 
     @property
     def state(self) -> State:

@@ -6,7 +6,7 @@ import traceback
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from threading import Lock
 from time import monotonic
 from typing import Any
@@ -22,7 +22,7 @@ from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.inputs import OneFrame, brief_text, named
-from dlo_planner.ros.managed import LATCHED, Gate
+from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
 from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.state import Proof, Store
 from dlo_planner.verify.report import ValidationReport
@@ -30,6 +30,8 @@ from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
 
 _RECENT = 50      # shapes over which rates and latencies are averaged
 _STALE = 30.0     # s that an error stays the headline
+_QUIET = 1.0      # s between lines of the log about the same thing
+_MOST_TRACED = 10_000  # characters of a traceback
 
 
 _REPORTED = {  # figures of a ValidationReport
@@ -62,8 +64,8 @@ def figures_of(report: ValidationReport | None) -> dict[str, Any]:
             **{text: float(getattr(report, name, np.nan)) for name, text in _REPORTED.items()}}
 
 
-class Health:
-    """Counters, rates, latencies and the last error; safe to use from several threads."""
+class Statistics:
+    """Counters, rates, latencies and the last error of the node; for any thread."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -76,6 +78,7 @@ class Health:
         self._shape: Shape | None = None
         self._error: str | None = None
         self._error_time = -np.inf
+        self._written: dict[object, float] = {}  # when a line of each kind was, s
 
     def count(self, name: str) -> None:
         """Add one to the counter `name`."""
@@ -140,8 +143,16 @@ class Health:
     def failed(self, reason: str) -> None:
         """Take the reason of a refusal or failure."""
         with self._lock:
-            self._error = reason
-            self._error_time = monotonic()
+            self._error, self._error_time = reason, monotonic()
+
+    def may_write(self, kind: object) -> bool:
+        """Whether a line of this kind may be written to the log: one in a second."""
+        now = monotonic()
+        with self._lock:
+            if now - self._written.get(kind, -np.inf) < _QUIET:
+                return False
+            self._written[kind] = now
+            return True
 
     def report(self) -> tuple[bytes, str, dict[str, Any]]:
         """Return level, message and values for `msg_helpers.diagnostics.diagnostics_msg`."""
@@ -169,62 +180,23 @@ class Health:
             return OK, 'ready', values
 
 
-_MOST_TRACED = 10_000  # characters of a traceback
-_QUIET = 1.0  # s between lines of the log about the same thing
-
-
-class Throttle:
-    """Lets one line in a second through, of each kind; safe to use from several threads."""
-
-    def __init__(self, quiet: float = _QUIET) -> None:
-        self._quiet, self._lock = quiet, Lock()
-        self._last: dict[object, float] = {}
-
-    def passes(self, key: object, now: float) -> bool:
-        """Whether a line of this kind may be written at `now` s."""
-        with self._lock:
-            if now - self._last.get(key, -np.inf) < self._quiet:
-                return False
-            self._last[key] = now
-            return True
-
-
+@dataclass
 class Outcome:
-    """What is said of a request that is done.
+    """What is said of a request that is done."""
 
-    Attributes
-    ----------
-    message : str
-        One line.
-    warning : str
-        What is not as one would wish, though it is done; '': nothing. Added to the message.
-    stamp : Time
-        builtin_interfaces/Time of the request.
-    values : dict
-        What else there is to say, by name.
-    """
-
-    def __init__(self, stamp: Time) -> None:
-        self.message, self.warning, self.stamp = 'done', '', stamp
-        self.values: dict[str, Any] = {}
+    stamp: Time  # of the request
+    message: str = 'done'
+    warning: str = ''  # what is not as one would wish, though it is done
+    values: dict[str, Any] = field(default_factory=dict)
 
 
-class Reporter:
-    """Tells how requests ended.
+class Status:
+    """Tells how requests ended: refused with a code, in one place; nothing leaves a callback."""
 
-    Parameters
-    ----------
-    node : Gate
-        Rclpy Node.
-    store : Store
-    health : Health
-    """
-
-    def __init__(self, node: Gate, store: Store, health: Health) -> None:
-        self._node, self._store, self._health = node, store, health
-        self._log, self._throttle = node.get_logger(), Throttle()
-        self._seen: set[Any] = set()
-        self._out = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
+    def __init__(self, node: LifecycleNode, store: Store, statistics: Statistics) -> None:
+        self._node, self._store, self._statistics = node, store, statistics
+        self._log, self._traced = node.get_logger(), set[Any]()
+        self._out = node.add_publisher(DiagnosticStatus, '~/status', LATCHED)
 
     @contextmanager
     def answering(self, what: str, *, stamp: Time | None = None, answer: Any = None,
@@ -237,7 +209,7 @@ class Reporter:
         except Exception as error:  # an exception that leaves a callback ends the node
             cause, reason = self._refusal(what, error)
             if counter is not None:
-                self._health.count(counter)
+                self._statistics.count(counter)
             self.failed(what, cause, reason)
             if told:
                 self.tell(what, cause, reason, stamp)
@@ -259,8 +231,8 @@ class Reporter:
                                 self._store.state.bodies)
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = type(error).__name__, last.filename, last.lineno
-        if place not in self._seen:
-            self._seen.add(place)
+        if place not in self._traced:
+            self._traced.add(place)
             self._log.error(brief_text(''.join(traceback.format_exception(error)),
                                        _MOST_TRACED))
         return cause, brief_text(f'{what} failed: {type(error).__name__}: {error}')
@@ -277,12 +249,12 @@ class Reporter:
 
     def failed(self, what: str, cause: Cause, reason: str) -> None:
         """Take a refusal or failure to diagnostics and, at most once a second, to the log."""
-        self._health.failed(reason)
+        self._statistics.failed(reason)
         self.warn((what, cause), reason)
 
     def warn(self, key: object, text: str) -> None:
         """Write a warning, at most once a second of each kind."""
-        if self._throttle.passes(key, monotonic()):
+        if self._statistics.may_write(key):
             self._log.warning(' '.join(brief_text(text).split()))
 
     def info(self, text: str) -> None:
@@ -291,11 +263,21 @@ class Reporter:
 
 
 @dataclass(frozen=True)
-class Parts:
-    """The one Store, Health, Reporter, MarkerCache and OneFrame of the node."""
+class Shared:
+    """What all parts of a configured node work with."""
 
+    node: LifecycleNode
     store: Store
-    health: Health
-    reporter: Reporter
-    picture: MarkerCache
+    statistics: Statistics
+    status: Status
+    markers: MarkerCache
     frames: OneFrame
+
+
+class Part:
+    """A part of the node: some topics and services, in callback groups that it is given."""
+
+    def __init__(self, shared: Shared) -> None:
+        self.node, self.store, self.frames = shared.node, shared.store, shared.frames
+        self.statistics, self.status, self.markers = (
+            shared.statistics, shared.status, shared.markers)

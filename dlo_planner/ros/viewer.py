@@ -16,26 +16,19 @@ from nav_msgs.srv import GetPlan
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import (
-    DurabilityPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-    qos_profile_sensor_data,
-)
+from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.model.pose import Pose
+from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.view.pages import Actions, LivePage
 from dlo_planner.view.primitives import Primitive
 from dlo_planner.view.viser import LOCAL, PORT, Page, margin_values
 from msg_helpers.markers import primitives_after
 from msg_helpers.poses import pose_from_msg, pose_stamped_msg
 
-_RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
-                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PARAMETERS = {'planner': '/dlo_planner', 'frame_id': 'world', 'host': LOCAL, 'port': PORT,
                'allow_execute': False, 'rate': 30.0}
 _SENT = 0.05    # s between poses of the dragged gripper
@@ -68,7 +61,7 @@ class Viewer(Node):
         self._subscribe()
         self._pose_out = self.create_publisher(PoseStamped, self._topic('gripper_pose'),
                                                qos_profile_sensor_data)
-        self._goal_out = self.create_publisher(PoseStamped, self._topic('task_goal'), _RELIABLE)
+        self._goal_out = self.create_publisher(PoseStamped, self._topic('task_goal'), REQUEST)
         self._triggers = {name: self.create_client(Trigger, self._topic(name))
                           for name in ('replan', 'cancel')}
         self._execute_plan = self.create_client(GetPlan, self._topic('execute_plan'))
@@ -77,14 +70,14 @@ class Viewer(Node):
         self.get_logger().info(f'{self._planner} is shown at {self.page.page.url}')
 
     def _subscribe(self) -> None:
-        self.create_subscription(MarkerArray, self._topic('markers'), self._on_markers, _LATCHED)
-        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)
+        self.create_subscription(MarkerArray, self._topic('markers'), self._on_markers, LATCHED)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, REQUEST)
         self.create_subscription(PoseStamped, self._topic('gripper_pose'), self._on_pose,
                                  qos_profile_sensor_data)
-        self.create_subscription(Path, self._topic('gripper_trajectory'), self._on_plan, _LATCHED)
+        self.create_subscription(Path, self._topic('gripper_trajectory'), self._on_plan, LATCHED)
         for name in ('status', 'execution'):
             self.create_subscription(DiagnosticStatus, self._topic(name),
-                                     lambda msg, name=name: self._on_state(name, msg), _LATCHED)
+                                     lambda msg, name=name: self._on_state(name, msg), LATCHED)
 
     def _topic(self, name: str) -> str:
         return f'{self._planner}/{name}'

@@ -40,13 +40,7 @@ class _NotWanted(Exception):
 
 
 class Worker:
-    """Starts the process when it is first needed, and again if it has died.
-
-    Parameters
-    ----------
-    does : str
-        What it does, for messages: 'proves plans'.
-    """
+    """Starts the process when it is first needed, and again if it has died."""
 
     def __init__(self, does: str) -> None:
         self._does, self._lock, self._asking = does, Lock(), Lock()

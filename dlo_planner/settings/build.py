@@ -25,7 +25,7 @@ from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.varying import Expanded
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
-from dlo_planner.settings.parameters import ENTRIES, unknown_parameter
+from dlo_planner.settings.parameters import PARAMETERS, unknown_parameter
 
 # What describes a DLO of each section; none of it has a default that could be meant.
 _SOLID = ('density', 'youngs_modulus', 'poisson_ratio')
@@ -45,15 +45,15 @@ _FINEST = 1e-6         # accuracy, of the length: a shape takes less than a seco
 _MOST_TOLERANCE = 1.0  # m
 _MOST_GRAVITY = 1e4    # m/s^2
 
-Values = Mapping[str, Any]  # of all names in ENTRIES
+Values = Mapping[str, Any]  # of all names in PARAMETERS
 
 
 def check_described(given: Iterable[str], section: str) -> None:
     """Refuse a DLO that is described in part: no other DLO's numbers stand in for its own."""
     given = set(given)
     for name in sorted(given):
-        if name.startswith('rod.') and name not in ENTRIES:
-            raise InvalidTask(unknown_parameter(name, ENTRIES))
+        if name.startswith('rod.') and name not in PARAMETERS:
+            raise InvalidTask(unknown_parameter(name, PARAMETERS))
     absent = [f'rod.{name}' for name in NEEDED[choice('parameter rod.section', section, SECTIONS)]
               if f'rod.{name}' not in given]
     if absent:

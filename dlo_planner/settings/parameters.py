@@ -12,7 +12,7 @@ from dlo_planner.model.checks import shown
 
 
 @dataclass(frozen=True)
-class Entry:
+class ParameterSpec:
     """One parameter: its default (which fixes the type), meaning, limits, and if it may change."""
 
     default: Any
@@ -20,212 +20,210 @@ class Entry:
     lowest: float | None = None
     highest: float | None = None
     read_only: bool = False
-    while_executing: bool = False  # Whether it may change while a plan is executed
+    while_executing: bool = False  # whether it may change then
 
 
-ARM = {
+_ANY = float('inf')
+_READ_ONLY = {'frame_id', 'diagnostics_period', 'autostart', 'execute.rate'}
+_WHILE_EXECUTING = {  # may change while a plan is executed
+    'rod.name', 'task', 'threading.waypoints', 'threading.deepest', 'threading.standoff',
+    'threading.gripper_clearance', 'threading.tolerance', 'threading.deadline',
+    'threading.planning_deadline', 'arm.tool_link', 'arm.joints', 'arm.packages',
+    'arm.base.position', 'arm.base.orientation', 'arm.self_clearance', 'arm.deadline',
+    'markers.color', 'execute.start_distance', 'execute.start_angle'}
+# name -> default, which fixes the type; what it means; least, largest
+_TABLE: dict[str, tuple[Any, ...]] = {
+    'frame_id': ('world', 'Frame of all poses in and out, z up.'),
+    'diagnostics_period': (1.0, 'Seconds between messages on /diagnostics.', 0.05, 60.0),
+    'rod.name': ('copper wire', 'Name of the DLO, in the log and on diagnostics.'),
+    'rod.section': ('round', 'Section: round | tube | rectangular (density, youngs_modulus, '
+                             'poisson_ratio and sizes are used) | stiffness (mass_per_length, '
+                             'bending_stiffness, torsional_stiffness are used).'),
+    'rod.length': (1.0, 'Length between gripper and free end, m.', 0.001, 100.0),
+    'rod.diameter': (0.001, 'Outer diameter (round, tube; elsewhere for pictures), m.', 1e-5, 1.0),
+    'rod.inner_diameter': (0.0, 'Inner diameter of a tube, m.', 0.0, 1.0),
+    'rod.width': (0.01, 'Width along the n axis (rectangular), m.', 1e-5, 1.0),
+    'rod.thickness': (0.001, 'Thickness along the b axis (rectangular), m.', 1e-5, 1.0),
+    'rod.density': (8960.0, 'Density, kg/m^3.', 0.0, 30000.0),
+    'rod.youngs_modulus': (110e9, "Young's modulus, Pa.", 1000.0, 1e13),
+    'rod.poisson_ratio': (0.34, 'Poisson ratio.', -0.99, 0.5),
+    'rod.mass_per_length': (0.007, 'Mass per length (section: stiffness), kg/m.', 0.0, 1000.0),
+    'rod.bending_stiffness': ([0.0054, 0.0054], 'EI_n, EI_b (section: stiffness), N m^2.'),
+    'rod.torsional_stiffness': (0.004, 'GJ (section: stiffness), N m^2.', 1e-12, 1e9),
+    'rod.natural_curvature': ([0.0, 0.0], 'Stress-free curvature k_n, k_b, 1/m.'),
+    'rod.natural_curvature_terms': ([0.0, 0.0], 'What is added to it along s: pairs (about n, '
+                                                'about b) of coefficients of the Legendre '
+                                                'polynomials P_1, P_2, ... of 2 s / length - 1, '
+                                                '1/m.'),
+    'rod.natural_twist': (0.0, 'Stress-free torsion, 1/m.', -10000.0, 10000.0),
+    'rod.tip_mass': (0.0, 'Mass at the free end, kg.', 0.0, 1000.0),
+    'rod.point_masses': ([0.0, 0.0], 'Further masses: pairs (place s from the gripper, m; mass, '
+                                     'kg).'),
+    'rod.point_loads': ([0.0] * 4, 'Dead forces on the DLO: fours (s, m; force in the world, N); s '
+                                   'at the length: the tip.'),
+    'rod.plug.length': (0.0, 'Length of a rigid body fixed to the free end, beyond rod.length, m; '
+                             '0 = there is none.', 0.0, 10.0),
+    'rod.plug.mass': (0.0, 'Its mass, kg.', 0.0, 1000.0),
+    'rod.plug.radius': (0.0, 'Its radius, m; 0 = as thick as the DLO.', 0.0, 1.0),
+    'rod.grasped_at': (0.0, 'Where along the DLO the gripper holds it, m from its beginning, both '
+                            'ends free: shapes are predicted, plans refused; 0 = at its '
+                            'beginning.', 0.0, 100.0),
+    'rod.damping': ([0.0, 0.0], 'Rayleigh damping in motion: 1/s times mass, s times stiffness.'),
+    'rod.yield_stress': (0.0, 'Stress at which it yields (sections), Pa; 0 = never.', 0.0, 1e12),
+    'rod.yield_curvature': ([0.0, 0.0], 'Curvatures about n and b at which it yields (section: '
+                                        'stiffness), 1/m; 0 = never.'),
+    'rod.yield_torsion': (0.0, 'Torsion at which it yields (section: stiffness), 1/m; 0 = '
+                               'never.', 0.0, 1e6),
+    'rod.section_model': ('', 'How it goes on yielding: fibers | round | rectangular | ideal; '
+                              'empty: fibers of a section, ideal without.'),
+    'rod.hardening': (0.0, 'Part of the stiffness that never yields.', 0.0, 0.999),
+    'rod.max_bend_curvature': (0.0, 'Curvature that no plan may exceed, 1/m; 0 = any.', 0.0, 1e6),
+    'gravity': ([0.0, 0.0, -9.81], 'Gravity in the world frame, m/s^2.'),
+    'simulator.basis': ('chebyshev', 'How a shape is written: chebyshev | fourier | local.'),
+    'simulator.n_elements': (64, 'Elements (unused with an accuracy).', 2, 2_000),
+    'simulator.n_terms': (10, 'Terms of the series (unused by local and with an '
+                              'accuracy).', 1, 200),
+    'simulator.accuracy': (0.0, 'Wanted accuracy, m, 1e-6 of the length at least; 0 = use '
+                                'n_elements and n_terms.', 0.0, 1.0),
+    'tool.position': ([0.0, 0.0, 0.0], 'Where the DLO leaves the gripper, in the tool frame that '
+                                       'gripper poses refer to, m.'),
+    'tool.orientation': ([0.0, 0.0, 0.0, 1.0], "Quaternion x, y, z, w there; its x axis is the "
+                                               "DLO's tangent."),
+    'tool.frame_id': ('tool0', 'Name of the tool frame, in which gripper_wrench is given.'),
+    'far_end.hold': ('free', 'How a second grip at far_end_pose holds the far end: free (not at '
+                             'all) | pinned | clamped | sleeve | aligned.'),
+    'far_end.timeout': (0.5, 'Age of the last far_end_pose, by its stamp, from which on the far '
+                             'end counts as free, s; 0 = any.', 0.0, 60.0),
+    'far_end.frame_id': ('far_end', 'Name of the frame of far_end_pose, in which far_end_wrench is '
+                                    'given.'),
+    'task': ('{type: Thread}', 'The task, YAML or JSON as Task.to_dict writes it; its pose, depths '
+                               'and radii may be left out. A message on task counts in its place.'),
+    'threading.waypoints': (40, 'Poses in a plan.', 2, 10_000),
+    'threading.deepest': (0.95, 'Part of the length that is threaded through.', 0.0, 1.0),
+    'threading.linear_speed': (0.1, 'Limit of the motion, m/s.', 0.0001, 10.0),
+    'threading.angular_speed': (0.5, 'Limit of the motion, rad/s.', 0.0001, 100.0),
+    'threading.linear_acceleration': (0.5, 'Limit of the motion, m/s^2.', 0.0001, 1000.0),
+    'threading.angular_acceleration': (2.0, 'Limit of the motion, rad/s^2.', 0.0001, 10000.0),
+    'threading.linear_jerk': (5.0, 'Limit of the motion, m/s^3.', 0.0001, 100000.0),
+    'threading.angular_jerk': (20.0, 'Limit of the motion, rad/s^3.', 0.0001, 1e6),
+    'threading.standoff': (0.0, "Unless it is 0, a plan begins at the gripper's present pose, and "
+                                "the free end waits so far before the hole, m; below 0 = of 0.05, "
+                                "0.1, 0.15 of the length what makes the calm motion the "
+                                "quickest.", -1.0, 10.0),
+    'threading.gripper_clearance': (0.0, 'The plan ends where the gripper comes nearer to the '
+                                         'sheet than this, m; 0 = does not care.', 0.0, 10.0),
+    # no range: it would refuse nan
+    'threading.tolerance': (0.0, 'By how much the DLO in motion may miss, come nearer to a rim '
+                                 'than planned, or still vibrate at the end, m; 0 or nan = a '
+                                 'quarter of the room in the hole, 0.001 where it has no size.'),
+    'threading.deadline': (60.0, 'Computing after which the search for a calm motion is given up, '
+                                 's.', 0.1, 3600.0),
+    'threading.planning_deadline': (60.0, 'Computing after which the search for a plan is given '
+                                          'up, s.', 0.01, 3600.0),
+    'threading.may_yield': (True, 'Whether a plan may set the DLO for good.'),
+    'cutouts.radius': (0.0, 'Of round cut-outs and bores that do not say theirs, m; 0 = not '
+                            'known.', 0.0, 10.0),
+    'obstacles.friction': (0.0, "Coulomb's coefficient of obstacles that do not say "
+                                "theirs.", 0.0, 10.0),
+    'workspace.lower': ([-_ANY] * 3, 'Corner of the box for the gripper, m.'),
+    'workspace.upper': ([_ANY] * 3, 'The other corner, m.'),
+    'workspace.gripper_radius': (0.0, 'Of the sphere about the gripper that keeps out of obstacles '
+                                      'and in the box, m.', 0.0, 10.0),
+    'workspace.reach': (1000.0, 'Farthest from the origin of frame_id that any pose may be, '
+                                'm.', 0.001, 1e6),
+    'spread.bending_stiffness': (0.05, 'How uncertain EI is: standard deviation as a part of '
+                                       'it.', 0.0, 1.0),
+    'spread.torsional_stiffness': (0.05, 'The same of GJ.', 0.0, 1.0),
+    'spread.mass': (0.02, 'The same of all masses.', 0.0, 1.0),
+    'spread.length': (0.0, 'The same of the length, m.', 0.0, 1.0),
+    'spread.natural_curvature': (0.05, 'The same of each component of the natural curvature, '
+                                       '1/m.', 0.0, 10000.0),
+    'spread.curvature_variation': (0.03, 'The same of what varies along s of it, '
+                                         '1/m.', 0.0, 10000.0),
+    'spread.gripper_position': (0.0005, 'The same of where the gripper holds the DLO along each '
+                                        'axis, m.', 0.0, 1.0),
+    'spread.gripper_rotation': (0.0035, 'The same of how it is turned about each axis, '
+                                        'rad.', 0.0, 3.2),
+    'observe.noise': (0.001, 'Standard deviation of each coordinate of observed_points, '
+                             'm.', 1e-6, 1.0),
+    'observe.bias': (0.0, "Of the camera's constant error along each axis, m.", 0.0, 1.0),
+    'observe.outliers': (0.1, 'Part of the points that are none of the DLO.', 0.0, 0.9),
+    'observe.sway': (0.0005, 'Of the free end about its rest while the gripper stands still, '
+                             'm.', 0.0, 1.0),
+    'observe.cutout': (0.0, 'Of the place of a cut-out along each axis, m.', 0.0, 1.0),
+    'observe.stamps': (0.02, 'By how much the stamps of clouds may be wrong against those of '
+                             'gripper_pose, s.', 0.0, 1.0),
+    'observe.robot_position': (0.0002, "Standard deviation of the robot's error along each axis, "
+                                       "m: where it is less where it measures, by its "
+                                       "pose.", 0.0, 1.0),
+    'observe.robot_rotation': (0.0003, 'The same about each axis, rad.', 0.0, 3.2),
+    'observe.robot_way': (0.4, 'Way of the gripper in which that error changes, m; a turn counts '
+                               'by 0.25 m.', 0.001, 10000.0),
+    'observe.robot_time': (0.0, 'Time in which that error changes, s; 0: it depends on the pose '
+                                'alone.', 0.0, 10000.0),
+    'observe.slip_position': (0.005, 'Standard deviation of how far the DLO slips in the gripper '
+                                     'along each axis where looks come to disagree, m.', 0.0, 1.0),
+    'observe.slip_rotation': (0.05, 'The same about each axis, rad.', 0.0, 3.2),
+    'observe.period': (0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
+    'observe.correct': (True, 'Whether what is executed is corrected by what is seen.'),
+    'observe.correction_period': (0.5, 'Seconds between two corrections.', 0.0, 60.0),
+    'observe.largest_correction': (0.02, 'A correction that moves the gripper farther is not '
+                                         'executed, m.', 0.0, 10.0),
     'arm.tool_link': ('', 'Link of robot_description whose frame is the tool frame; empty: no '
-                      'joint trajectories are made.'),
+                          'joint trajectories are made.'),
     'arm.joints': ([''], 'Joints that move; none: all that move the tool link.'),
     'arm.packages': ([''], 'Folders with the packages of meshes (package://), besides those of '
-                     'AMENT_PREFIX_PATH.'),
+                           'AMENT_PREFIX_PATH.'),
     'arm.base.position': ([0.0, 0.0, 0.0], 'Where the root link of robot_description is in '
-                          'frame_id, m.'),
+                                           'frame_id, m.'),
     'arm.base.orientation': ([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w of it.'),
     'arm.self_clearance': (0.005, 'By how much links have to stay clear of each other, m.'),
     'arm.deadline': (20.0, 'Computing after which the search is given up, s.'),
-}
-ENTRIES = {
-    'frame_id': Entry('world', 'Frame of all poses in and out, z up.', read_only=True),
-    'diagnostics_period': Entry(1.0, 'Seconds between messages on /diagnostics.', 0.05, 60.0,
-                                read_only=True),
-    'rod.name': Entry('copper wire', 'Name of the DLO, in the log and on diagnostics.',
-                      while_executing=True),
-    'rod.section': Entry('round', 'Section: round | tube | rectangular (density, youngs_modulus, '
-                         'poisson_ratio and sizes are used) | stiffness (mass_per_length, '
-                         'bending_stiffness, torsional_stiffness are used).'),
-    'rod.length': Entry(1.0, 'Length between gripper and free end, m.', 1e-3, 100.0),
-    'rod.diameter': Entry(1e-3, 'Outer diameter (round, tube; elsewhere for pictures), m.',
-                          1e-5, 1.0),
-    'rod.inner_diameter': Entry(0.0, 'Inner diameter of a tube, m.', 0.0, 1.0),
-    'rod.width': Entry(0.01, 'Width along the n axis (rectangular), m.', 1e-5, 1.0),
-    'rod.thickness': Entry(0.001, 'Thickness along the b axis (rectangular), m.', 1e-5, 1.0),
-    'rod.density': Entry(8960.0, 'Density, kg/m^3.', 0.0, 3e4),
-    'rod.youngs_modulus': Entry(110e9, 'Young\'s modulus, Pa.', 1e3, 1e13),
-    'rod.poisson_ratio': Entry(0.34, 'Poisson ratio.', -0.99, 0.5),
-    'rod.mass_per_length': Entry(0.007, 'Mass per length (section: stiffness), kg/m.', 0.0, 1e3),
-    'rod.bending_stiffness': Entry([0.0054, 0.0054], 'EI_n, EI_b (section: stiffness), N m^2.'),
-    'rod.torsional_stiffness': Entry(0.004, 'GJ (section: stiffness), N m^2.', 1e-12, 1e9),
-    'rod.natural_curvature': Entry([0.0, 0.0], 'Stress-free curvature k_n, k_b, 1/m.'),
-    'rod.natural_curvature_terms': Entry(
-        [0.0, 0.0], 'What is added to it along s: pairs (about n, about b) of coefficients of the '
-        'Legendre polynomials P_1, P_2, ... of 2 s / length - 1, 1/m.'),
-    'rod.natural_twist': Entry(0.0, 'Stress-free torsion, 1/m.', -1e4, 1e4),
-    'rod.tip_mass': Entry(0.0, 'Mass at the free end, kg.', 0.0, 1e3),
-    'rod.point_masses': Entry([0.0, 0.0], 'Further masses: pairs (place s from the gripper, m; '
-                              'mass, kg).'),
-    'rod.point_loads': Entry([0.0] * 4, 'Dead forces on the DLO: fours (s, m; force in the world, '
-                             'N); s at the length: the tip.'),
-    'rod.plug.length': Entry(0.0, 'Length of a rigid body fixed to the free end, beyond '
-                             'rod.length, m; 0 = there is none.', 0.0, 10.0),
-    'rod.plug.mass': Entry(0.0, 'Its mass, kg.', 0.0, 1e3),
-    'rod.plug.radius': Entry(0.0, 'Its radius, m; 0 = as thick as the DLO.', 0.0, 1.0),
-    'rod.grasped_at': Entry(0.0, 'Where along the DLO the gripper holds it, m from its beginning, '
-                            'both ends free: shapes are predicted, plans refused; 0 = at its '
-                            'beginning.', 0.0, 100.0),
-    'rod.damping': Entry([0.0, 0.0], 'Rayleigh damping in motion: 1/s times mass, s times '
-                         'stiffness.'),
-    'rod.yield_stress': Entry(0.0, 'Stress at which it yields (sections), Pa; 0 = never.', 0.0,
-                              1e12),
-    'rod.yield_curvature': Entry([0.0, 0.0], 'Curvatures about n and b at which it yields '
-                                 '(section: stiffness), 1/m; 0 = never.'),
-    'rod.yield_torsion': Entry(0.0, 'Torsion at which it yields (section: stiffness), 1/m; 0 = '
-                               'never.', 0.0, 1e6),
-    'rod.section_model': Entry('', 'How it goes on yielding: fibers | round | rectangular | '
-                               'ideal; empty: fibers of a section, ideal without.'),
-    'rod.hardening': Entry(0.0, 'Part of the stiffness that never yields.', 0.0, 0.999),
-    'rod.max_bend_curvature': Entry(0.0, 'Curvature that no plan may exceed, 1/m; 0 = any.', 0.0,
-                                    1e6),
-    'gravity': Entry([0.0, 0.0, -9.81], 'Gravity in the world frame, m/s^2.'),
-    'simulator.basis': Entry('chebyshev', 'How a shape is written: chebyshev | fourier | local.'),
-    'simulator.n_elements': Entry(64, 'Elements (unused with an accuracy).', 2, 2_000),
-    'simulator.n_terms': Entry(10, 'Terms of the series (unused by local and with an accuracy).',
-                               1, 200),
-    'simulator.accuracy': Entry(0.0, 'Wanted accuracy, m, 1e-6 of the length at least; 0 = use '
-                                'n_elements and n_terms.',
-                                0.0, 1.0),
-    'tool.position': Entry([0.0, 0.0, 0.0], 'Where the DLO leaves the gripper, in the tool frame '
-                           'that gripper poses refer to, m.'),
-    'tool.orientation': Entry([0.0, 0.0, 0.0, 1.0], 'Quaternion x, y, z, w there; its x axis is '
-                              'the DLO\'s tangent.'),
-    'tool.frame_id': Entry('tool0', 'Name of the tool frame, in which gripper_wrench is given.'),
-    'far_end.hold': Entry('free', 'How a second grip at far_end_pose holds the far end: free (not '
-                          'at all) | pinned | clamped | sleeve | aligned.'),
-    'far_end.timeout': Entry(0.5, 'Age of the last far_end_pose, by its stamp, from which on the '
-                             'far end counts as free, s; 0 = any.', 0.0, 60.0),
-    'far_end.frame_id': Entry('far_end', 'Name of the frame of far_end_pose, in which '
-                              'far_end_wrench is given.'),
-    'task': Entry('{type: Thread}', 'The task, YAML or JSON as Task.to_dict writes it; its pose, '
-                  'depths and radii may be left out. A message on task counts in its place.',
-                  while_executing=True),
-    'threading.waypoints': Entry(40, 'Poses in a plan.', 2, 10_000, while_executing=True),
-    'threading.deepest': Entry(0.95, 'Part of the length that is threaded through.', 0.0, 1.0,
-                               while_executing=True),
-    'threading.linear_speed': Entry(0.1, 'Limit of the motion, m/s.', 1e-4, 10.0),
-    'threading.angular_speed': Entry(0.5, 'Limit of the motion, rad/s.', 1e-4, 100.0),
-    'threading.linear_acceleration': Entry(0.5, 'Limit of the motion, m/s^2.', 1e-4, 1e3),
-    'threading.angular_acceleration': Entry(2.0, 'Limit of the motion, rad/s^2.', 1e-4, 1e4),
-    'threading.linear_jerk': Entry(5.0, 'Limit of the motion, m/s^3.', 1e-4, 1e5),
-    'threading.angular_jerk': Entry(20.0, 'Limit of the motion, rad/s^3.', 1e-4, 1e6),
-    'threading.standoff': Entry(0.0, 'Unless it is 0, a plan begins at the gripper\'s present '
-                                'pose, and the free end waits so far before the hole, m; below '
-                                '0 = of 0.05, 0.1, 0.15 of the length what makes the calm motion '
-                                'the quickest.', -1.0, 10.0, while_executing=True),
-    'threading.gripper_clearance': Entry(0.0, 'The plan ends where the gripper comes nearer to '
-                                         'the sheet than this, m; 0 = does not care.', 0.0, 10.0,
-                                         while_executing=True),
-    # No range: it would refuse nan.
-    'threading.tolerance': Entry(0.0, 'By how much the DLO in motion may miss, come nearer to a '
-                                 'rim than planned, or still vibrate at the end, m; 0 or nan = a '
-                                 'quarter of the room in the hole, 0.001 where it has no size.',
-                                 while_executing=True),
-    'threading.deadline': Entry(60.0, 'Computing after which the search for a calm motion is given '
-                                'up, s.', 0.1, 3600.0, while_executing=True),
-    'threading.planning_deadline': Entry(60.0, 'Computing after which the search for a plan is '
-                                         'given up, s.', 0.01, 3600.0, while_executing=True),
-    'threading.may_yield': Entry(True, 'Whether a plan may set the DLO for good.'),
-    'cutouts.radius': Entry(0.0, 'Of round cut-outs and bores that do not say theirs, m; 0 = not '
-                            'known.', 0.0, 10.0),
-    'obstacles.friction': Entry(0.0, 'Coulomb\'s coefficient of obstacles that do not say theirs.',
-                                0.0, 10.0),
-    'workspace.lower': Entry([-float('inf')] * 3, 'Corner of the box for the gripper, m.'),
-    'workspace.upper': Entry([float('inf')] * 3, 'The other corner, m.'),
-    'workspace.gripper_radius': Entry(0.0, 'Of the sphere about the gripper that keeps out of '
-                                      'obstacles and in the box, m.', 0.0, 10.0),
-    'workspace.reach': Entry(1000.0, 'Farthest from the origin of frame_id that any pose may be, '
-                             'm.', 1e-3, 1e6),
-    'spread.bending_stiffness': Entry(0.05, 'How uncertain EI is: standard deviation as a part of '
-                                      'it.', 0.0, 1.0),
-    'spread.torsional_stiffness': Entry(0.05, 'The same of GJ.', 0.0, 1.0),
-    'spread.mass': Entry(0.02, 'The same of all masses.', 0.0, 1.0),
-    'spread.length': Entry(0.0, 'The same of the length, m.', 0.0, 1.0),
-    'spread.natural_curvature': Entry(0.05, 'The same of each component of the natural curvature, '
-                                      '1/m.', 0.0, 1e4),
-    'spread.curvature_variation': Entry(0.03, 'The same of what varies along s of it, 1/m.', 0.0,
-                                        1e4),
-    'spread.gripper_position': Entry(5e-4, 'The same of where the gripper holds the DLO along '
-                                     'each axis, m.', 0.0, 1.0),
-    'spread.gripper_rotation': Entry(3.5e-3, 'The same of how it is turned about each axis, rad.',
-                                     0.0, 3.2),
-    'observe.noise': Entry(1e-3, 'Standard deviation of each coordinate of observed_points, m.',
-                           1e-6, 1.0),
-    'observe.bias': Entry(0.0, 'Of the camera\'s constant error along each axis, m.', 0.0, 1.0),
-    'observe.outliers': Entry(0.1, 'Part of the points that are none of the DLO.', 0.0, 0.9),
-    'observe.sway': Entry(5e-4, 'Of the free end about its rest while the gripper stands still, '
-                          'm.', 0.0, 1.0),
-    'observe.cutout': Entry(0.0, 'Of the place of a cut-out along each axis, m.', 0.0, 1.0),
-    'observe.stamps': Entry(0.02, 'By how much the stamps of clouds may be wrong against those of '
-                            'gripper_pose, s.', 0.0, 1.0),
-    'observe.robot_position': Entry(2e-4, 'Standard deviation of the robot\'s error along each '
-                                    'axis, m: where it is less where it measures, by its pose.',
-                                    0.0, 1.0),
-    'observe.robot_rotation': Entry(3e-4, 'The same about each axis, rad.', 0.0, 3.2),
-    'observe.robot_way': Entry(0.4, 'Way of the gripper in which that error changes, m; a turn '
-                               'counts by 0.25 m.', 1e-3, 1e4),
-    'observe.robot_time': Entry(0.0, 'Time in which that error changes, s; 0: it depends on the '
-                                'pose alone.', 0.0, 1e4),
-    'observe.slip_position': Entry(5e-3, 'Standard deviation of how far the DLO slips in the '
-                                   'gripper along each axis where looks come to disagree, m.', 0.0,
-                                   1.0),
-    'observe.slip_rotation': Entry(0.05, 'The same about each axis, rad.', 0.0, 3.2),
-    'observe.period': Entry(0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
-    'observe.correct': Entry(True, 'Whether what is executed is corrected by what is seen.'),
-    'observe.correction_period': Entry(0.5, 'Seconds between two corrections.', 0.0, 60.0),
-    'observe.largest_correction': Entry(0.02, 'A correction that moves the gripper farther is not '
-                                        'executed, m.', 0.0, 10.0),
-    **{name: Entry(default, description, while_executing=True)
-       for name, (default, description) in ARM.items()},
-    'autostart': Entry(True, 'Whether the node configures and activates itself, without a '
-                       'lifecycle manager.', read_only=True),
-    'markers.color': Entry('curvature', 'What the color of the DLO tells: curvature | yield.',
-                           while_executing=True),
-    'execute.rate': Entry(50.0, 'Commands per second on gripper_command.', 1.0, 1000.0,
-                          read_only=True),
-    'execute.horizon': Entry(1.0, 'Seconds of the coming motion on gripper_commands_ahead, for a '
-                             'robot that follows their stamps; 0: none, the motion goes on with '
-                             'each gripper_command.', 0.0, 10.0),
-    'execute.start_distance': Entry(0.02, 'How far from a plan\'s beginning the gripper may be to '
-                                    'execute it, m.', 0.0, 10.0, while_executing=True),
-    'execute.start_angle': Entry(0.1, 'How far it may be turned against that, rad.', 0.0, 3.2,
-                                 while_executing=True),
-    'execute.longest_pause': Entry(0.5, 'Seconds between two commands after which an execution '
-                                   'ends: the rest is not the motion that was proved; 0 = any.',
-                                   0.0, 60.0),
-    'execute.enable_timeout': Entry(0.0, 'Age of the last true on ~/enable (a deadman switch), '
-                                    'from which on an execution is refused or stops, s; 0 = none '
-                                    'is asked for.', 0.0, 60.0),
+    'autostart': (True, 'Whether the node configures and activates itself, without a lifecycle '
+                        'manager.'),
+    'markers.color': ('curvature', 'What the color of the DLO tells: curvature | yield.'),
+    'execute.rate': (50.0, 'Commands per second on gripper_command.', 1.0, 1000.0),
+    'execute.horizon': (1.0, 'Seconds of the coming motion on gripper_commands_ahead, for a robot '
+                             'that follows their stamps; 0: none, the motion goes on with each '
+                             'gripper_command.', 0.0, 10.0),
+    'execute.start_distance': (0.02, "How far from a plan's beginning the gripper may be to "
+                                     "execute it, m.", 0.0, 10.0),
+    'execute.start_angle': (0.1, 'How far it may be turned against that, rad.', 0.0, 3.2),
+    'execute.longest_pause': (0.5, 'Seconds between two commands after which an execution ends: '
+                                   'the rest is not the motion that was proved; 0 = '
+                                   'any.', 0.0, 60.0),
+    'execute.enable_timeout': (0.0, 'Age of the last true on ~/enable (a deadman switch), from '
+                                    'which on an execution is refused or stops, s; 0 = none is '
+                                    'asked for.', 0.0, 60.0),
     # Named and meant as those of joint_trajectory_controller and moveit_servo: 0 = not checked.
-    'constraints.path.position': Entry(0.02, 'Farthest that the gripper may be from its command '
-                                       'on the way; more than speed times lag, m; 0 = any.', 0.0,
-                                       10.0),
-    'constraints.path.angle': Entry(0.1, 'How far it may be turned against that, rad; 0 = any.',
-                                    0.0, 3.2),
-    'constraints.path.shape': Entry(0.05, 'Farthest that the observed DLO may be from its plan, m; '
-                                    '0 = any.', 0.0, 10.0),
-    'constraints.goal.position': Entry(0.01, 'Farthest that the gripper may be from the last '
-                                       'command at the end, m; 0 = any.', 0.0, 10.0),
-    'constraints.goal.angle': Entry(0.05, 'How far it may be turned against that, rad; 0 = any.',
-                                    0.0, 3.2),
-    'constraints.goal_time': Entry(2.0, 'Seconds after the end of the motion in which the gripper '
-                                   'has to come there; 0 = waits for good.', 0.0, 3600.0),
-    'cmd_timeout': Entry(0.0, 'Seconds after the end of the motion for which the last command is '
+    'constraints.path.position': (0.02, 'Farthest that the gripper may be from its command on the '
+                                        'way; more than speed times lag, m; 0 = any.', 0.0, 10.0),
+    'constraints.path.angle': (0.1, 'How far it may be turned against that, rad; 0 = '
+                                    'any.', 0.0, 3.2),
+    'constraints.path.shape': (0.05, 'Farthest that the observed DLO may be from its plan, m; 0 = '
+                                     'any.', 0.0, 10.0),
+    'constraints.goal.position': (0.01, 'Farthest that the gripper may be from the last command at '
+                                        'the end, m; 0 = any.', 0.0, 10.0),
+    'constraints.goal.angle': (0.05, 'How far it may be turned against that, rad; 0 = '
+                                     'any.', 0.0, 3.2),
+    'constraints.goal_time': (2.0, 'Seconds after the end of the motion in which the gripper has '
+                                   'to come there; 0 = waits for good.', 0.0, 3600.0),
+    'cmd_timeout': (0.0, 'Seconds after the end of the motion for which the last command is '
                          'repeated, where constraints.goal_time is 0; 0 = for good.', 0.0, 3600.0),
-    'incoming_command_timeout': Entry(0.1, 'Age of the last gripper_pose, by its stamp, from which '
-                                      'on an execution is refused or stops, s; 0 = any.', 0.0,
-                                      60.0),
-    'decelerate_on_cancel': Entry(True, 'Whether `cancel` lets the motion run out within the '
-                                  'limits of acceleration, or ends it with the last command.'),
+    'incoming_command_timeout': (0.1, 'Age of the last gripper_pose, by its stamp, from which on '
+                                      'an execution is refused or stops, s; 0 = any.', 0.0, 60.0),
+    'decelerate_on_cancel': (True, 'Whether `cancel` lets the motion run out within the limits of '
+                                   'acceleration, or ends it with the last command.'),
 }
+
+
+def _spec(name: str, default: Any, description: str, *limits: float) -> ParameterSpec:
+    lowest, highest = limits or (None, None)
+    return ParameterSpec(default, description, lowest, highest, name in _READ_ONLY,
+                         name in _WHILE_EXECUTING)
+
+
+PARAMETERS = {name: _spec(name, *row) for name, row in _TABLE.items()}
 
 
 def as_declared(name: str, value: Any, default: Any) -> Any:
@@ -257,8 +255,8 @@ def _float(name: str, value: Any) -> float:
         raise InvalidTask(f'parameter {name}: expected a number below 1e308') from None
 
 
-def within_limits(name: str, value: Any, entry: Entry) -> Any:
-    """Return a value of an Entry's type; raise InvalidTask if it is beyond the Entry's limits."""
+def within_limits(name: str, value: Any, entry: ParameterSpec) -> Any:
+    """Return a value of the right type; raise InvalidTask if it is beyond the limits."""
     if entry.lowest is not None and not entry.lowest <= value <= entry.highest:
         raise InvalidTask(f'parameter {name} = {shown(value)}: expected {entry.lowest:g} to '
                           f'{entry.highest:g}')

@@ -15,7 +15,12 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.files import readable, text_of, writable
 from dlo_planner.model.checks import instance, shown
 from dlo_planner.settings.build import check_described, idle_warnings, without_effect
-from dlo_planner.settings.parameters import ENTRIES, as_declared, unknown_parameter, within_limits
+from dlo_planner.settings.parameters import (
+    PARAMETERS,
+    as_declared,
+    unknown_parameter,
+    within_limits,
+)
 
 _DEEPEST = 50       # nodes inside each other
 _MOST = 1_000_000   # nodes, those that aliases repeat counted each time
@@ -151,13 +156,13 @@ def read_values(source: str | Path,
         given |= _changed(change)
     values = {name: within_limits(name, as_declared(name, given.get(name, entry.default),
                                                     entry.default), entry)
-              for name, entry in ENTRIES.items()}
+              for name, entry in PARAMETERS.items()}
     try:
         check_described(given, values['rod.section'])
     except InvalidTask as error:
         raise InvalidTask(f'{path}: {error}') from None
-    unknown = [name for name in given if name not in ENTRIES]
-    warnings = [unknown_parameter(name, ENTRIES) for name in unknown[:_MOST_WARNINGS]]
+    unknown = [name for name in given if name not in PARAMETERS]
+    warnings = [unknown_parameter(name, PARAMETERS) for name in unknown[:_MOST_WARNINGS]]
     if len(unknown) > _MOST_WARNINGS:  # what is near to a name is slow to find
         warnings.append(f'{len(unknown) - _MOST_WARNINGS} more parameters do not exist')
     return values, warnings + idle_warnings(given, values['rod.section'])
@@ -231,6 +236,6 @@ def _changed(change: str) -> dict[str, object]:
     name = name.removesuffix(':').strip()
     if not sign or not name:
         raise InvalidTask(f'parameter {change!r}: expected name=value')
-    if name not in ENTRIES:
-        raise InvalidTask(unknown_parameter(name, ENTRIES))
+    if name not in PARAMETERS:
+        raise InvalidTask(unknown_parameter(name, PARAMETERS))
     return {name: load_yaml(text, f'parameter {name}')}

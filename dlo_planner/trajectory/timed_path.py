@@ -126,8 +126,8 @@ class TimedPath(Value):
         Times at which the k legs begin, s, and the duration.
     """
 
-    PARTS: tuple[str, ...] = ('path', 'laws', 'limits')
-    REMEMBERED = ('starts', 'duration')
+    _PARTS: tuple[str, ...] = ('path', 'laws', 'limits')
+    _REMEMBERED = ('starts', 'duration')
 
     path: GripperPath
     laws: tuple[TimeLaw | None, ...]

@@ -95,7 +95,7 @@ class Trajectory(TimedPath, Reported):
         The deadline is over before a calm motion was found; the message says what was reached.
     """
 
-    PARTS: tuple[str, ...] = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin',
+    _PARTS: tuple[str, ...] = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin',
                               'status')
 
     tolerance: float

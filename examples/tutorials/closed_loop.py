@@ -7,17 +7,8 @@
 # estimates such errors from points that a camera sees, and `correct` aims the plan anew.
 import numpy as np
 
-from dlo_planner import (
-    CutOut,
-    DirectSimulator,
-    InverseSimulator,
-    Observation,
-    Observer,
-    Pose,
-    Rod,
-    Uncertainty,
-)
-from dlo_planner.identify import correct
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Observer, Pose, Rod, Uncertainty
+from dlo_planner.identify import Observation, correct
 
 stated = Rod.circular(1.0, 1.5e-3, 8960, 110e9, 0.34)
 hole = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)

@@ -9,7 +9,8 @@
 # Here a simulated cable stands in place of the real one, with 1 mm of noise.
 import numpy as np
 
-from dlo_planner import DirectSimulator, Observation, Pose, Rod, fit_rod
+from dlo_planner import DirectSimulator, Pose, Rod, fit_rod
+from dlo_planner.identify import Observation
 
 true = Rod(1.0, mass_per_length=0.07, bending_stiffness=0.02, torsional_stiffness=0.015,
            natural_curvature=(0.6, 0.0))

@@ -20,9 +20,9 @@ from dlo_planner import (
     Shape,
     Sheet,
     Trajectory,
-    ValidationReport,
     replay,
 )
+from dlo_planner.results import ValidationReport
 
 Floats = NDArray[np.float64]
 

@@ -16,21 +16,12 @@ from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from dlo_planner import (
-    DirectSimulator,
-    Limits,
-    Plan,
-    Plane,
-    Pose,
-    Rod,
-    Shape,
-    ValidationReport,
-    replay,
-)
+from dlo_planner import DirectSimulator, Limits, Plan, Plane, Pose, Rod, Shape, replay
 from dlo_planner.cli.doctor import findings
 from dlo_planner.cli.io import read_poses
 from dlo_planner.cli.main import BAD_INPUT, FAULT, INTERRUPTED, NO_SOLUTION, main
 from dlo_planner.parallel import CapabilityMap
+from dlo_planner.results import ValidationReport
 from dlo_planner.settings.build import rod_of
 from dlo_planner.settings.yaml_files import read_values
 

@@ -22,7 +22,6 @@ from dlo_planner import (
     Rod,
     Sheet,
     Sphere,
-    with_plug,
 )
 from dlo_planner.direct.contact import contact_rows, contacts_of
 from dlo_planner.direct.shape import pack
@@ -31,6 +30,7 @@ from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.scene import build_scene
+from dlo_planner.rods import with_plug
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 

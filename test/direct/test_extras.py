@@ -6,18 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import (
-    DirectSimulator,
-    FarEnd,
-    GraspedInside,
-    InvalidTask,
-    Motion,
-    Plane,
-    Pose,
-    Rod,
-    Section,
-    Shape,
-)
+from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod, Shape
+from dlo_planner.results import Motion
+from dlo_planner.rods import GraspedInside, Section
 
 TILTED = Pose((0.1, 0.2, 1.0), Rotation.from_rotvec([0.1, 0.4, 0.3]).as_quat())
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))

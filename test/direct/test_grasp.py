@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Box, Capsule, DirectSimulator, GraspedInside, Pose, Rod
+from dlo_planner import Box, Capsule, DirectSimulator, Pose, Rod
+from dlo_planner.rods import GraspedInside
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 UP = Pose.looking_along((0, 0, 0), (0, 0, 1))

@@ -26,17 +26,16 @@ from dlo_planner import (
     Capsule,
     DirectSimulator,
     FarEnd,
-    GraspedInside,
     InvalidTask,
     Plane,
     PointLoad,
     Pose,
     Rod,
     Shape,
-    modes_along,
-    with_plug,
 )
 from dlo_planner.energy.potential import configuration_at
+from dlo_planner.results import modes_along
+from dlo_planner.rods import GraspedInside, with_plug
 
 LEVEL = Pose.identity()
 DOWN = Pose.looking_along((0, 0, 0), (0, 0, -1))

@@ -26,23 +26,14 @@ from references.planar_motions import (
 from scipy.spatial.transform import Rotation
 from sweeps.contact import random_slide
 
-from dlo_planner import (
-    Capsule,
-    Cylinder,
-    DirectSimulator,
-    FarEnd,
-    InvalidTask,
-    Motion,
-    Plane,
-    Pose,
-    Rod,
-)
+from dlo_planner import Capsule, Cylinder, DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod
 from dlo_planner.direct import dynamics
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.dynamics import InitialConditions, finer_start
 from dlo_planner.direct.integrator import PUSHED, Scheme, within_energy_budget
 from dlo_planner.direct.stepper import Limits, Stepper
 from dlo_planner.minimize.newton import newton
+from dlo_planner.results import Motion
 
 
 @pytest.mark.every(3)

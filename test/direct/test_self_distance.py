@@ -7,16 +7,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import (
-    CutOut,
-    DirectSimulator,
-    GraspedInside,
-    Infeasible,
-    InverseSimulator,
-    Pose,
-    Rod,
-    Shape,
-)
+from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod, Shape
+from dlo_planner.rods import GraspedInside
 
 HERE = Pose.identity()
 

@@ -14,7 +14,6 @@ from dlo_planner import (
     CutOut,
     DirectSimulator,
     FarEnd,
-    GraspedInside,
     InvalidTask,
     Plane,
     Pose,
@@ -26,6 +25,7 @@ from dlo_planner import (
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.energy.gap import signed_distance
 from dlo_planner.energy.scene import build_scene
+from dlo_planner.rods import GraspedInside
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 TILTED = Pose((0.1, 0.05, 0.9), Rotation.from_rotvec([0.2, 0.1, -0.15]).as_quat())

@@ -81,6 +81,7 @@ def test_a_missing_part_of_the_past_is_named(tmp_path, saved):
         Shape.load(path)
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('name', ['', '.', 'none/', 'there', 'pipe.npz', 'pipe', 'pipe.json',
                                   'file.npz/x.npz', 'no/such.npz', 'a\0.npz', 'x' * 300 + '.npz'])
 @pytest.mark.parametrize('kind', ['Shape', 'Plan', 'Motion', 'ValidationReport'])

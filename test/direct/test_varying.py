@@ -7,7 +7,8 @@ import pytest
 from references.stepped import Stepped, random_stepped
 from scipy.integrate import quad
 
-from dlo_planner import DirectSimulator, InvalidRod, InvalidTask, Piecewise, PointLoad, Pose, Rod
+from dlo_planner import DirectSimulator, InvalidRod, InvalidTask, PointLoad, Pose, Rod
+from dlo_planner.rods import Piecewise
 
 HERE = Pose.identity()
 

@@ -22,7 +22,7 @@ from dlo_planner import (
     robustness,
 )
 from dlo_planner.cli.main import main
-from dlo_planner.settings.parameters import ENTRIES
+from dlo_planner.settings.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'
@@ -155,7 +155,7 @@ def test_ros_is_told_names_that_exist():
     assert set(re.findall(r'rod:=(\w+)', TEXT)) <= {one.stem for one in
                                                     (ROOT / 'config').glob('*.yaml')}
     set_by_hand = {line.split()[1] for line in commands('ros2 param set')}
-    assert set_by_hand and set_by_hand <= set(ENTRIES)
+    assert set_by_hand and set_by_hand <= set(PARAMETERS)
 
 
 def test_scripts_find_the_package_where_it_is_not_installed():

@@ -16,9 +16,11 @@ import dlo_planner.arm
 import dlo_planner.identify
 import dlo_planner.parallel
 import dlo_planner.penalties
+import dlo_planner.results
+import dlo_planner.rods
 import dlo_planner.tasks
 import dlo_planner.view
-from dlo_planner.settings.parameters import ENTRIES
+from dlo_planner.settings.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / 'docs'
@@ -36,15 +38,16 @@ def shown(module):
 
 @pytest.mark.parametrize('module', [dlo_planner, dlo_planner.arm, dlo_planner.view,
                                     dlo_planner.tasks, dlo_planner.penalties,
-                                    dlo_planner.identify],
+                                    dlo_planner.identify, dlo_planner.rods,
+                                    dlo_planner.results],
                          ids=lambda module: module.__name__)
 def test_every_public_name_is_in_the_reference_once(module):
     assert shown(module.__name__) == sorted(module.__all__)
 
 
 def test_every_public_name_of_parallel_is_in_the_reference_once():
-    elsewhere = {'Shapes', 'solve_many'}  # with the direct simulator: `dlo_planner` has them too
-    assert elsewhere < set(dlo_planner.__all__)
+    elsewhere = {'Shapes', 'solve_many'}  # with the direct simulator
+    assert elsewhere < {*dlo_planner.__all__, *dlo_planner.results.__all__}
     assert shown('dlo_planner.parallel') == sorted({*dlo_planner.parallel.__all__} - elsewhere)
 
 
@@ -70,11 +73,11 @@ def test_there_are_25_pages():
 def test_every_parameter_of_the_node_is_on_its_page(monkeypatch):
     monkeypatch.syspath_prepend(DOCS)
     page = import_module('made_pages').parameters_page()
-    assert sorted(re.findall(r'^\| `([\w.]+)` \|', page, re.M)) == sorted(ENTRIES)
+    assert sorted(re.findall(r'^\| `([\w.]+)` \|', page, re.M)) == sorted(PARAMETERS)
     assert '| `rod.length` | `1.0` | 0.001 to 100 | Length between gripper' in page
     assert {line.count('|') for line in page.splitlines() if line.startswith('|')} == {5}
     text = (DOCS / 'ros_interface.md').read_text()
-    groups = {name.split('.')[0] for name in ENTRIES if '.' in name}
+    groups = {name.split('.')[0] for name in PARAMETERS if '.' in name}
     assert not [group for group in groups if f'`{group}.`' not in text]
 
 

@@ -145,6 +145,7 @@ def test_gradient_against_differences(system, rng):
         assert state.gradient[index] == pytest.approx(slope, abs=1e-8)
 
 
+@pytest.mark.every(4)
 def test_hessian_against_differences(system, rng):
     q = rng.normal(size=new_configuration(system).q.shape)
     _, state = at(system, q)

@@ -73,6 +73,7 @@ def compare(system, q, rng):
                                    atol=1e-6)
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('tapers', [False, True], ids=['even', 'tapered'])
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('kind', [*OBSTACLES, 'all'])

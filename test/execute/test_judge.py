@@ -22,10 +22,10 @@ from dlo_planner.execute.judge import (
 )
 from dlo_planner.identify import Steered, correct
 from dlo_planner.identify.observing import Observing, Seeing
-from dlo_planner.ros.drive import room_of
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import Made
+from dlo_planner.ros.state import PlanResult
+from dlo_planner.ros.streaming import room_of
+from dlo_planner.settings.parameters import PARAMETERS
 from dlo_planner.trajectory.dynamic_check import InMotion
 from dlo_planner.trajectory.trajectory import restored
 
@@ -35,7 +35,7 @@ PLAN = plan_of(depths=DEPTHS)
 
 
 def scene(*obstacles, **changes):
-    values = {name: entry.default for name, entry in ENTRIES.items()} | {
+    values = {name: entry.default for name, entry in PARAMETERS.items()} | {
         'rod.diameter': 1.5e-3}
     return build_scene(values | {name.replace('__', '.'): value
                                  for name, value in changes.items()}, obstacles)
@@ -212,4 +212,4 @@ def test_some_of_what_passes_is_looked_at():
 def test_the_room_in_a_cutout():
     for radius, room in ((5e-3, pytest.approx(ROOM)), (None, None)):
         task = Thread(CutOut(START, radius=radius))
-        assert room_of(Made(scene(), PLAN, None, None, task, None)) == room
+        assert room_of(PlanResult(scene(), PLAN, None, None, task, None)) == room

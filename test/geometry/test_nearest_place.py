@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner.direct.shape import kernel_arrays
 from dlo_planner.geometry.kinematics import nearest_place
 from dlo_planner.penalties import Through
 
@@ -22,7 +23,7 @@ def arc(curvature, n_elements=7):
 def found(shape, point, after=0.0):
     place, point = np.empty((3, 3)), np.array(point, dtype=float)
     point.flags.writeable = False
-    return nearest_place(shape.s, *shape.for_kernels, point, after, place), place
+    return nearest_place(shape.s, *kernel_arrays(shape), point, after, place), place
 
 
 @pytest.mark.parametrize('angle', [0.01, 0.3, 1.1, 2.0, 2.9])

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from dlo_planner import DirectSimulator, Observation, Pose, Rod, fit_rod
-from dlo_planner.identify import ObservedMotion
+from dlo_planner import DirectSimulator, Pose, Rod, fit_rod
+from dlo_planner.identify import Observation, ObservedMotion
 from dlo_planner.identify.residuals import positions_in_motion
 
 MESH = {'basis': 'local', 'n_elements': 12}
@@ -77,6 +77,7 @@ def test_the_covariance_is_the_least_possible():
                                atol=1e-3)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('known', [True, False])
 def test_draws_at_rest_are_off_by_the_covariance(known):
     rng, exact, found = np.random.default_rng(11), shapes(TRUE), []
@@ -90,6 +91,7 @@ def test_draws_at_rest_are_off_by_the_covariance(known):
     assert chance(sums / 4, 4) < 1e-6 and chance(4 * sums, 4) > 1 - 1e-6
 
 
+@pytest.mark.sweep
 def test_draws_of_a_motion_are_off_by_the_covariance():
     rng, found = np.random.default_rng(12), []
     motion = DirectSimulator(SWINGING, **FEW).simulate(SWUNG, STEP)

@@ -11,13 +11,12 @@ from dlo_planner import (
     DeadlineExceeded,
     DirectSimulator,
     InvalidTask,
-    Observation,
     Pose,
     Rod,
     Uncertainty,
     fit_rod,
 )
-from dlo_planner.identify import ObservedMotion
+from dlo_planner.identify import Observation, ObservedMotion
 from dlo_planner.identify.residuals import MeasurementModel
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.progress import Progress
@@ -59,6 +58,7 @@ def test_a_section_goes_with_the_stiffness_that_is_fitted():
     assert other.section.torsional_stiffness == pytest.approx(0.8 * rod.torsional_stiffness)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(('case', 'repeats'), [('without s', 16),
                                                ('with s, gripper, noise known', 8)])
 def test_coverage(case, repeats):

@@ -8,22 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import (
-    DirectSimulator,
-    FarEnd,
-    InvalidTask,
-    Motion,
-    Observation,
-    Pose,
-    Rod,
-    Uncertainty,
-    fit_rod,
-)
+from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Pose, Rod, Uncertainty, fit_rod
 from dlo_planner.direct.boundary_motion import GripTrajectory
-from dlo_planner.identify import ObservedMotion
+from dlo_planner.identify import Observation, ObservedMotion
 from dlo_planner.identify.residuals import MeasurementModel, positions_in_motion
 from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.progress import Progress
+from dlo_planner.results import Motion
 
 MESH = {'basis': 'local', 'n_elements': 16}
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
@@ -104,6 +95,7 @@ def test_slopes_against_differences(held, mesh, rng):
         np.testing.assert_allclose(slopes[:, :, k], (ahead - back) / 6e-4, atol=1e-6)
 
 
+@pytest.mark.sweep
 def test_deviations_are_those_of_repeated_experiments():
     rng, off = np.random.default_rng(5), []
     rod = Rod(1.0, 0.07, (0.02, 0.03), 0.015, tip_mass=0.02, natural_twist=0.3)

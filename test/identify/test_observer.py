@@ -14,13 +14,12 @@ from dlo_planner import (
     DirectSimulator,
     InvalidTask,
     InverseSimulator,
-    Observation,
     Observer,
     Pose,
     Rod,
     Uncertainty,
 )
-from dlo_planner.identify import Estimate, gripper_at
+from dlo_planner.identify import Estimate, Observation, gripper_at
 from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of, crossing
 from dlo_planner.identify.smoother import Consistency
 

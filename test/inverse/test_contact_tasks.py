@@ -31,6 +31,7 @@ def planner(basis='local'):
     return InverseSimulator(DirectSimulator(WIRE, basis=basis, n_elements=64, obstacles=[BAR]))
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 def test_the_family_keeps_contact_and_direction(basis):
     inverse = planner(basis)
@@ -184,6 +185,7 @@ def test_sliding_with_an_accuracy():
         np.testing.assert_allclose(one.gripper.matrix, two.gripper.matrix, atol=5e-3)
 
 
+@pytest.mark.sweep
 def test_sliding_does_not_leap():
     inverse = planner()
     for condition in ('least_energy', 'least_motion'):

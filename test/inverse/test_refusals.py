@@ -15,7 +15,6 @@ from dlo_planner import (
     CutOut,
     DirectSimulator,
     FarEnd,
-    GraspedInside,
     Infeasible,
     InvalidTask,
     InverseSimulator,
@@ -27,6 +26,7 @@ from dlo_planner import (
 )
 from dlo_planner.inverse.equilibria import is_axisymmetric
 from dlo_planner.inverse.tasks.thread import certificate
+from dlo_planner.rods import GraspedInside
 
 ROD = Rod(1.0, 0.05, 0.3, 0.25, radius=0.002)
 HOLE = CutOut(Pose.looking_along((1.0, 0.0, 1.0), (1, 0.2, 0)), radius=0.02)

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.sensitivity import Sensitivity
+from dlo_planner.direct.shape import kernel_arrays
 from dlo_planner.inverse import nearest_goals as nearest_module
 from dlo_planner.inverse.continuation import Passing, TwoPoints, aligned_shape
 from dlo_planner.inverse.nearest_goals import nearest_goals
@@ -52,7 +53,8 @@ def of(goals, shape, sensitivity=None):
     count, length = goals.kind.size, float(shape.s[-1])
     residuals, where, places = np.empty(3 * count), np.empty(count), np.empty((count, 3, 3))
     base = np.array(shape.gripper.rotation)
-    fill_residuals(goals, shape.s, *shape.for_kernels, np.zeros(3), base, residuals, where, places)
+    fill_residuals(goals, shape.s, *kernel_arrays(shape), np.zeros(3), base, residuals, where,
+                   places)
     if sensitivity is None:
         return residuals
     rows = np.empty((3 * count, 6))

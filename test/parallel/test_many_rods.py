@@ -16,11 +16,11 @@ from dlo_planner import (
     PointLoad,
     Pose,
     Rod,
-    Shapes,
     parallel,
     solve_many,
 )
 from dlo_planner.direct.batch import hanging_rods
+from dlo_planner.results import Shapes
 
 FIGURES = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'energy', 'elastic_energy',
            'dissipated', 'residual', 'stability', 'violation', 'iterations', 'converged', 'jumped')

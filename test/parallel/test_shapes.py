@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from wires import copper_wire
 
-from dlo_planner import Capsule, DirectSimulator, InvalidTask, Pose, Shapes
+from dlo_planner import Capsule, DirectSimulator, InvalidTask, Pose
+from dlo_planner.results import Shapes
 
 BAR = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02)
 

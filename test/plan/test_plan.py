@@ -216,6 +216,7 @@ def test_waypoints_one_by_one():
         plan[len(plan)]
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('name', ['plan.npz', 'plan.json'])
 def test_a_plan_in_a_file(tmp_path, name):
     inverse = planner(np.inf)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
-from planner_process import PATIENCE
+from planner_process import PATIENCE, WIRE
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -19,8 +19,9 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from dlo_planner import DloPlannerError, Infeasible, InvalidTask, Pose
-from dlo_planner.ros.arm import _LATCHED, ArmOutput, _current
-from dlo_planner.settings.parameters import ARM
+from dlo_planner.ros.arm import ArmOutput, _current
+from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
+from dlo_planner.ros.node import declare
 
 STAMP = Time(sec=5)
 TOOL = Pose((0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0))
@@ -33,14 +34,18 @@ class Cell:
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
         options = {'context': self.context, 'enable_rosout': False}
-        self.node = Node('planner', parameter_overrides=[
-            Parameter(name, value=value) for name, value in parameters], **options)
+        self.node = LifecycleNode('planner', parameter_overrides=[
+            Parameter(name, value=value) for name, value in parameters],
+            cli_args=['--ros-args', *WIRE], **options)
+        declare(self.node)
+        self.node.show()
         self.robot = Node('robot', **options)
         self.received = []
-        self.output = ArmOutput(self.node)
-        self.output.subscribe()
-        self.description = self.robot.create_publisher(String, 'robot_description', _LATCHED)
-        self.semantic = self.robot.create_publisher(String, 'robot_description_semantic', _LATCHED)
+        self.output = ArmOutput(self.node, None)
+        self.node.start_up()
+        self.node.open()
+        self.description = self.robot.create_publisher(String, 'robot_description', LATCHED)
+        self.semantic = self.robot.create_publisher(String, 'robot_description_semantic', LATCHED)
         self.states = self.robot.create_publisher(JointState, 'joint_states', 10)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
@@ -48,7 +53,7 @@ class Cell:
 
     def listen(self):
         self.robot.create_subscription(JointTrajectory, 'planner/joint_trajectory',
-                                       self.received.append, _LATCHED)
+                                       self.received.append, LATCHED)
 
     def until(self, done):
         end = time.monotonic() + PATIENCE
@@ -111,8 +116,7 @@ def test_a_proved_plan_becomes_what_the_controller_takes(cell):
 def test_no_arm_is_asked_for(cell):
     cell = cell()
     assert cell.output.on_proof(None, TOOL, STAMP) is None
-    assert {name: cell.node.get_parameter(name).value for name in ARM} == {
-        name: default for name, (default, _) in ARM.items()}
+    assert not cell.node.get_parameter('arm.tool_link').value
 
 
 def test_what_is_missing_is_said(cell):

@@ -11,11 +11,11 @@ from dlo_planner import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.model.checks import shown
 from dlo_planner.ros.inputs import OneFrame, bodies_in, brief_text, pose_in
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
+from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.poses import pose_from_stamped
 
-VALUES = {name: entry.default for name, entry in ENTRIES.items()}
+VALUES = {name: entry.default for name, entry in PARAMETERS.items()}
 SCENE = build_scene(VALUES)
 LONG = 'x' * 10_000_000
 

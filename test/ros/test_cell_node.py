@@ -27,7 +27,7 @@ from dlo_planner.cell.plant import (
     Passage,  # noqa: E402
     Plant,  # noqa: E402
 )
-from dlo_planner.ros.managed import CHANGES, LATCHED, REQUEST  # noqa: E402
+from dlo_planner.ros.lifecycle import CHANGES, LATCHED, REQUEST  # noqa: E402
 from msg_helpers.poses import pose_stamped_msg  # noqa: E402
 from msg_helpers.trajectories import poses_ahead  # noqa: E402
 
@@ -90,6 +90,7 @@ def late_and_again(monkeypatch, sleep):
     monkeypatch.setattr(Plant, 'move', slow)
 
 
+@pytest.mark.sweep
 def test_something_happens_some_time_after_the_gripper_first_moves(domain):
     with serving(case='slip', seed=3) as cell:
         slip, plant = case('slip', 3)[0].slips[0], cell.node._plant
@@ -138,6 +139,7 @@ def test_it_shows_its_dlo_and_follows_commands(cell):
     assert stamps == sorted(stamps)
 
 
+@pytest.mark.sweep
 def test_a_machine_that_is_too_slow_is_said_to_be(cell, monkeypatch):
     late_and_again(monkeypatch, 0.1)
     message, values = cell.said(lambda message, _: 'too slow' in message)
@@ -148,6 +150,7 @@ def test_a_machine_that_is_too_slow_is_said_to_be(cell, monkeypatch):
     assert cell.said(lambda _, values: float(values['lost [s]']) < lost)
 
 
+@pytest.mark.sweep
 def test_a_plant_that_is_late_catches_up_and_stamps_as_if_it_were_not(cell, monkeypatch):
     monkeypatch.setattr('dlo_planner.cell.node._BEHIND', 100.0)  # however busy the machine is
     assert cell.witness.wait_for(lambda: len(cell.poses) > 20)
@@ -161,6 +164,7 @@ def test_a_plant_that_is_late_catches_up_and_stamps_as_if_it_were_not(cell, monk
     assert steps.min() > 0.5
 
 
+@pytest.mark.sweep
 def test_with_a_clock_of_its_own_nothing_is_lost(domain, monkeypatch):
     late_and_again(monkeypatch, 0.05)
     with serving(clock=True) as cell:

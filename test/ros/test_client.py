@@ -28,6 +28,7 @@ def robot(node):
     rclpy.shutdown()
 
 
+@pytest.mark.sweep
 def test_a_plan_is_made_proved_and_executed(inside, node, robot):
     plan = robot.plan(TASK, start=HERE)
     assert len(plan.poses) == 4

@@ -26,21 +26,21 @@ from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.identify.observing import Observing
 from dlo_planner.identify.predicted_miss import crossing
-from dlo_planner.ros.drive import closed_loop_of, not_looked_at, threading_of
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import Made, State, Store
-from dlo_planner.ros.status import Health
+from dlo_planner.ros.state import PlanResult, State, Store
+from dlo_planner.ros.status import Statistics
+from dlo_planner.ros.streaming import closed_loop_of, not_looked_at, threading_of
 from dlo_planner.ros.worker import Worker
+from dlo_planner.settings.parameters import PARAMETERS
 
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
 START = Pose.looking_along((-0.36, -0.1, 1.02), (1, 0, 0))
 SPREAD = Uncertainty(0.05, 0.05, 0.02, natural_curvature=0.3, gripper_position=5e-4,
                      gripper_rotation=3.5e-3)
-VALUES = {**{name: entry.default for name, entry in ENTRIES.items()},
+VALUES = {**{name: entry.default for name, entry in PARAMETERS.items()},
           'rod.length': 0.3, 'rod.diameter': 1e-3, 'threading.waypoints': 12,
           'threading.deepest': 0.35, 'threading.standoff': 0.02, 'threading.linear_speed': 0.1,
           'threading.angular_speed': 1.0, 'cutouts.radius': HOLE.radius, 'observe.noise': 3e-4,
@@ -64,10 +64,10 @@ def proved():
     state = State(build_scene(VALUES), VALUES)
     task = through(state.scene, [HOLE.pose])
     plan, before = make_plan(state.scene, task, START, None)
-    state = state.planned(Made(state.scene, plan, before, None, task, None))
+    state = state.with_plan(PlanResult(state.scene, plan, before, None, task, None))
     proof = list(proofs(replay, state.scene, plan, before))[-1]
     assert proof.safe
-    return state.proved(proof).hearing(Heard(START, 0.0))
+    return state.with_proof(proof).with_feedback(Heard(START, 0.0))
 
 
 class Cell:
@@ -80,7 +80,7 @@ class Cell:
         self.here, self.time, self.sent, self.phases = START, 0.0, [], []
         started = state.started(0.0)
         self.drive = closed_loop_of(started, self.observing, worker)
-        self.store, self.health = Store(self.drive.begun(started)), Health()
+        self.store, self.health = Store(self.drive.begun(started)), Statistics()
 
     @property
     def state(self):
@@ -88,7 +88,7 @@ class Cell:
 
     def step(self):
         """Go on by one period; return the Execution."""
-        state = self.store.change(lambda now: now.hearing(Heard(
+        state = self.store.change(lambda now: now.with_feedback(Heard(
             self.here, self.time, 0.0, self.observing.off, self.time)))
         self.observing.gripper(self.time, self.here)
         if self.observing.due(self.time):
@@ -135,11 +135,11 @@ def test_it_looks_goes_looks_again_and_threads_within_its_limits(proved, worker)
     assert cell.part() < 1.001
     assert cell.health.report()[2]['corrections'] >= 1
     assert cell.state.looking.promised < HOLE.radius
-    plan = proved.made.plan
+    plan = proved.planned.plan
     center, s, normal = plan.via_points[-1][0]
     off = np.linalg.norm(crossing(cell.truth.shape(cell.here), center, normal, s)[0])
     assert off < cell.state.looking.promised
-    assert cell.state.made is proved.made  # it was executed to its end
+    assert cell.state.planned is proved.planned  # it was executed to its end
 
 
 def test_while_it_waits_nothing_is_sent_and_cancel_ends_it_there(proved, worker):
@@ -149,7 +149,7 @@ def test_while_it_waits_nothing_is_sent_and_cancel_ends_it_there(proved, worker)
     cell.store.change(State.canceled)
     execution = cell.step()
     assert (execution.phase, execution.cause) == ('stopped', Cause.CANCELED)
-    assert not cell.state.executing and cell.state.made is None
+    assert not cell.state.executing and cell.state.planned is None
     assert not execution.ends_at_once
 
 
@@ -157,13 +157,13 @@ def test_a_motion_that_is_stopped_from_outside_comes_to_rest(proved, worker):
     cell = Cell(proved, worker)
     cell.until(lambda execution: execution.phase == 'running' and execution.done > 0.4)
     cell.store.change(lambda now: now.stopped(Cause.OBSTACLES_CHANGED, 'a ball'))
-    cell.store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED, 'a ball in the way'))
+    cell.store.change(lambda now: now.with_detail(Cause.OBSTACLES_CHANGED, 'a ball in the way'))
     execution = cell.step()
     assert execution.phase == 'stopping' and execution.sending is not None
     execution = cell.until(ended)
     assert (execution.phase, execution.cause) == ('stopped', Cause.OBSTACLES_CHANGED)
     assert execution.reason == 'a ball in the way'
-    assert cell.part() < 1.001 and cell.state.made is None
+    assert cell.part() < 1.001 and cell.state.planned is None
 
 
 def test_a_correction_that_fails_lets_the_motion_come_to_rest(proved, worker):
@@ -189,7 +189,7 @@ def slipping(proved, worker):
 def test_where_the_dlo_slips_it_looks_and_tries_again(proved, worker):
     cell = slipping(proved, worker)
     assert cell.state.execution.phase == 'running'  # it comes to rest, and goes on
-    assert cell.state.made is proved.made
+    assert cell.state.planned is proved.planned
     cell.until(lambda execution: execution.phase == 'waiting')
     execution = cell.until(ended)
     assert execution.phase == 'succeeded', execution.reason
@@ -205,13 +205,13 @@ def test_what_is_canceled_on_the_way_back_comes_to_rest(proved, worker):
     assert (execution.phase, execution.cause) == ('stopping', Cause.CANCELED)
     execution = cell.until(ended)
     assert (execution.phase, execution.cause) == ('stopped', Cause.CANCELED)
-    assert cell.part() < 1.001 and cell.state.made is None
+    assert cell.part() < 1.001 and cell.state.planned is None
 
 
 def test_what_is_barred_ends_a_motion(proved, worker):
     guards = replace(proved.scene.guards, enable_timeout=1.0)
     scene = replace(proved.scene, guards=guards)
-    state = replace(proved, scene=scene).allowing(Enabled(True, 0.0))
+    state = replace(proved, scene=scene).with_enabled(Enabled(True, 0.0))
     cell = Cell(state, worker)  # it was allowed once, and hears no more of it
     execution = cell.until(ended)
     assert (execution.phase, execution.cause) == ('stopped', Cause.NOT_ENABLED)

@@ -19,7 +19,7 @@ from demo.follower import Follower
 from dlo_planner import CutOut, Pose, Rod, Uncertainty
 from dlo_planner.execute.causes import Cause
 from dlo_planner.identify.predicted_miss import crossing
-from dlo_planner.ros.managed import ALL_LATCHED, LATEST, REQUEST
+from dlo_planner.ros.lifecycle import ALL_LATCHED, LATEST, REQUEST
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.diagnostics import WARN
 from msg_helpers.poses import pose_stamped_msg
@@ -126,7 +126,7 @@ def test_nothing_seen_nothing_identified(client):
 
 def test_what_is_seen_is_identified_and_counts_from_then_on(client, node, tracker, truth, restored):
     def looks():
-        return node._health.report()[2].get('estimate looks', 0)
+        return node.shared.statistics.report()[2].get('estimate looks', 0)
 
     assert until(lambda: looks() >= 30)
     before = np.abs(state(node).scene.direct.solve(START).positions[-1]
@@ -172,7 +172,7 @@ def test_a_cutout_that_is_seen_counts_for_the_plan_through_it(client, node, rest
 
     def shift():
         seen(off)
-        estimate = node._camera._observing_of(state(node)).estimate
+        estimate = node.estimator._observing_of(state(node)).estimate
         return estimate.moved_cutout(HOLE).center - HOLE.center
 
     try:

@@ -213,6 +213,7 @@ def tolerated(age, horizon, timeout=0.5, times=REGULAR, stands_at=np.inf):
     return True
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('horizon', [0.0, HORIZON])
 def test_the_gripper_is_compared_with_the_command_of_its_time(horizon):
     assert tolerated(0.1, horizon)

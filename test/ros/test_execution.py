@@ -96,6 +96,7 @@ def test_what_was_lost_is_not_made_up_for():
 FAULTS = {'stopped for 4 s': 4.0, 'just too long': 0.5, 'loaded machine': 0.3}
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('name', FAULTS)
 def test_no_lateness_makes_a_leap(name):
     times = np.arange(500) * PERIOD
@@ -142,6 +143,7 @@ def differences(places):
     return speeds, np.diff(speeds, axis=0) / PERIOD
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('index', range(20, 460, 40))
 def test_cancel_decelerates_within_the_limits(index):
     execution, places, sent = run(begun(), np.arange(520) * PERIOD, at={

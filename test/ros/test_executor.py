@@ -10,7 +10,7 @@ from planner_process import PATIENCE
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
-from dlo_planner.ros.managed import PatientExecutor
+from dlo_planner.ros.lifecycle import PatientExecutor
 
 
 def test_a_busy_callback_costs_the_executor_nothing(domain):

@@ -13,7 +13,7 @@ from planner_process import connected_client
 from sensor_msgs.msg import PointCloud2
 
 from dlo_planner import Pose
-from dlo_planner.ros.managed import LATEST
+from dlo_planner.ros.lifecycle import LATEST
 from msg_helpers.clouds import cloud_msg
 
 ANSWERED = 20.0  # s; a service that starves gets no answer as long as the flood goes on
@@ -62,7 +62,7 @@ def test_clouds_do_not_starve_identify(client, node):
         out.publish(cloud_msg(points, 'world', client.node.get_clock().now().to_msg()))
 
     with flood(send):
-        assert until(lambda: node._health.report()[2].get('estimate looks', 0) >= 3)
+        assert until(lambda: node.shared.statistics.report()[2].get('estimate looks', 0) >= 3)
         answer = client.trigger('identify')
     assert answer.success, answer.message
     client.node.destroy_publisher(out)

@@ -28,13 +28,13 @@ from dlo_planner.ros.inputs import (
     markers_in,
     pose_in,
 )
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
+from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.obstacles import obstacles_after
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
-SCENE = build_scene({name: entry.default for name, entry in ENTRIES.items()})
+SCENE = build_scene({name: entry.default for name, entry in PARAMETERS.items()})
 CAMERA = Pose((1.0, 2.0, 3.0), Rotation.from_euler('xyz', (0.3, -0.4, 1.2)).as_quat())
 SEEN = Pose((0.1, 0.2, 0.3), Rotation.from_euler('xyz', (1.0, 0.5, 0.2)).as_quat())
 

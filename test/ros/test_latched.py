@@ -14,27 +14,17 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Int32
 
-from dlo_planner.ros.managed import CHANGES, Once, hear_latched
+from dlo_planner.ros.lifecycle import CHANGES, Entities, Once
 
 LATCHED = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class AsGate:
-    """A node whose subscriptions take `always`, as those of a Gate do."""
+class Hearer(Entities, Node):
+    """A node that hears what is latched."""
 
-    def __init__(self, node):
-        self.node = node
-
-    def create_subscription(self, *arguments, always, **options):
-        assert always
-        return self.node.create_subscription(*arguments, **options)
-
-    def create_timer(self, *arguments, always, **options):
-        assert always
-        return self.node.create_timer(*arguments, **options)
-
-    def get_publishers_info_by_topic(self, topic):
-        return self.node.get_publishers_info_by_topic(topic)
+    def __init__(self, **options):
+        Node.__init__(self, 'hearer', **options)
+        Entities.__init__(self)
 
 
 @pytest.fixture
@@ -42,7 +32,7 @@ def pair(domain):
     """Yield a node that sends, one that hears, what it heard, and a function that spins."""
     context = rclpy.Context()
     rclpy.init(context=context)
-    sender, hearer = (Node(name, context=context) for name in ('sender', 'hearer'))
+    sender, hearer = Node('sender', context=context), Hearer(context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(hearer)
     heard = []
@@ -63,8 +53,8 @@ def pair(domain):
 
 
 def hear(hearer, heard):
-    hear_latched(AsGate(hearer), Int32, 'numbers', lambda msg: heard.append(msg.data), CHANGES,
-                 hearer.get_clock(), MutuallyExclusiveCallbackGroup())
+    hearer.add_latched(Int32, 'numbers', lambda msg: heard.append(msg.data), CHANGES,
+                       MutuallyExclusiveCallbackGroup())
 
 
 def wait_for(publisher, number):

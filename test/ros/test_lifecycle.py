@@ -34,7 +34,7 @@ from dlo_planner import (
 )
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Execution, Guards, Heard
-from dlo_planner.ros.managed import CHANGES, LATCHED
+from dlo_planner.ros.lifecycle import CHANGES, LATCHED
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
@@ -161,7 +161,7 @@ def test_obstacles_are_heard_in_every_state(monkeypatch, context, witness):
     with planner_here(monkeypatch, context, autostart=False) as node:
         markers = witness.hear(MarkerArray, f'{NAME}/markers', LATCHED)
         assert change(witness, 'configure')
-        assert witness.wait_for(lambda: node._parts.store.state.bodies)
+        assert witness.wait_for(lambda: node.shared.store.state.bodies)
         assert change(witness, 'activate')
         assert witness.wait_for(lambda: markers)  # they are drawn as soon as it may
         assert {one.ns for one in markers[-1].markers} == {'obstacle'}
@@ -212,9 +212,9 @@ def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witn
         commands = witness.hear(PoseStamped, f'{NAME}/gripper_command', CHANGES)
         assert witness.wait_for(lambda: node.count_subscribers(f'{NAME}/gripper_command'))
         heard = Heard(plan.grippers[0], time.monotonic())
-        node._parts.store.change(lambda now: replace(now, execution=execution, heard=heard))
-        node._drive._finished = False
-        node._drive._timer.reset()
+        node.shared.store.change(lambda now: replace(now, execution=execution, feedback=heard))
+        node.streamer._finished = False
+        node.streamer._timer.reset()
         assert witness.wait_for(lambda: len(commands) > fast)
         assert change(witness, 'deactivate')
         number = -1
@@ -227,7 +227,7 @@ def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witn
         regular = 0.02 * speeds.max()
         assert 0.5 * regular < steps.max() <= 1.2 * regular  # no jump
         assert steps[-1] < 0.05 * regular
-        assert node._parts.store.state.execution.cause == Cause.SHUTDOWN
+        assert node.shared.store.state.execution.cause == Cause.SHUTDOWN
 
 
 def test_names_and_namespaces_go_everywhere(monkeypatch, context):

@@ -15,8 +15,8 @@ from dlo_planner.execute.execution import Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Guards, Heard
 from dlo_planner.execute.limiter import Limiter, frames_of, shortest_stop, used
 from dlo_planner.identify.steering import Change, Steered
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
+from dlo_planner.settings.parameters import PARAMETERS
 
 PERIOD, LIMITS = 0.02, Limits()
 FULL = Limits(*(0.95 * LIMITS.sizes).ravel())  # what a motion is made for
@@ -107,6 +107,7 @@ def test_the_measure_is_that_of_closed_forms():
                 0.5, rel=1e-3)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('plan', 'way', 'meters', 'radians', 'horizon'), [
     (STIFF, SHORT, 0.019, 0.09, 0.0), (STIFF, SHORT, 0.019, 0.09, 1.0),
     (STIFF, SHORT, 0.3, 1.0, 0.0), (WIRE, WAY, 0.019, 0.09, 1.0),
@@ -136,6 +137,7 @@ def test_a_start_that_the_limits_do_not_allow_is_refused():
     assert refused.value.cause == Cause.NOT_AT_START
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('horizon', [0.0, 1.0])
 @pytest.mark.parametrize('index', [2, 9, 20, 60, 140, 220, 300, 380, 455])
 def test_a_stop_keeps_all_limits_and_is_soon_at_rest(index, horizon):
@@ -176,6 +178,7 @@ def test_a_robot_whose_planner_dies_comes_to_rest_within_the_limits(index):
     assert steps[-1] < 1e-6
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('late', [0.08, 0.2, 0.45])
 @pytest.mark.parametrize('at', [40, 250])
 def test_after_a_pause_commands_begin_again_where_the_gripper_stands(late, at):
@@ -350,7 +353,7 @@ def test_a_stop_in_a_correction_keeps_the_limits():
 
 
 def test_a_motion_is_made_for_a_part_of_the_limits():
-    values = {name: entry.default for name, entry in ENTRIES.items()}
+    values = {name: entry.default for name, entry in PARAMETERS.items()}
     scene = build_scene({**values, 'threading.linear_jerk': float('inf')})
     np.testing.assert_allclose(scene.motion_limits.sizes, 0.95 * scene.limits.sizes)
     assert scene.horizon == 1.0

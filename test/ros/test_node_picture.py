@@ -6,7 +6,7 @@ import pytest
 from node_inside import GOAL, HERE, box, clear, until
 from visualization_msgs.msg import MarkerArray
 
-from dlo_planner.ros.managed import LATCHED
+from dlo_planner.ros.lifecycle import LATCHED
 from msg_helpers.markers import primitives_after
 
 

@@ -102,7 +102,7 @@ def held_plan(monkeypatch):
 def test_cancel_ends_the_planning(inside, node, long_plan):
     def seconds():
         inside.send_goal(GOAL)
-        assert until(lambda: node._planning._run is not None)
+        assert until(lambda: node.planning_server._job is not None)
         time.sleep(0.2)
         asked = time.monotonic()
         answer = inside.trigger('cancel')

@@ -26,7 +26,6 @@ from dlo_planner import (
     Cylinder,
     DirectSimulator,
     FarEnd,
-    GraspedInside,
     HoldContact,
     Insert,
     InverseSimulator,
@@ -42,6 +41,7 @@ from dlo_planner import (
 from dlo_planner.execute.causes import Cause
 from dlo_planner.inverse.task import Task
 from dlo_planner.penalties import PositionAt
+from dlo_planner.rods import GraspedInside, with_plug
 from dlo_planner.settings.tasks import task_to_yaml
 from dlo_planner.tasks import Approach
 from msg_helpers.obstacles import obstacles_msg
@@ -169,7 +169,7 @@ def test_what_is_no_task_is_refused_by_name(inside, tell, text, code, said):
 
 
 def test_a_service_for_each_task_fills_its_pose(inside, node, tell, bar):
-    node._store.change(lambda now: replace(now, tasks={}))
+    node.shared.store.change(lambda now: replace(now, tasks={}))
     inside.shape_for(HERE)
     for name, kind in (('plan_threading', Thread), ('plan_insertion', Insert)):
         place = 'cutout' if kind is Thread else 'bore'
@@ -295,7 +295,7 @@ def test_a_far_end_is_held_while_its_poses_come(inside, node, wrenches, capfd):
         WIRE, n_elements=64, n_terms=10, basis='chebyshev',
         point_loads=[PointLoad((0.0, 0.02, 0.0), s=0.5)])),
     ({'rod__point_masses': [0.5, 0.004], 'rod__plug__length': 0.02, 'rod__plug__mass': 0.002,
-      'rod__plug__radius': 0.003}, DirectSimulator(dlo_planner.with_plug(Rod.circular(
+      'rod__plug__radius': 0.003}, DirectSimulator(with_plug(Rod.circular(
           1.0, 1.5e-3, 8960.0, 110e9, 0.34, point_masses=((0.5, 0.004),), damping=(0.5, 0.0)),
           0.02, 0.002, radius=0.003), n_elements=64, n_terms=10, basis='chebyshev'))])
 def test_what_loads_the_dlo_is_stated_by_parameters(inside, node, values, simulator):

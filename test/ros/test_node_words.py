@@ -118,13 +118,13 @@ def test_absurd_obstacles_are_refused_by_name(inside, node, spoil, named):
     marker = box(9)
     spoil(marker)
     inside.send_obstacles([marker])
-    assert until(lambda: named in node._health.report()[1])
+    assert until(lambda: named in node.shared.statistics.report()[1])
     assert not state(node).bodies
 
 
 def test_a_flood_of_odd_poses_is_a_line_a_second(inside, node, capfd):
     def refused():
-        return node._health.report()[2]['poses refused']
+        return node.shared.statistics.report()[2]['poses refused']
 
     begun, before = time.monotonic(), refused()
     while refused() < before + 100:

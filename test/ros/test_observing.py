@@ -19,10 +19,10 @@ from dlo_planner import (
     Uncertainty,
 )
 from dlo_planner.identify.observing import Observing, Seeing, Swing, motion_at
-from dlo_planner.ros.estimate import observing_of, told
-from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.ros.estimate import estimate_summary, observing_of
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.settings.build import parameters_of_estimate
+from dlo_planner.settings.parameters import PARAMETERS
 
 SEEING = Seeing(SPREAD, NOISE)
 COPPER = {'rod.diameter': 1.5e-3}
@@ -31,7 +31,7 @@ SPRING = {'rod.section': 'stiffness', 'rod.mass_per_length': 0.05, 'rod.torsiona
 
 
 def parameters(**changes):
-    return {name: entry.default for name, entry in ENTRIES.items()} | changes
+    return {name: entry.default for name, entry in PARAMETERS.items()} | changes
 
 
 def observing(simulator=None, seeing=SEEING, gripper=START, times=(0.0, 10.0)):
@@ -213,15 +213,15 @@ def test_what_is_identified_is_the_dlo_of_the_estimate(section, rng):
     truth = Truth.drawn(rng, scene.direct.rod)
     estimate = looked(observing(scene.direct), truth, rng, looks=6)
     changed = parameters_of_estimate(estimate, values)
-    assert set(changed) <= set(ENTRIES)
-    assert all(type(value) is type(ENTRIES[name].default) for name, value in changed.items())
+    assert set(changed) <= set(PARAMETERS)
+    assert all(type(value) is type(PARAMETERS[name].default) for name, value in changed.items())
     after = build_scene(values | changed)
     commanded = START.compose(after.tool)
     np.testing.assert_allclose(commanded.matrix, estimate.actual(START).matrix, atol=1e-12)
     s = np.linspace(0, 0.999, 9) * after.direct.rod.length
     np.testing.assert_allclose(after.direct.solve(commanded).positions_at(s),
                                estimate.shape(START).positions_at(s), atol=2e-4)
-    assert 'natural_curvature' in told(estimate)
+    assert 'natural_curvature' in estimate_summary(estimate)
 
 
 def test_terms_add_up(rng):

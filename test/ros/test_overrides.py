@@ -8,9 +8,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dlo_planner import InvalidTask
-from dlo_planner.ros.parameters import declare, take_overrides
+from dlo_planner.ros.node import declare, take_overrides
 from dlo_planner.settings.build import NEEDED
-from dlo_planner.settings.parameters import ENTRIES, unknown_parameter
+from dlo_planner.settings.parameters import PARAMETERS, unknown_parameter
 
 
 @pytest.fixture
@@ -33,12 +33,12 @@ def node_with(context, **values):
     ('rod.young_modulus', 'rod.youngs_modulus'), ('threading.waypoint', 'threading.waypoints'),
     ('rod.dampening', 'rod.damping'), ('simulator.nelements', 'simulator.n_elements')])
 def test_a_misspelt_name_is_recognized(name, meant):
-    assert unknown_parameter(name, ENTRIES).endswith(f'did you mean {meant}?')
-    assert name in unknown_parameter(name, ENTRIES)
+    assert unknown_parameter(name, PARAMETERS).endswith(f'did you mean {meant}?')
+    assert name in unknown_parameter(name, PARAMETERS)
 
 
 def test_no_guess_at_what_is_like_nothing():
-    text = unknown_parameter('xqzw', ENTRIES)
+    text = unknown_parameter('xqzw', PARAMETERS)
     assert 'xqzw' in text and 'did you mean' not in text
 
 
@@ -51,7 +51,7 @@ def test_all_values_are_taken_and_nothing_of_rclpy(context):
 
 
 def test_values_are_declared_with_the_types_and_limits_of_the_table(context):
-    wire = {f'rod__{name}': ENTRIES[f'rod.{name}'].default for name in NEEDED['round']}
+    wire = {f'rod__{name}': PARAMETERS[f'rod.{name}'].default for name in NEEDED['round']}
     node = node_with(context, **wire | {'rod__length': 2}, rod__name='x', gravity=[0, 0, -10],
                      nonsense__entirely=1)
     declare(node)

@@ -9,12 +9,13 @@ from rclpy.parameter import Parameter
 
 from dlo_planner import Pose
 from dlo_planner.execute.execution import Execution
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene_monitor import SceneMonitor
 from dlo_planner.ros.state import State, Store
-from dlo_planner.ros.surroundings import Surroundings
+from dlo_planner.ros.status import Shared
+from dlo_planner.settings.parameters import PARAMETERS
 
-VALUES = {name: entry.default for name, entry in ENTRIES.items()}
+VALUES = {name: entry.default for name, entry in PARAMETERS.items()}
 FIXED = ('constraints.', 'cutouts.', 'decelerate', 'gravity', 'incoming', 'observe.', 'simulator.',
          'spread.', 'tool.', 'workspace.', 'threading.linear', 'threading.angular',
          'threading.may_yield', 'execute.horizon', 'execute.longest_pause',
@@ -26,14 +27,10 @@ def judged(phase, **changed):
     made = []
     node = SimpleNamespace(add_on_set_parameters_callback=made.append,
                            add_post_set_parameters_callback=lambda _: None,
-                           create_subscription=lambda *_, **__: None,
-                           create_timer=lambda *_, **__: None,
-                           get_publishers_info_by_topic=lambda _: ())
+                           add_latched=lambda *_: None)
     execution = Execution(None, Pose.identity(), 'world', phase=phase)
     state = State(build_scene(VALUES), VALUES, execution=execution)
-    parts = SimpleNamespace(store=Store(state), health=None, reporter=None, picture=None,
-                            frames=None)
-    Surroundings(node, parts, None, None)
+    SceneMonitor(Shared(node, Store(state), None, None, None, None), None)
     return made[0]([Parameter(name.replace('__', '.'), value=value)
                     for name, value in changed.items()])
 
@@ -51,6 +48,6 @@ def test_limits_guards_and_tool_do_not_change_while_a_plan_is_executed(phase):
 
 
 def test_nothing_that_an_execution_depends_on_is_free():
-    free = [name for name, entry in ENTRIES.items() if entry.while_executing]
+    free = [name for name, entry in PARAMETERS.items() if entry.while_executing]
     assert [name for name in free if name.startswith(FIXED)] == []
     assert [name for name in free if name.startswith('rod.')] == ['rod.name']

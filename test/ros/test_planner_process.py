@@ -14,7 +14,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
 from dlo_planner.model.value import put
-from dlo_planner.ros.managed import LATCHED
+from dlo_planner.ros.lifecycle import LATCHED
 from msg_helpers.trajectories import poses_from_path, times_from_path
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)

@@ -8,13 +8,13 @@ import pytest
 from dlo_planner import Limits, Plane, Pose, replay
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.execute.causes import Cause
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.worker import ProcessLost
+from dlo_planner.settings.parameters import PARAMETERS
 
-VALUES = {**{name: entry.default for name, entry in ENTRIES.items()},
+VALUES = {**{name: entry.default for name, entry in PARAMETERS.items()},
           'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'threading.deepest': 0.3}
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 
@@ -97,6 +97,7 @@ def test_what_goes_wrong_is_the_reason(kind):
     assert 'has ended' in last.reason and last.report is slowly.report
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('losses', 'state'), [(1, 'held'), (3, 'held'), (4, 'refused')])
 def test_a_proof_whose_process_dies_is_made_again_three_times(losses, state):
     calls = []

@@ -33,9 +33,9 @@ for folder in ('/tmp', '/var/tmp', {root!r}):
 made = main._planner
 
 def make():
-    from dlo_planner.ros import planner_node
-    planner_node.warm_up = lambda: None
-    planner_node.warm_up_proofs = planner_node.warm_up_loop = int
+    from dlo_planner.ros import node as planner
+    planner.answers = lambda: None
+    planner.proofs = planner.closed_loop = int
     subprocess.run([sys.executable, '-c', 'import dlo_planner.ros.worker'], check=True)
     node, executor = made()
     print(node.lifecycle_state, os.getuid(), flush=True)

@@ -44,6 +44,7 @@ def test_the_policy_is_what_the_node_opens(names, kind):
     assert rules - names[kind] - AT_TIMES == set(), 'it is allowed, but never opened'
 
 
+@pytest.mark.sweep
 def test_simulated_time_is_allowed(domain, monkeypatch):
     with context_of_its_own() as context, \
             planner_here(monkeypatch, context, use_sim_time=True) as node:

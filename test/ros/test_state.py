@@ -17,14 +17,14 @@ from dlo_planner.execute.guards import Enabled, Guards
 from dlo_planner.identify.observing import Seeing
 from dlo_planner.plan.plan import PlanStatus, truncate
 from dlo_planner.plan.requirements import Limits
-from dlo_planner.ros.parameters import ENTRIES
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene, scene_of
-from dlo_planner.ros.state import Made, Proof, State, Store, carried, ready
+from dlo_planner.ros.state import PlanResult, Proof, State, Store, carried, ready
+from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.obstacles import Body
 
-VALUES = {**{name: entry.default for name, entry in ENTRIES.items()}, 'rod.diameter': 1.5e-3,
+VALUES = {**{name: entry.default for name, entry in PARAMETERS.items()}, 'rod.diameter': 1.5e-3,
           'threading.waypoints': 8, 'threading.deepest': 0.3, 'rod.damping': [0.5, 0.0]}
 GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 HERE = Pose.looking_along((0.0, 0.1, 1.0), (1.0, 0.2, 0.0))
@@ -45,16 +45,16 @@ def proved():
     state = State(scene(), VALUES)
     task = through(state.scene, [GOAL])
     plan, before = make_plan(state.scene, task, None, None)
-    made = Made(state.scene, plan, before, None, task, None)
+    made = PlanResult(state.scene, plan, before, None, task, None)
     proof = list(proofs(replay, state.scene,
                         plan, before))[-1]
     assert proof.safe and proof.cause == Cause.DONE
-    return state.planned(made).proved(proof).hearing(Heard(plan.grippers[0], 10.0))
+    return state.with_plan(made).with_proof(proof).with_feedback(Heard(plan.grippers[0], 10.0))
 
 
 def hanging(state):
     shape = state.scene.direct.solve(HERE)
-    return replace(state, shape=shape).hearing(Heard(HERE, 0.0))
+    return replace(state, shape=shape).with_feedback(Heard(HERE, 0.0))
 
 
 def changed(state, bodies=None, **parts):
@@ -119,11 +119,11 @@ def test_a_shape_found_for_a_scene_that_is_gone_is_carried_over_or_forgotten():
 
 def test_a_proved_plan_is_executed_and_only_once(proved):
     state = proved.started(10.05)
-    assert state.executing and state.running is proved.made
+    assert state.executing and state.running is proved.planned
     with pytest.raises(Refused) as refused:
         state.started(10.05)
     assert refused.value.cause == Cause.EXECUTING
-    assert state.ticked(10.06).execution.command is not None
+    assert state.after_tick(10.06).execution.command is not None
     assert state.scene.guards == state.execution.guards
 
 
@@ -132,7 +132,7 @@ def test_an_execution_begins_where_the_gripper_is(proved):
     turn = Rotation.from_rotvec([0, 0.03, 0])
     here = Pose.from_rotation(pose.position + (0.0, 0.012, -0.005),
                               turn.as_matrix() @ pose.rotation)
-    execution = proved.hearing(Heard(here, 10.0)).started(10.02).execution
+    execution = proved.with_feedback(Heard(here, 10.0)).started(10.02).execution
     way, planned, begin = execution.way, proved.proof.report.trajectory, execution.begin
     assert execution.done == begin < 0
     first = way.at([begin])[0][0]
@@ -140,7 +140,7 @@ def test_an_execution_begins_where_the_gripper_is(proved):
     np.testing.assert_allclose(first.rotation, here.rotation, atol=1e-12)
     # it goes to the beginning smoothly, stands still, and then keeps to the plan as it was proved
     assert {round(float(period), 6) for period in way.windows[:2]} <= {
-        round(1 / float(one), 6) for one in proved.made.plan.shapes[0].modes(4).frequencies}
+        round(1 / float(one), 6) for one in proved.planned.plan.shapes[0].modes(4).frequencies}
     times = np.linspace(begin, 0.0, 200)
     away = np.array([np.linalg.norm(one.position - pose.position) for one in way.at(times)[0]])
     assert np.diff(away).max() < 1e-12 and np.abs(np.diff(away)).max() < 0.013 * 3 / 200
@@ -151,13 +151,13 @@ def test_an_execution_begins_where_the_gripper_is(proved):
 
 def test_what_a_robot_makes_up_for_is_not_blended(proved):
     here = Pose(proved.pose.position + (0.0, 0.0, 0.9e-3), proved.pose.quaternion)
-    way = proved.hearing(Heard(here, 10.0)).started(10.02).execution.way
+    way = proved.with_feedback(Heard(here, 10.0)).started(10.02).execution.way
     assert way is proved.proof.report.trajectory
 
 
 def test_other_windows_wait_until_all_is_blended_in(proved):
     here = Pose(proved.pose.position + (0.0, 0.0, 5e-3), proved.pose.quaternion)
-    way = proved.hearing(Heard(here, 10.0)).started(10.02).execution.way
+    way = proved.with_feedback(Heard(here, 10.0)).started(10.02).execution.way
     other = way.windows * 0.9
     assert blending_as(way, way.windows, 0.0) is way
     begin = way.changes[-1].since
@@ -170,26 +170,27 @@ def test_other_windows_wait_until_all_is_blended_in(proved):
 
 
 def test_cancel_ends_a_proof(proved):
-    proving = replace(proved, proof=Proof(proved.made.plan))
+    proving = replace(proved, proof=Proof(proved.planned.plan))
     assert proving.proving and not proved.proving
     after = proving.canceled()
-    assert after.made is None and 'canceled' in after.void
-    assert after.proved(proved.proof).proof is None  # it comes too late
+    assert after.planned is None and 'canceled' in after.no_plan
+    assert after.with_proof(proved.proof).proof is None  # it comes too late
     assert proved.canceled() is proved  # nothing is to be canceled
 
 
 @pytest.mark.parametrize(('spoil', 'cause', 'named'), [
-    (lambda s: replace(s, made=None, void='a box came'), Cause.NO_PLAN, 'a box came'),
-    (lambda s: replace(s, proof=Proof(s.made.plan)), Cause.PROOF_PENDING, 'ask again'),
+    (lambda s: replace(s, planned=None, no_plan='a box came'), Cause.NO_PLAN, 'a box came'),
+    (lambda s: replace(s, proof=Proof(s.planned.plan)), Cause.PROOF_PENDING, 'ask again'),
     (lambda s: replace(s, proof=replace(s.proof, reason='it swings', cause=Cause.NOT_CALM)),
      Cause.NOT_CALM, 'it swings'),
-    (lambda s: replace(s, pose=None, heard=None), Cause.NO_GRIPPER_POSE, 'gripper_pose'),
-    (lambda s: replace(s, heard=None), Cause.OLD_GRIPPER_POSE, 'incoming_command_timeout = 0.1'),
-    (lambda s: s.hearing(Heard(s.pose, 9.9, 0.0)), Cause.OLD_GRIPPER_POSE, '0.15 s old'),
-    (lambda s: s.hearing(Heard(s.pose, 10.0, 0.08)), Cause.OLD_GRIPPER_POSE, '0.13 s old'),
-    (lambda s: s.hearing(Heard(Pose(s.pose.position + (0, 0.03, 0), s.pose.quaternion), 10.0)),
+    (lambda s: replace(s, pose=None, feedback=None), Cause.NO_GRIPPER_POSE, 'gripper_pose'),
+    (lambda s: replace(s, feedback=None), Cause.OLD_GRIPPER_POSE, 'incoming_command_timeout = 0.1'),
+    (lambda s: s.with_feedback(Heard(s.pose, 9.9, 0.0)), Cause.OLD_GRIPPER_POSE, '0.15 s old'),
+    (lambda s: s.with_feedback(Heard(s.pose, 10.0, 0.08)), Cause.OLD_GRIPPER_POSE, '0.13 s old'),
+    (lambda s: s.with_feedback(Heard(Pose(s.pose.position + (0, 0.03, 0), s.pose.quaternion),
+                                     10.0)),
      Cause.NOT_AT_START, 'execute.start_distance = 0.02'),
-    (lambda s: s.hearing(Heard(Pose(s.pose.position, (0, 0, 0, 1)), 10.0)),
+    (lambda s: s.with_feedback(Heard(Pose(s.pose.position, (0, 0, 0, 1)), 10.0)),
      Cause.NOT_AT_START, 'execute.start_angle = 0.1')])
 def test_what_is_missing_is_named(proved, spoil, cause, named):
     assert ready(proved, 10.05) is proved.proof.report.trajectory
@@ -199,13 +200,13 @@ def test_what_is_missing_is_named(proved, spoil, cause, named):
 
 
 def test_the_plan_that_is_meant_is_executed_or_none(proved):
-    made = replace(proved.made, stamp=Time(sec=7))
-    state = proved.planned(made).proved(proved.proof)
+    made = replace(proved.planned, stamp=Time(sec=7))
+    state = proved.with_plan(made).with_proof(proved.proof)
     assert ready(state, 10.0) is ready(state, 10.0, Time(sec=7))
     with pytest.raises(Refused, match='stamped 6.0'):
         ready(state, 10.0, Time(sec=6))
     other = replace(made, plan=truncate(made.plan, 4, PlanStatus.PARTIAL), stamp=Time(sec=6))
-    between = state.planned(other).planned(made).proved(proved.proof)
+    between = state.with_plan(other).with_plan(made).with_proof(proved.proof)
     with pytest.raises(Refused, match='execute_plan') as refused:
         ready(between, 10.0)
     assert refused.value.cause == Cause.OTHER_PLAN
@@ -216,61 +217,61 @@ def test_the_plan_that_is_meant_is_executed_or_none(proved):
     (None, 'nothing came'), (Enabled(False, 10.0), 'it is false'), (Enabled(True, 9.4), '0.6 s')])
 def test_who_is_not_enabled_does_not_start(proved, enabled, named):
     scene_ = scene(execute__enable_timeout=0.5)
-    state = replace(proved, scene=scene_, made=replace(proved.made, scene=scene_))
-    assert state.allowing(Enabled(True, 9.6)).started(10.0).executing
+    state = replace(proved, scene=scene_, planned=replace(proved.planned, scene=scene_))
+    assert state.with_enabled(Enabled(True, 9.6)).started(10.0).executing
     with pytest.raises(Refused, match=named) as refused:
-        state.allowing(enabled).started(10.0)
+        state.with_enabled(enabled).started(10.0)
     assert refused.value.cause == Cause.NOT_ENABLED
 
 
 def test_a_motion_beyond_its_limits_is_not_executed(proved):
     slower = replace(proved.scene, limits=Limits(*(0.9 * proved.scene.motion_limits.sizes).ravel()))
     with pytest.raises(Refused, match='of its limits') as refused:
-        replace(proved, made=replace(proved.made, scene=slower)).started(10.0)
+        replace(proved, planned=replace(proved.planned, scene=slower)).started(10.0)
     assert refused.value.cause == Cause.LIMITS
 
 
 @pytest.mark.parametrize('age', [0.2, 5.0, -0.2, -60.0, 1.7e9])
 def test_a_pose_that_is_too_old_or_from_the_future_is_no_news_of_the_gripper(proved, age):
-    after = proved.hearing(Heard(HERE, 10.04, age))
-    assert after.pose is HERE and after.heard is proved.heard
-    assert proved.hearing(Heard(HERE, 10.04, np.sign(age) * 0.05)).heard.pose is HERE
+    after = proved.with_feedback(Heard(HERE, 10.04, age))
+    assert after.pose is HERE and after.feedback is proved.feedback
+    assert proved.with_feedback(Heard(HERE, 10.04, np.sign(age) * 0.05)).feedback.pose is HERE
 
 
 def test_what_changes_the_scene_voids_the_plan_and_stops_what_runs(proved):
-    running = proved.started(10.0).ticked(10.0).ticked(10.02)
+    running = proved.started(10.0).after_tick(10.0).after_tick(10.02)
     for after, cause, reason in (
             (changed(running, bodies=BALL), Cause.OBSTACLES_CHANGED, 'a ball'),
             (changed(running, rod__tip_mass=0.01), Cause.PARAMETERS_CHANGED, 'a limit'),
             (changed(running, threading__linear_jerk=4.0), Cause.PARAMETERS_CHANGED, 'a limit'),
             (changed(running, tool__position=[0.0, 0.0, 0.1]), Cause.PARAMETERS_CHANGED,
              'a limit')):
-        assert (after.made, after.proof, after.void) == (None, None, reason)
+        assert (after.planned, after.proof, after.no_plan) == (None, None, reason)
         assert after.execution.phase == 'stopping' and after.execution.cause == cause
-        assert after.detailed(cause, 'more').execution.reason == 'more'
-        assert after.detailed(Cause.SHUTDOWN, 'more') is after
+        assert after.with_detail(cause, 'more').execution.reason == 'more'
+        assert after.with_detail(Cause.SHUTDOWN, 'more') is after
     for name, value in (('rod__name', 'w'), ('constraints__path__position', 0.5),
                         ('threading__waypoints', 20), ('execute__start_angle', 0.2)):
         kept = changed(running, **{name: value})
-        assert kept.made is running.made and kept.execution is running.execution
+        assert kept.planned is running.planned and kept.execution is running.execution
 
 
 def test_a_plan_that_was_not_finished_is_void(proved):
-    running = proved.started(10.0).ticked(10.0).ticked(10.02)
+    running = proved.started(10.0).after_tick(10.0).after_tick(10.02)
     after = running.canceled()
-    assert after.made is None and after.void == 'canceled'
-    newer = replace(running, made=replace(running.made))  # planned while it runs
-    assert newer.canceled().made is newer.made
+    assert after.planned is None and after.no_plan == 'canceled'
+    newer = replace(running, planned=replace(running.planned))  # planned while it runs
+    assert newer.canceled().planned is newer.planned
     assert proved.canceled() is proved and proved.stopped(Cause.SHUTDOWN, 'end') is proved
 
 
 def test_a_plan_of_a_scene_that_is_gone_is_refused(proved):
     with pytest.raises(Refused) as refused:
-        changed(proved, bodies=BALL).planned(proved.made)
+        changed(proved, bodies=BALL).with_plan(proved.planned)
     assert refused.value.cause == Cause.SCENE_CHANGED
-    assert changed(proved, rod__name='w').planned(proved.made).made is proved.made
+    assert changed(proved, rod__name='w').with_plan(proved.planned).planned is proved.planned
     other = Proof(None)  # of another plan
-    assert proved.proved(other) is proved
+    assert proved.with_proof(other) is proved
 
 
 def test_each_guard_and_figure_of_seeing_is_that_of_its_parameter():
@@ -318,12 +319,12 @@ def test_the_gripper_is_at_the_start_where_its_tool_frame_is(proved):
     # the DLO leaves the tool 0.1 m beside its frame, and turned
     tool = Pose.from_rotation((0.0, 0.1, 0.02), Rotation.from_rotvec((0.3, 0.0, 0.7)).as_matrix())
     turned = replace(proved.scene, tool=tool)
-    state = replace(proved, scene=turned, made=replace(proved.made, scene=turned))
-    there = proved.made.plan.grippers[0].compose(tool.inverse())
-    assert ready(state.hearing(Heard(there, 10.0)), 10.0) is proved.proof.report.trajectory
-    for wrong in (proved.made.plan.grippers[0], proved.made.plan.grippers[0].compose(tool)):
+    state = replace(proved, scene=turned, planned=replace(proved.planned, scene=turned))
+    there = proved.planned.plan.grippers[0].compose(tool.inverse())
+    assert ready(state.with_feedback(Heard(there, 10.0)), 10.0) is proved.proof.report.trajectory
+    for wrong in (proved.planned.plan.grippers[0], proved.planned.plan.grippers[0].compose(tool)):
         with pytest.raises(Refused) as refused:
-            ready(state.hearing(Heard(wrong, 10.0)), 10.0)
+            ready(state.with_feedback(Heard(wrong, 10.0)), 10.0)
         assert refused.value.cause == Cause.NOT_AT_START
 
 

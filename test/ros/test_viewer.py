@@ -31,7 +31,8 @@ from msg_helpers.poses import pose_from_msg, pose_stamped_msg
 from msg_helpers.trajectories import plan_path
 
 pytest.importorskip('viser', reason='extra [view] is not installed')
-from dlo_planner.ros.viewer import _LATCHED, _RELIABLE, Viewer  # noqa: E402
+from dlo_planner.cell.node import _LATCHED, _RELIABLE  # noqa: E402
+from dlo_planner.ros.viewer import Viewer  # noqa: E402
 
 LEVEL = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 PLANNER = '/cell/planner'
@@ -144,6 +145,7 @@ def press(button):
         callback(type('Click', (), {'client': None, 'target': button}))
 
 
+@pytest.mark.sweep
 def test_it_shows_what_the_planner_publishes(domain, plan):
     with viewed() as (planner, viewer):
         show_all(planner, plan)
@@ -170,6 +172,7 @@ def test_it_shows_what_the_planner_publishes(domain, plan):
         assert until(lambda: 'status: refused' in viewer.page.state.content)
 
 
+@pytest.mark.sweep
 def test_dragging_is_sent_only_where_no_robot_sends(domain, plan):
     with viewed() as (planner, viewer), looking_at(viewer.page.page.url):
         show_all(planner, plan)
@@ -199,6 +202,7 @@ def test_dragging_is_sent_only_where_no_robot_sends(domain, plan):
         assert all(one.header.stamp == STAMP for one in planner.poses[before:])
 
 
+@pytest.mark.sweep
 def test_a_goal_is_sent_and_answers_are_said(domain):
     with viewed() as (planner, viewer):
         page = viewer.page
@@ -242,6 +246,7 @@ def test_it_executes_only_where_that_is_allowed_and_confirmed(domain):
         assert until(lambda: planner.asked == [('execute', 8)])
 
 
+@pytest.mark.sweep
 def test_no_planner_is_said(domain):
     with viewed(planner='/nobody') as (_, viewer):
         press(viewer.page.replan)

@@ -18,7 +18,7 @@ from dlo_planner.settings.build import (
     spread_of,
     tolerance_of,
 )
-from dlo_planner.settings.parameters import ENTRIES
+from dlo_planner.settings.parameters import PARAMETERS
 from dlo_planner.settings.yaml_files import config_files, read_values, write_values
 
 HEAD = '/**:\n  ros__parameters:\n'
@@ -44,8 +44,8 @@ def test_a_file_of_config_describes_its_rod():
 def test_every_file_of_config_is_read_by_name_and_by_path(name):
     by_name, _ = read_values(name)
     assert by_name == read_values(config_files()[name])[0]
-    assert by_name.keys() == ENTRIES.keys()
-    for key, entry in ENTRIES.items():
+    assert by_name.keys() == PARAMETERS.keys()
+    for key, entry in PARAMETERS.items():
         assert type(by_name[key]) is type(entry.default), key
     simulator = direct_of(by_name)
     assert inverse_of(by_name, simulator).simulator.rod == simulator.rod

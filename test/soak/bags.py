@@ -21,7 +21,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from visualization_msgs.msg import MarkerArray
 
-from dlo_planner.ros.managed import LATCHED, REQUEST
+from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 
 KINDS = {'gripper_pose': (PoseStamped, qos_profile_sensor_data),
          'obstacles': (MarkerArray, REQUEST), 'predicted_shape': (PathMsg, LATCHED)}

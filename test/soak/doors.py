@@ -32,8 +32,8 @@ from std_srvs.srv import Trigger
 from type_description_interfaces.srv import GetTypeDescription
 from visualization_msgs.msg import MarkerArray
 
-from dlo_planner.ros.managed import LATCHED, REQUEST
-from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.ros.lifecycle import LATCHED, REQUEST
+from dlo_planner.settings.parameters import PARAMETERS
 from soak.odd_values import INTEGERS, TEXTS, Odd
 
 # topic: type, quality, maker (of an Odd and a number of faults)
@@ -72,12 +72,12 @@ def a_plan(odd, faults):
 def names_of(kind):
     """Return the maker of a request with names of parameters."""
     return lambda odd, _: kind.Request(names=[
-        odd.one_of((*ENTRIES, *TEXTS)) for _ in range(odd.one_of((0, 1, 300)))])
+        odd.one_of((*PARAMETERS, *TEXTS)) for _ in range(odd.one_of((0, 1, 300)))])
 
 
 def some_names(odd, _):
     """Return a ListParameters request."""
-    return ListParameters.Request(prefixes=[odd.one_of((*ENTRIES, *TEXTS))] * odd.one_of((0, 3)),
+    return ListParameters.Request(prefixes=[odd.one_of((*PARAMETERS, *TEXTS))] * odd.one_of((0, 3)),
                                   depth=abs(odd.one_of(INTEGERS[:-1])))
 
 

@@ -98,7 +98,7 @@ def obstacle_publisher_vanished(made: Stage) -> list[str]:
     client = made.client
     from visualization_msgs.msg import Marker, MarkerArray  # noqa: PLC0415
 
-    from dlo_planner.ros.managed import LATCHED  # noqa: PLC0415
+    from dlo_planner.ros.lifecycle import LATCHED  # noqa: PLC0415
     from msg_helpers.poses import pose_msg  # noqa: PLC0415
     box = Marker(ns='gone', id=0, type=Marker.CUBE, action=Marker.ADD)
     box.header.frame_id, box.pose = 'world', pose_msg(Pose((0.8, 0, 0.5), (0, 0, 0, 1)))

@@ -16,7 +16,7 @@ from std_msgs.msg import Header, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dlo_planner import Pose
-from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.poses import pose_msg
 
@@ -179,19 +179,19 @@ class Odd:
         """Return an rcl_interfaces/Parameter: any value of any type, or a good one."""
         if not faults:
             return self._good_parameter()
-        name = self.one_of((*ENTRIES, *ENTRIES, 'rod.lenght', '', 'use_sim_time.x', 'a' * 999))
+        name = self.one_of((*2 * [*PARAMETERS], 'rod.lenght', '', 'use_sim_time.x', 'a' * 999))
         return Parameter(name=name, value=self._bad_value(name))
 
     def _good_parameter(self):
         """Return one that changes a number by a little."""
-        name = self.one_of([name for name, entry in ENTRIES.items() if not entry.read_only and
+        name = self.one_of([name for name, entry in PARAMETERS.items() if not entry.read_only and
                             type(entry.default) is float and entry.default > 0])
-        value = ENTRIES[name].default * float(self.rng.uniform(0.8, 1.0))
+        value = PARAMETERS[name].default * float(self.rng.uniform(0.8, 1.0))
         return Parameter(name=name, value=ParameterValue(type=3, double_value=value))
 
     def _bad_value(self, name):
         """Return a ParameterValue that does not fit the parameter."""
-        default = ENTRIES[name].default if name in ENTRIES else None
+        default = PARAMETERS[name].default if name in PARAMETERS else None
         odd = {0: {}, 77: {}, 1: {'bool_value': True}, 2: {'integer_value': self.one_of(INTEGERS)},
                3: {'double_value': self.one_of(NOT_FINITE)}, 4: {'string_value': '{no}'},
                5: {'byte_array_value': [b'\x00'] * 3}, 6: {'bool_array_value': [True] * 2},

@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker
 
 from demo.follower import Follower
 from dlo_planner import Pose
-from dlo_planner.ros.parameters import ENTRIES
+from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.poses import pose_from_msg
 
 GRIPPERS = (Pose.looking_along((0.1, -0.2, 1.0), (1.0, 0.3, 0.2)),
@@ -106,9 +106,9 @@ class Stage:
         return {**shapes, **live, 'plan_threading': poses(plan), 'lifecycle': state, **values}
 
     def _read(self):
-        answer = self._call(self._parameters, GetParameters.Request(names=list(ENTRIES)))
+        answer = self._call(self._parameters, GetParameters.Request(names=list(PARAMETERS)))
         return {name: plain(parameter_value_to_python(value))
-                for name, value in zip(ENTRIES, answer.values, strict=True)}
+                for name, value in zip(PARAMETERS, answer.values, strict=True)}
 
     def _call(self, client, request):
         assert client.wait_for_service(self.client.timeout), self.planner.log

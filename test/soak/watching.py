@@ -13,7 +13,7 @@ from nav_msgs.msg import Path as PathMsg
 from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from dlo_planner.ros.managed import LATCHED, LATEST, REQUEST
+from dlo_planner.ros.lifecycle import LATCHED, LATEST, REQUEST
 
 OUTPUTS = {
     '~/predicted_shape': (PathMsg, LATCHED), '~/gripper_trajectory': (PathMsg, LATCHED),

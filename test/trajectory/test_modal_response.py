@@ -7,9 +7,10 @@ import pytest
 from calm_cases import cell, tasks
 from scipy.integrate import solve_ivp
 
-from dlo_planner import DirectSimulator, Pose, Rod, with_plug
+from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.requirements import Limits
+from dlo_planner.rods import with_plug
 from dlo_planner.trajectory.modal_response import Response, _turning, slowest_period, vibrated
 from dlo_planner.trajectory.time_law import TimeLaw
 from dlo_planner.trajectory.timed_path import TimedPath, fastest_law

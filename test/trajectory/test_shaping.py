@@ -25,12 +25,12 @@ from dlo_planner import (
     Rod,
     Sphere,
     Trajectory,
-    ValidationReport,
     replay,
 )
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus, truncate
 from dlo_planner.progress import Progress
+from dlo_planner.results import ValidationReport
 from dlo_planner.trajectory import calm_search
 from dlo_planner.trajectory.calm_search import CalmSearch, holes_passed
 from dlo_planner.trajectory.dynamic_check import in_motion, worst_miss

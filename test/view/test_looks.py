@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from specimens import values
 
-from dlo_planner import InvalidTask, Limits, Motion, Plan, Shape, ValidationReport, replay
+from dlo_planner import InvalidTask, Limits, Plan, Shape, replay
 from dlo_planner.model.plain import plain
+from dlo_planner.results import Motion, ValidationReport
 
 NAMES = ['Shape', 'Plan', 'Motion', 'ValidationReport']
 

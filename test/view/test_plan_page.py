@@ -50,6 +50,7 @@ def drawn(page, group):
     return [item for name, item in page.page.canvas.items.items() if name[0] == group]
 
 
+@pytest.mark.sweep
 def test_the_slider_shows_the_waypoint_whose_time_has_come(page, plan):
     assert repr(page) == f'PlanPage({page.url})' and page.url.startswith('http://')
     for time, index in ((0.0, 0), (plan.times[5] + 0.01, 5), (page.time.max, 11)):
@@ -61,6 +62,7 @@ def test_the_slider_shows_the_waypoint_whose_time_has_come(page, plan):
     assert page.time.max >= plan.times[-1]
 
 
+@pytest.mark.sweep
 def test_a_dragged_gripper_takes_the_dlo_along(page, plan, inverse):
     pose = Pose(plan.grippers[0].position + (0.02, 0.05, 0.1), plan.grippers[0].quaternion)
     dragged_to(page.gripper, pose)
@@ -71,6 +73,7 @@ def test_a_dragged_gripper_takes_the_dlo_along(page, plan, inverse):
     np.testing.assert_array_equal(drawn(page, 'dlo')[0].points, plan.shapes[3].positions)
 
 
+@pytest.mark.sweep
 def test_a_dragged_cut_out_is_planned_anew(page):
     target = Pose.looking_along((0.7, 0.0, 0.85), (1, 0, 0.2))
     dragged_to(page.cutout, target)
@@ -84,6 +87,7 @@ def test_a_dragged_cut_out_is_planned_anew(page):
                                atol=1e-9)
 
 
+@pytest.mark.sweep
 def test_a_plan_may_begin_at_the_gripper(page, plan):
     pose = Pose.looking_along(plan.grippers[0].position - (0.2, 0.1, 0), (1, 0.3, 0))
     dragged_to(page.gripper, pose)
@@ -95,6 +99,7 @@ def test_a_plan_may_begin_at_the_gripper(page, plan):
     assert page.time.max == pytest.approx(page.plan.times[-1], abs=0.01)
 
 
+@pytest.mark.sweep
 def test_a_refusal_is_said_and_the_plan_stays(page, plan):
     dragged_to(page.cutout, Pose.looking_along((0.5, -0.35, 0.8), (0, 0, 1)))  # inside the post
     assert page.settle()
@@ -104,6 +109,7 @@ def test_a_refusal_is_said_and_the_plan_stays(page, plan):
     assert page.settle()
 
 
+@pytest.mark.sweep
 def test_what_cannot_be_planned_anew_is_only_shown(plan, tmp_path):
     plan.save(tmp_path / 'plan.npz')
     shown = view(Plan.load(tmp_path / 'plan.npz'), port=18_400)
@@ -116,6 +122,7 @@ def test_what_cannot_be_planned_anew_is_only_shown(plan, tmp_path):
         shown.close()
 
 
+@pytest.mark.sweep
 def test_it_needs_no_more_than_a_plan(plan):
     replanner = Replanner.of(plan)
     assert replanner.direct.rod == WIRE
@@ -154,6 +161,7 @@ def test_the_camera_sees_all_corners(size):
     assert slopes.max() == pytest.approx(np.tan(np.deg2rad(25)))
 
 
+@pytest.mark.sweep
 def test_nobody_can_share_it(page):
     assert page.page.server.request_share_url() is None
     assert page.url == 'http://localhost:' + page.url.rsplit(':', 1)[1]

@@ -22,13 +22,13 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import GRIPS, FarEnd
 from dlo_planner.progress import Latest
 from dlo_planner.ros.inputs import inside_of, pose_in
-from dlo_planner.ros.managed import LATCHED, LATEST, Gate
+from dlo_planner.ros.lifecycle import LATCHED, LATEST
 from dlo_planner.ros.plan import refuse_tolerance
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
-from dlo_planner.ros.status import Parts
+from dlo_planner.ros.status import Part, Shared
 from dlo_planner.view.scene import drawn_radius, shape_primitives
-from msg_helpers.poses import wrench_in, wrench_msg
+from msg_helpers.poses import seconds_of, wrench_in, wrench_msg
 from msg_helpers.trajectories import shape_bytes, shape_path
 
 _STANDS = 0.05  # s without a gripper pose, after which the far end's poses give shapes
@@ -54,38 +54,26 @@ def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = No
                   f'stability {shape.stability:.3g} after {shape.iterations} iterations')
 
 
-class LiveShapes:
+class ShapePredictor(Part):
     """Hears the gripper, and predicts the DLO's shape for its newest pose in a thread of its own.
 
-    Parameters
-    ----------
-    node : Gate
-        Rclpy Node.
-    parts : Parts
-    hearing, asking, resetting : object
-        Callback groups: poses that come quicker than they are heard starve no service.
-    follows : callable
-        Takes each Pose of the tool frame and its stamp, returns how far the DLO is off its plan, m,
-        or nan.
+    `follows` takes each Pose of the tool frame and its stamp, and returns how far the DLO is off
+    its plan, m, or nan.
     """
 
-    def __init__(self, node: Gate, parts: Parts, hearing: Any, asking: Any, resetting: Any,
+    def __init__(self, shared: Shared, control: Any, asking: Any,
                  follows: Callable[[Pose, Time], float]) -> None:
-        self._follows = follows
-        self._clock, self._store, self._health = node.get_clock(), parts.store, parts.health
-        self._reporter, self._picture = parts.reporter, parts.picture
-        self._frames = parts.frames
-        self._closed = False
-        self._out = node.create_publisher(Path, '~/predicted_shape', LATCHED)
+        super().__init__(shared)
+        node = self.node
+        self._follows, self._closed = follows, False
+        self._out = node.add_publisher(Path, '~/predicted_shape', LATCHED)
         self._wrench_out, self._far_wrench_out = (
-            node.create_publisher(WrenchStamped, f'~/{name}', LATEST)
+            node.add_publisher(WrenchStamped, f'~/{name}', LATEST)
             for name in ('gripper_wrench', 'far_end_wrench'))
-        node.create_subscription(PoseStamped, '~/far_end_pose', self._on_far_end, LATEST,
-                                 callback_group=hearing)
-        node.hear_newest(PoseStamped, '~/gripper_pose', self._on_pose)
-        node.create_service(Trigger, '~/reset', self._on_reset, callback_group=resetting)
-        node.create_service(GetPlan, '~/predict_shape', self._on_predict_shape,
-                            callback_group=asking)
+        node.add_newest(PoseStamped, '~/far_end_pose', self._on_far_end)
+        node.add_newest(PoseStamped, '~/gripper_pose', self._on_pose)
+        node.add_service(Trigger, '~/reset', self._on_reset, control)
+        node.add_service(GetPlan, '~/predict_shape', self._on_predict_shape, asking)
         self._newest = Latest(lambda _: None)  # what a job raises is told by itself
 
     def close(self) -> None:
@@ -95,57 +83,57 @@ class LiveShapes:
         self._newest.wait(1.0)
 
     def _on_pose(self, msg: PoseStamped) -> None:
-        with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
-            self._health.count('poses received')
+        with self.status.answering('gripper_pose', counter='poses refused', told=False):
+            self.statistics.count('poses received')
             arrived = monotonic()
-            pose = pose_in(self._store.state.scene, msg, 'gripper_pose', self._frames)
+            pose = pose_in(self.store.state.scene, msg, 'gripper_pose', self.frames)
             heard = self._heard(pose, msg.header.stamp, arrived,
                                 self._follows(pose, msg.header.stamp))
-            state = self._store.change(lambda state: state.hearing(heard))
+            state = self.store.change(lambda state: state.with_feedback(heard))
             self._look(pose.compose(state.scene.tool), msg.header.stamp, arrived)
 
     def _on_far_end(self, msg: PoseStamped) -> None:
         """Hold the far end there; where the gripper stands, the shape follows as well."""
-        with self._reporter.answering('far_end_pose', counter='poses refused', told=False):
-            scene, arrived = self._store.state.scene, monotonic()
+        with self.status.answering('far_end_pose', counter='poses refused', told=False):
+            scene, arrived = self.store.state.scene, monotonic()
             if scene.far_hold == 'free':
                 raise Refused(Cause.INVALID_PARAMETER, 'far_end_pose: it has no effect with '
                               f'far_end.hold = free: expected one of {", ".join(GRIPS)}')
-            pose = pose_in(scene, msg, 'far_end_pose', self._frames)
+            pose = pose_in(scene, msg, 'far_end_pose', self.frames)
             heard = self._heard(pose, msg.header.stamp, arrived, np.nan)
-            state = self._store.change(lambda state: replace(state, far_end=heard))
-            last = state.heard
+            state = self.store.change(lambda state: replace(state, far_end=heard))
+            last = state.feedback
             if state.gripper is not None and (last is None or arrived - last.arrived > _STANDS):
                 self._look(state.gripper, msg.header.stamp, arrived)
 
     def _heard(self, pose: Pose, stamp: Time, arrived: float, off: float) -> Heard:
-        age = 1e-9 * (self._clock.now().nanoseconds - stamp.nanosec) - stamp.sec
-        return Heard(pose, arrived, age, off, stamp.sec + 1e-9 * stamp.nanosec)
+        age = 1e-9 * (self.node.get_clock().now().nanoseconds - stamp.nanosec) - stamp.sec
+        return Heard(pose, arrived, age, off, seconds_of(stamp))
 
     def _look(self, gripper: Pose, stamp: Time, arrived: float) -> None:
         self._newest.submit(partial(self._predict, gripper, stamp, arrived))
 
     def _predict(self, gripper: Pose, stamp: Time, arrived: float) -> None:
-        with self._reporter.answering('gripper_pose', counter='poses refused', told=False):
-            before = self._store.state
+        with self.status.answering('gripper_pose', counter='poses refused', told=False):
+            before = self.store.state
             held = before.held_at(monotonic())
             if held is None and before.far_end is not None and before.scene.far_hold != 'free':
-                self._reporter.warn('far end', 'far_end_pose: the last one is older than '
+                self.status.warn('far end', 'far_end_pose: the last one is older than '
                                     f'far_end.timeout = {before.scene.far_timeout:g} s: the far '
                                     'end counts as free')
             shape = predicted(before, gripper, 'gripper_pose', before.shape, held)
             if self._closed:
                 return
-            self._store.change(lambda state: state.with_shape(shape, before))
+            self.store.change(lambda state: state.with_shape(shape, before))
             if shape.jumped:
-                self._reporter.warn('jump', 'the DLO jumped into another shape on the way to this '
+                self.status.warn('jump', 'the DLO jumped into another shape on the way to this '
                                     'pose')
             frame_id = before.scene.frame_id
             self._out.publish(shape_bytes(shape, frame_id, stamp))
             self._send_wrenches(before.scene, shape, stamp)
-            self._health.shape_done(shape, monotonic() - arrived)
+            self.statistics.shape_done(shape, monotonic() - arrived)
             radius, color = drawn_radius(before.scene.direct.rod), before.scene.color
-            self._picture.show('shape', frame_id, stamp,
+            self.markers.show('shape', frame_id, stamp,
                                lambda: shape_primitives(shape, radius, color))
 
     def _send_wrenches(self, scene: Scene, shape: Shape, stamp: Time) -> None:
@@ -163,10 +151,10 @@ class LiveShapes:
     def _on_predict_shape(self, request: GetPlan.Request,
                           response: GetPlan.Response) -> GetPlan.Response:
         stamp = request.start.header.stamp
-        with self._reporter.answering('predict_shape', stamp=stamp) as outcome:
-            state, name = self._store.state, 'predict_shape.start'
+        with self.status.answering('predict_shape', stamp=stamp) as outcome:
+            state, name = self.store.state, 'predict_shape.start'
             refuse_tolerance(request, 'predict_shape')
-            gripper = pose_in(state.scene, request.start, name, self._frames).compose(
+            gripper = pose_in(state.scene, request.start, name, self.frames).compose(
                 state.scene.tool)
             shape = predicted(state, gripper, name, far_end=self._asked_end(state, request))
             response.plan = shape_path(shape, state.scene.frame_id, stamp)
@@ -177,7 +165,7 @@ class LiveShapes:
         """Return what holds the far end in a request; None where the frame of its goal is empty."""
         if not request.goal.header.frame_id:
             return None
-        pose = pose_in(state.scene, request.goal, 'predict_shape.goal', self._frames)
+        pose = pose_in(state.scene, request.goal, 'predict_shape.goal', self.frames)
         if state.scene.far_hold == 'free':
             raise Refused(Cause.INVALID_PARAMETER, 'predict_shape.goal: far_end.hold = free says '
                           f'that nothing holds the far end: expected one of {", ".join(GRIPS)}, or '
@@ -185,7 +173,7 @@ class LiveShapes:
         return FarEnd(pose, state.scene.far_hold)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        with self._reporter.answering('reset', answer=response) as outcome:
-            self._store.change(State.reset)
+        with self.status.answering('reset', answer=response) as outcome:
+            self.store.change(State.reset)
             outcome.message = 'the next pose starts from the natural shape'
         return response

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dlo_planner import DirectSimulator, Pose, ValidationReport
+from dlo_planner import DirectSimulator, Pose
+from dlo_planner.results import ValidationReport
 from dlo_planner.ros.state import Proof
-from dlo_planner.ros.status import Health
+from dlo_planner.ros.status import Statistics
 from msg_helpers.diagnostics import ERROR, OK, WARN
 
 
@@ -19,7 +20,7 @@ def shape(wire):
 
 
 def test_only_shapes_that_jumped_count_as_jumps(shape):
-    health = Health()
+    health = Statistics()
     for jumped in (False, True, False, False, True):
         health.shape_done(replace(shape, jumped=jumped), 1e-3)
     level, _, values = health.report()
@@ -28,7 +29,7 @@ def test_only_shapes_that_jumped_count_as_jumps(shape):
 
 
 def test_latencies_are_in_milliseconds(shape):
-    health = Health()
+    health = Statistics()
     for seconds in (1e-3, 2e-3, 9e-3):
         health.shape_done(shape, seconds)
     values = health.report()[2]
@@ -38,7 +39,7 @@ def test_latencies_are_in_milliseconds(shape):
 
 @pytest.mark.parametrize('residual', [1e-7, np.nan])
 def test_a_residual_that_is_not_small_is_an_error(shape, residual):
-    health = Health()
+    health = Statistics()
     health.shape_done(replace(shape, residual=residual), 1e-3)
     level, message, _ = health.report()
     assert level == ERROR and 'did not converge' in message
@@ -46,7 +47,7 @@ def test_a_residual_that_is_not_small_is_an_error(shape, residual):
 
 def test_a_proof_is_told_with_its_state_its_reason_and_its_figures(shape):
     plan = object()
-    health, said = Health(), []
+    health, said = Statistics(), []
     figures = {name: 1.0 for name in ValidationReport.__annotations__} | {
         'converged': True, 'trajectory': None, 'reason': '', 'not_looked_at': ('swing',)}
     report = ValidationReport(**figures | {'swing': np.nan, 'departure': 2e-4})
@@ -66,7 +67,7 @@ def test_a_proof_is_told_with_its_state_its_reason_and_its_figures(shape):
 
 
 def test_a_refusal_is_the_headline():
-    health = Health()
+    health = Statistics()
     health.count('poses refused')
     health.failed('pose refused: too far')
     level, message, values = health.report()

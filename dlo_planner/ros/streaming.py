@@ -31,10 +31,10 @@ from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing
 from dlo_planner.inverse.tasks import Thread
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.managed import LATCHED, LATEST, REQUEST, Gate
-from dlo_planner.ros.plan import Planning, refuse_tolerance
-from dlo_planner.ros.state import Looking, Made, State, Store
-from dlo_planner.ros.status import Health, Parts, stamp_text
+from dlo_planner.ros.lifecycle import LATCHED, REQUEST
+from dlo_planner.ros.plan import PlanningServer, refuse_tolerance
+from dlo_planner.ros.state import Looking, PlanResult, State, Store
+from dlo_planner.ros.status import Part, Shared, Statistics, stamp_text
 from dlo_planner.ros.worker import Worker, persistent
 from dlo_planner.settings.tasks import cutouts_of
 from dlo_planner.view.scene import axes_primitives
@@ -45,7 +45,7 @@ from msg_helpers.trajectories import plan_path, poses_ahead
 _STANDOFF = 0.05  # of the length, where none is given, and the plan does not stop before the hole
 
 
-def threading_of(made: Made) -> Threading | None:
+def threading_of(made: PlanResult) -> Threading | None:
     """Return what a plan threads, if that is one cut-out whose room is known; else None."""
     plan, scene, task = made.plan, made.scene, made.task
     if not isinstance(task, Thread) or not (room_of(made) or 0.0) > 0:
@@ -64,7 +64,7 @@ def threading_of(made: Made) -> Threading | None:
     return Threading(scene.inverse, task.cutout, depths, standoff, scene.limits)
 
 
-def room_of(made: Made) -> float | None:
+def room_of(made: PlanResult) -> float | None:
     """Return by how much the DLO may miss its cut-outs unharmed, m; None: not known."""
     radii = [one.radius or 0.0 for one in cutouts_of(made.task)]
     thick = made.scene.direct.rod.radius or 0.0
@@ -83,10 +83,10 @@ def closed_loop_of(state: State, observing: Observing | None,
     if observing is None or not observing.seeing.correct or made is None or execution is None:
         return None
     task = threading_of(made)
-    if task is None or state.heard is None:
+    if task is None or state.feedback is None:
         return None
     tool = made.scene.tool
-    loop = ThreadingLoop(task, observing, state.heard.pose.compose(tool), tool=tool,
+    loop = ThreadingLoop(task, observing, state.feedback.pose.compose(tool), tool=tool,
                          guards=execution.guards, limits=execution.limits,
                          period=execution.period, horizon=execution.horizon,
                          frame_id=execution.frame_id)
@@ -111,14 +111,6 @@ class ClosedLoopDrive:
     """Ticks a ThreadingLoop, has its work done, and keeps the State as it stands.
 
     Who ends what is executed does so in the State; the next tick tells the loop.
-
-    Parameters
-    ----------
-    loop : ThreadingLoop
-    worker : Worker
-        Does the `work` of it: in this process a plan would hold up the commands.
-    deadline : float
-        Seconds that one `work` of it may take.
     """
 
     def __init__(self, loop: ThreadingLoop, worker: Worker, deadline: float) -> None:
@@ -136,7 +128,8 @@ class ClosedLoopDrive:
         self._known = replace(state.execution, phase='waiting', sent=state.execution.done)
         return replace(state, execution=self._known, looking=Looking())
 
-    def tick(self, store: Store, health: Health, now: float, stamp: float) -> Execution | None:
+    def tick(self, store: Store, statistics: Statistics, now: float,
+             stamp: float) -> Execution | None:
         """Go on, at `now` s, `stamp` s on the stamps' clock; return what the State knows of it."""
         state = store.state
         with self._lock:
@@ -146,15 +139,16 @@ class ClosedLoopDrive:
             work = loop.work
             if loop.aimed is not None and loop.aimed is not self._aimed:
                 self._aimed = loop.aimed
-                health.corrected(loop.aimed.correction, loop.refusal)
+                statistics.corrected(loop.aimed.correction, loop.refusal)
         if np.isfinite(looking.promised):
-            health.expected(looking.promised)
+            statistics.expected(looking.promised)
         if work is not None and work is not self._computing:
             self._computing = work
             threading.Thread(target=self._compute, args=(work,), name='closed loop',
                              daemon=True).start()
         self._known = execution
-        known = store.change(lambda now: now.looked(state.execution, execution, looking)).execution
+        known = store.change(
+            lambda now: now.after_loop_tick(state.execution, execution, looking)).execution
         # what was stopped meanwhile has the command before: out goes what the loop knows to go out
         return known and replace(known, sending=execution.sending, ahead=execution.ahead)
 
@@ -165,8 +159,8 @@ class ClosedLoopDrive:
             loop.stop(stamp, known.cause, known.reason, known.phase == 'stopped')
             if loop.cause == known.cause:  # of which more may be known by now
                 loop.reason = known.reason
-        if state.heard is not None:
-            loop.gripper(state.heard)
+        if state.feedback is not None:
+            loop.gripper(state.feedback)
         try:
             loop.tick(stamp, now, state.enabled)
         except Exception as error:
@@ -214,59 +208,42 @@ _LAG = 0.1       # s by which a robot may follow late
 _COMMAND = 0.1   # m, axes of the command: longer than those of the gripper
 
 
-class Drive:
+class TrajectoryStreamer(Part):
     """Streams what is executed.
 
-    Parameters
-    ----------
-    node : Gate
-        Rclpy Node.
-    parts : Parts
-    planning : Planning
-        Planning, which `cancel` ends as well.
-    observing : callable
-        Takes a Time, returns the Observing of the DLO if it was looked at shortly before; or None.
-    worker : Worker
-        Plans for a closed loop.
-    clock : object
-        Steady Clock.
-    moving, canceling : object
-        Callback groups: `cancel` waits for no command.
+    `cancel` ends the `planning` as well. `observing` takes a Time and returns the Observing of the
+    DLO if it was looked at shortly before, or None; `worker` plans for a closed loop.
     """
 
-    def __init__(self, node: Gate, parts: Parts, planning: Planning,
-                 observing: Callable[[Time], Observing | None], worker: Worker, clock: Any,
-                 moving: Any, canceling: Any) -> None:
-        self._node, self._store, self._planning = node, parts.store, planning
-        self._reporter, self._health = parts.reporter, parts.health
-        self._picture = parts.picture
-        self._observing, self._worker = observing, worker
+    def __init__(self, shared: Shared, planning: PlanningServer,
+                 observing: Callable[[Time], Observing | None], worker: Worker, commands: Any,
+                 control: Any) -> None:
+        super().__init__(shared)
+        node = self.node
+        self._planning, self._observing, self._worker = planning, observing, worker
         self._loop: ClosedLoopDrive | None = None  # that carries out what is executed
         # of the request; when ~/execution was published, and of which phase
         self._stamp, self._told, self._told_of = None, -1.0, ''
         self._finished = True  # whether its end was told
         self._ahead: Ahead | None = None  # what of the coming time was told last
-        self._command_out = node.create_publisher(PoseStamped, '~/gripper_command', REQUEST)
-        self._ahead_out = node.create_publisher(MultiDOFJointTrajectory,
-                                                '~/gripper_commands_ahead', REQUEST)
-        self._out = node.create_publisher(DiagnosticStatus, '~/execution', LATCHED)
-        node.create_service(Trigger, '~/execute', self._on_execute, callback_group=moving)
-        node.create_service(GetPlan, '~/execute_plan', self._on_execute_plan,
-                            callback_group=moving)
-        node.create_subscription(Bool, '~/enable', self._on_enable, LATEST,
-                                 callback_group=canceling)
-        node.create_service(Trigger, '~/cancel', self._on_cancel, callback_group=canceling)
-        self._timer = node.create_timer(parts.store.state.scene.period, self._command,
-                                        callback_group=moving, clock=clock)
+        self._command_out = node.add_publisher(PoseStamped, '~/gripper_command', REQUEST)
+        self._ahead_out = node.add_publisher(MultiDOFJointTrajectory, '~/gripper_commands_ahead',
+                                             REQUEST)
+        self._out = node.add_publisher(DiagnosticStatus, '~/execution', LATCHED)
+        node.add_newest(Bool, '~/enable', self._on_enable)
+        node.add_service(Trigger, '~/execute', self._on_execute, commands)
+        node.add_service(GetPlan, '~/execute_plan', self._on_execute_plan, commands)
+        node.add_service(Trigger, '~/cancel', self._on_cancel, control)
+        self._timer = node.add_timer(self.store.state.scene.period, self._command, commands)
         self._timer.cancel()  # it runs while something is executed
 
     def announce(self) -> None:
         """Publish how the execution stands: the node begins to act."""
-        self._tell(self._store.state.execution)
+        self._tell(self.store.state.execution)
 
     def stop(self, cause: Cause, reason: str) -> None:
         """Let what is executed come to rest, if anything is."""
-        self._store.change(lambda state: state.stopped(cause, reason))
+        self.store.change(lambda state: state.stopped(cause, reason))
 
     @property
     def at_rest(self) -> bool:
@@ -287,11 +264,11 @@ class Drive:
         return response
 
     def _execute(self, wanted: Time | None, answer: Any = None,
-                 request: GetPlan.Request | None = None) -> Made | None:
+                 request: GetPlan.Request | None = None) -> PlanResult | None:
         """Execute the last plan, if it is the one that is meant; return it, or None."""
-        now, asked = self._node.get_clock().now().to_msg(), request and request.goal.header.stamp
+        now, asked = self.node.get_clock().now().to_msg(), request and request.goal.header.stamp
         stamp = asked if asked and (asked.sec or asked.nanosec) else now
-        with self._reporter.answering('execute', stamp=stamp, answer=answer) as outcome:
+        with self.status.answering('execute', stamp=stamp, answer=answer) as outcome:
             if request is not None:
                 refuse_tolerance(request, 'execute_plan')
             observing = self._observing(now)
@@ -302,7 +279,7 @@ class Drive:
                 loops[:] = [closed_loop_of(now, observing, self._worker)]
                 return now if loops[0] is None else loops[0].begun(now)
 
-            state = self._store.change(started)
+            state = self.store.change(started)
             self._loop = loops[0]
             self._stamp, self._told, self._finished = stamp, -1.0, False
             self._ahead = None
@@ -318,23 +295,23 @@ class Drive:
                               'plan stamp': stamp_text(state.running.stamp)}
             speed, tolerance = scene.limits.linear_speed, scene.guards.path_position
             if tolerance and tolerance < speed * _LAG:
-                self._reporter.warn('lag', f'constraints.path.position = {tolerance:g} m is less '
+                self.status.warn('lag', f'constraints.path.position = {tolerance:g} m is less '
                                     f'than a robot lags that follows {_LAG:g} s late at '
                                     f'threading.linear_speed = {speed:g} m/s')
             return state.running
         return None
 
     def _on_enable(self, msg: Bool) -> None:
-        with self._reporter.answering('enable', told=False):
+        with self.status.answering('enable', told=False):
             enabled = Enabled(msg.data, monotonic())
-            self._store.change(lambda state: state.allowing(enabled))
+            self.store.change(lambda state: state.with_enabled(enabled))
 
     def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        with self._reporter.answering('cancel', answer=response) as outcome:
+        with self.status.answering('cancel', answer=response) as outcome:
             planning = self._planning.cancel('canceled')
-            before = self._store.state
+            before = self.store.state
             executing, proving = before.executing, before.proving and not before.executing
-            self._store.change(State.canceled)
+            self.store.change(State.canceled)
             if not (planning or executing or proving):
                 raise Refused(Cause.NOTHING_TO_CANCEL, 'nothing was planned, proved or executed')
             outcome.message = ' and '.join(
@@ -343,15 +320,15 @@ class Drive:
         return response
 
     def _command(self) -> None:
-        with self._reporter.answering('command', told=False):
+        with self.status.answering('command', told=False):
             if self._finished:
                 return
-            before = self._store.state.execution
-            now, stamp = monotonic(), 1e-9 * self._node.get_clock().now().nanoseconds
+            before = self.store.state.execution
+            now, stamp = monotonic(), 1e-9 * self.node.get_clock().now().nanoseconds
             if self._loop is None:
-                execution = self._store.change(lambda state: state.ticked(now, stamp)).execution
+                execution = self.store.change(lambda state: state.after_tick(now, stamp)).execution
             else:
-                execution = self._loop.tick(self._store, self._health, now, stamp)
+                execution = self._loop.tick(self.store, self.statistics, now, stamp)
             if before is None or execution is None:
                 return
             self._send_ahead(execution)
@@ -372,9 +349,9 @@ class Drive:
                                             execution.stamp))
 
     def _send(self, command: Pose, frame_id: str) -> None:
-        stamp, tool = self._node.get_clock().now().to_msg(), self._store.state.scene.tool
+        stamp, tool = self.node.get_clock().now().to_msg(), self.store.state.scene.tool
         self._command_out.publish(pose_stamped_msg(command, frame_id, stamp))
-        self._picture.show('command', frame_id, stamp, lambda: axes_primitives(
+        self.markers.show('command', frame_id, stamp, lambda: axes_primitives(
             'command', command.compose(tool), _COMMAND))
 
     def _end(self, execution: Execution) -> None:
@@ -384,25 +361,25 @@ class Drive:
             assert execution.command is not None and execution.stamp is not None  # it ran
             self._ahead_out.publish(poses_ahead([0.0], [execution.command], execution.frame_id,
                                                 execution.stamp))
-        self._picture.hide('command')
-        looking = self._store.state.looking
+        self.markers.hide('command')
+        looking = self.store.state.looking
         self._loop = None
         if execution.cause == Cause.DONE:
             reason = f'executed: {execution.way.duration - execution.begin:.1f} s'
             if looking is not None:
                 reason += f', expected to miss by {looking.promised:.3g} m at most (95 %)'
-            self._reporter.info(reason)
+            self.status.info(reason)
         else:
             seconds = execution.done - execution.begin
             reason = f'the execution stopped after {seconds:.2f} s of its way: {execution.reason}'
-            self._health.plan_void(execution.reason)
-            self._reporter.failed('execute', execution.cause, reason)
-        self._reporter.tell('execute', execution.cause, reason, self._stamp,
+            self.statistics.plan_void(execution.reason)
+            self.status.failed('execute', execution.cause, reason)
+        self.status.tell('execute', execution.cause, reason, self._stamp,
                             progress(execution))
 
     def _tell(self, execution: Execution | None) -> None:
         self._told, self._told_of = monotonic(), '' if execution is None else execution.phase
-        name, state = f'{self._node.get_name()}: execution', self._store.state
+        name, state = f'{self.node.get_name()}: execution', self.store.state
         level, message, values = described(execution, state.looking)
         self._out.publish(status_msg(name, state.scene.name, level, message, values))
 

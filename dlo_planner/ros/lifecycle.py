@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A managed node, and what rclpy does not have for one: entities that shut at once."""
+"""A lifecycle node whose topics, services and timers act only while it is active."""
 
 import traceback
 from collections import OrderedDict
@@ -13,11 +13,11 @@ from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter_service import ParameterService
@@ -36,8 +36,12 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 ALL_LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE,
                          durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
-
-_PAUSE = 1e-4  # s
+_PAUSE = 1e-4         # s
+_WAIT = 250_000_000   # ns between looks whether a subscription is still there
+_LOOK = 0.5           # s between looks whether somebody latches
+_REMEMBERED = 4096    # messages; the copy of one comes at most two queues later
+_INACTIVE = 'the node is not active: expected its lifecycle state to be active'
+_EXPECTED = (DloPlannerError, ParameterException)
 
 
 class PatientExecutor(MultiThreadedExecutor):
@@ -60,11 +64,6 @@ class PatientExecutor(MultiThreadedExecutor):
         self._executor.shutdown(wait=True, cancel_futures=True)
 
 
-_INACTIVE = 'the node is not active: expected its lifecycle state to be active'
-
-_WAIT = 250_000_000  # ns between looks whether a subscription is still there
-
-
 class _Nobodys(CallbackGroup):
     """Callback group of what no executor takes."""
 
@@ -80,139 +79,10 @@ class _Nobodys(CallbackGroup):
         """Note that an executor has ended: it never does."""
 
 
-class Gate:
-    """Makes publishers, subscriptions, services and timers, and shuts them all at once.
-
-    While it is shut nothing is published, subscriptions and timers do nothing, and a service
-    refuses: the answer is empty, with the reason where it has a `message`. The parts of the node
-    take a Gate for their node.
-
-    Parameters
-    ----------
-    node : LifecycleNodeMixin
-        LifecycleNodeMixin and Node.
-    """
-
-    def __init__(self, node: LifecycleNodeMixin) -> None:
-        self._node = node
-        self._entities: list[tuple[Callable[[Any], object], Any]] = []
-        self._open, self._calls, self._changed = False, 0, Condition()
-
-    def __getattr__(self, name: str) -> Any:
-        """Return what else a Node has."""
-        return getattr(self._node, name)
-
-    def create_publisher(self, kind: Any, topic: str, qos: Any, **options: Any) -> Any:
-        """Return a lifecycle publisher: the node's transitions switch it."""
-        made = self._node.create_lifecycle_publisher(kind, topic, qos, **options)
-        return self._keep(self._node.destroy_lifecycle_publisher, made)
-
-    def create_subscription(self, kind: Any, topic: str, callback: Callable[..., Any], qos: Any, *,
-                            always: bool = False, **options: Any) -> Any:
-        """Return a subscription."""
-        made = self._node.create_subscription(
-            kind, topic, self.counted(callback, always), qos, **options)
-        return self._keep(self._node.destroy_subscription, made)
-
-    def hear_newest(self, kind: Any, topic: str, callback: Callable[[Any], Any]) -> Any:
-        """Return a subscription to the newest message, which is heard in a thread of its own.
-
-        An executor looks at all that a node has for each message of it, which takes ten times as
-        long as the message.
-        """
-        made = self.create_subscription(kind, topic, callback, LATEST, callback_group=_Nobodys())
-        Thread(target=self._take, args=(made,), name=topic, daemon=True).start()
-        return made
-
-    def _take(self, subscription: Any) -> None:
-        """Hand messages to a subscription's callback, until it is destroyed."""
-        with suppress(_rclpy.InvalidHandle, _rclpy.RCLError):  # the node, or the context, has gone
-            waiting = _rclpy.WaitSet(1, 0, 0, 0, 0, 0, self._node.context.handle)
-            while True:
-                with subscription.handle, self._node.handle:
-                    waiting.clear_entities()
-                    waiting.add_subscription(subscription.handle)
-                    waiting.wait(_WAIT)
-                    taken = subscription.handle.take_message(subscription.msg_type, False)
-                if taken is not None:
-                    subscription.callback(taken[0])
-
-    def create_timer(self, period: float, callback: Callable[..., Any], *, always: bool = False,
-                     **options: Any) -> Any:
-        """Return a timer; `always` as for a subscription."""
-        made = self._node.create_timer(period, self.counted(callback, always), **options)
-        return self._keep(self._node.destroy_timer, made)
-
-    def create_service(self, kind: Any, name: str, callback: Callable[..., Any],
-                       **options: Any) -> Any:
-        """Return a service."""
-        made = self._node.create_service(
-            kind, name, self.counted(callback, refusal=_inactive), **options)
-        return self._keep(self._node.destroy_service, made)
-
-    def open(self) -> None:
-        """Let everything act."""
-        with self._changed:
-            self._open = True
-
-    @property
-    def is_open(self) -> bool:
-        """Whether everything acts."""
-        return self._open
-
-    def shut(self, patience: float) -> bool:
-        """Let nothing begin any more; return whether all that runs has ended."""
-        with self._changed:
-            self._open = False
-            return self._changed.wait_for(lambda: self._calls == 0, patience)
-
-    def destroy(self) -> None:
-        """Destroy all that was made."""
-        while self._entities:
-            destroy, made = self._entities.pop()
-            destroy(made)
-
-    def _keep(self, destroy: Callable[[Any], object], made: Any) -> Any:
-        self._entities.append((destroy, made))
-        return made
-
-    def counted(self, callback: Callable[..., Any], always: bool = False,
-                refusal: Callable[..., Any] | None = None) -> Callable[..., Any]:
-        """Return a callback that acts while the Gate is open, or `always`, and counts as a call."""
-        @wraps(callback)  # rclpy looks at the signature
-        def call(*args: Any) -> Any:
-            with self._changed:
-                if not self._open and not always:
-                    return refusal and refusal(*args)
-                self._calls += 1
-            try:
-                return callback(*args)
-            finally:
-                with self._changed:
-                    self._calls -= 1
-                    self._changed.notify_all()
-        return call
-
-
-def _inactive(_: Any, response: Any) -> Any:
-    if hasattr(response, 'message'):
-        response.message = _INACTIVE
-    return response
-
-
-_LOOK = 0.5  # s between looks whether somebody latches
-_REMEMBERED = 4096  # messages; the copy of one comes at most two queues later
-
-
 class Once:
     """A callback that lets each message through once, though two subscriptions hear it.
 
     The copies of a message have the time at which it was sent in common, and its number.
-
-    Parameters
-    ----------
-    callback : callable
-        Called with the message.
     """
 
     def __init__(self, callback: Callable[..., Any]) -> None:
@@ -230,51 +100,153 @@ class Once:
         self._callback(msg)
 
 
-def hear_latched(node: Gate, kind: Any, topic: str, callback: Callable[..., Any], qos: QoSProfile,
-                 clock: Any, group: Any) -> None:
-    """Subscribe so that latched and volatile publishers are heard, and no publisher warns.
+class Entities:
+    """Makes the publishers, subscriptions, services and timers of a Node, which it is mixed into.
 
-    A volatile subscription hears no history, and one that asks for it no volatile publisher, which
-    then warns. So the second one is made when a publisher that latches is there, and stays.
+    They act while it is open. While it is shut nothing is published, subscriptions and timers do
+    nothing, and a service refuses: the answer is empty, with the reason where it has a `message`.
     """
-    latched = QoSProfile(depth=qos.depth, reliability=qos.reliability,
-                         durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    once = Once(callback)
-    node.create_subscription(kind, topic, once, qos, always=True, callback_group=group)
 
-    def look() -> None:
-        if any(info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-               for info in node.get_publishers_info_by_topic(topic)):
-            timer.cancel()
-            node.create_subscription(  # that a volatile publisher does not suit it is no news
-                kind, topic, once, latched, always=True, callback_group=group,
-                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+    def __init__(self) -> None:
+        self._entities: list[tuple[Callable[[Any], object], Any]] = []
+        self._open, self._calls, self._changed = False, 0, Condition()
 
-    timer = node.create_timer(_LOOK, look, always=True, clock=clock, callback_group=group)
-    look()
+    def add_publisher(self: Any, kind: Any, topic: str, qos: QoSProfile) -> Any:
+        """Return a lifecycle publisher: the node's transitions switch it."""
+        return self._keep(self.destroy_lifecycle_publisher,
+                          self.create_lifecycle_publisher(kind, topic, qos))
+
+    def add_subscription(self: Any, kind: Any, topic: str, callback: Callable[..., Any],
+                         qos: QoSProfile, group: Any = None, always: bool = False,
+                         **options: Any) -> Any:
+        """Return a subscription, which acts `always`, or while the node is open."""
+        return self._keep(self.destroy_subscription, self.create_subscription(
+            kind, topic, self.counted(callback, always), qos, callback_group=group, **options))
+
+    def add_newest(self: Any, kind: Any, topic: str, callback: Callable[[Any], Any]) -> None:
+        """Subscribe to the newest message, which is heard in a thread of its own.
+
+        An executor looks at all that a node has for each message of it, which takes ten times as
+        long as the message; and no flood of these delays what an executor takes.
+        """
+        made = self.add_subscription(kind, topic, callback, LATEST, _Nobodys())
+        Thread(target=self._take, args=(made,), name=topic, daemon=True).start()
+
+    def add_latched(self: Any, kind: Any, topic: str, callback: Callable[..., Any],
+                    qos: QoSProfile, group: Any) -> None:
+        """Subscribe, always, so that latched and volatile publishers are heard, and none warns.
+
+        A volatile subscription hears no history, and one that asks for it no volatile publisher,
+        which then warns. So the second one is made when a publisher that latches is there, and
+        stays.
+        """
+        node: Any = self
+        latched = QoSProfile(depth=qos.depth, reliability=qos.reliability,
+                             durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        once = Once(callback)
+        node.add_subscription(kind, topic, once, qos, group, always=True)
+
+        def look() -> None:
+            publishers = node.get_publishers_info_by_topic(topic)
+            if any(one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+                   for one in publishers):
+                timer.cancel()
+                node.add_subscription(  # that a volatile publisher does not suit it is no news
+                    kind, topic, once, latched, group, always=True,
+                    event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+
+        timer = node.add_timer(_LOOK, look, group, always=True)
+        look()
+
+    def add_timer(self: Any, period: float, callback: Callable[..., Any], group: Any = None,
+                  always: bool = False) -> Any:
+        """Return a timer on a steady clock: with simulated time it must not stand still."""
+        return self._keep(self.destroy_timer, self.create_timer(
+            period, self.counted(callback, always), callback_group=group,
+            clock=Clock(clock_type=ClockType.STEADY_TIME)))
+
+    def add_service(self: Any, kind: Any, name: str, callback: Callable[..., Any],
+                    group: Any) -> Any:
+        """Return a service."""
+        return self._keep(self.destroy_service, self.create_service(
+            kind, name, self.counted(callback, refusal=_inactive), callback_group=group))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether everything acts."""
+        return self._open
+
+    def open(self) -> None:
+        """Let everything act."""
+        with self._changed:
+            self._open = True
+
+    def shut(self, patience: float) -> bool:
+        """Let nothing begin any more; return whether all that runs has ended within patience, s."""
+        with self._changed:
+            self._open = False
+            return self._changed.wait_for(lambda: self._calls == 0, patience)
+
+    def destroy_entities(self) -> None:
+        """Destroy all that was made."""
+        while self._entities:
+            destroy, made = self._entities.pop()
+            destroy(made)
+
+    def counted(self, callback: Callable[..., Any], always: bool = False,
+                refusal: Callable[..., Any] | None = None) -> Callable[..., Any]:
+        """Return a callback that acts while the node is open, or `always`; `shut` waits for it."""
+        @wraps(callback)  # rclpy looks at the signature
+        def call(*args: Any) -> Any:
+            with self._changed:
+                if not self._open and not always:
+                    return refusal and refusal(*args)
+                self._calls += 1
+            try:
+                return callback(*args)
+            finally:
+                with self._changed:
+                    self._calls -= 1
+                    self._changed.notify_all()
+        return call
+
+    def _keep(self, destroy: Callable[[Any], object], made: Any) -> Any:
+        self._entities.append((destroy, made))
+        return made
+
+    def _take(self: Any, subscription: Any) -> None:
+        """Hand messages to a subscription's callback, until it is destroyed."""
+        rclpy = rclpy_implementation
+        with suppress(rclpy.InvalidHandle, rclpy.RCLError):  # the node, or the context, has gone
+            waiting = rclpy.WaitSet(1, 0, 0, 0, 0, 0, self.context.handle)
+            while True:
+                with subscription.handle, self.handle:
+                    waiting.clear_entities()
+                    waiting.add_subscription(subscription.handle)
+                    waiting.wait(_WAIT)
+                    taken = subscription.handle.take_message(subscription.msg_type, False)
+                if taken is not None:
+                    subscription.callback(taken[0])
 
 
-_EXPECTED = (DloPlannerError, ParameterException)
+def _inactive(_: Any, response: Any) -> Any:
+    if hasattr(response, 'message'):
+        response.message = _INACTIVE
+    return response
 
 
-class ManagedNode(LifecycleNodeMixin, Node):
+class LifecycleNode(Entities, LifecycleNodeMixin, Node):
     """Base of a managed node; `configure`, `activate`, `deactivate` and `clean_up` are its own.
 
     The services of parameters and of the lifecycle are there after `show`, and not before: whoever
     sees them is answered. An exception in one of the four is written to the log; the state is then
     the one before (DloPlannerError), or unconfigured.
-
-    Parameters
-    ----------
-    name : str
-        Name of the node.
-    options : object
-        Options of rclpy's Node.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
         Node.__init__(self, name, start_parameter_services=False,
                       automatically_declare_parameters_from_overrides=True, **options)
+        Entities.__init__(self)
         self.lifecycle_state = 'starting'
 
     def show(self) -> None:
@@ -304,10 +276,9 @@ class ManagedNode(LifecycleNodeMixin, Node):
         super().destroy_node()
 
     def _surviving(self, callback: Callable[..., Any], name: str) -> Callable[..., Any]:
-        """Return a callback of a service that cannot end the node, whatever it is asked.
+        """Return a callback of one of rclpy's services that cannot end the node.
 
-        Those of rclpy raise for some requests: a transition, or a type of parameter, that does not
-        exist.
+        They raise for some requests: a transition, or a type of parameter, that does not exist.
         """
         @wraps(callback)
         def answer(request: Any, response: Any) -> Any:

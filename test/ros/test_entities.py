@@ -8,13 +8,14 @@ from types import SimpleNamespace
 import pytest
 from std_srvs.srv import Trigger
 
-from dlo_planner.ros.managed import Gate
+from dlo_planner.ros.lifecycle import Entities
 
 
-class Recorder:
+class Recorder(Entities):
     """A node that keeps what is made of it."""
 
     def __init__(self):
+        super().__init__()
         self.made, self.destroyed = {}, []
 
     def __getattr__(self, name):
@@ -39,11 +40,10 @@ def answered(_, response):
 
 def test_nothing_acts_while_it_is_shut():
     node, calls = Recorder(), []
-    gate = Gate(node)
-    gate.create_subscription(object, 'heard', calls.append, 10)
-    gate.create_subscription(object, 'scene', calls.append, 10, always=True)
-    gate.create_timer(1.0, lambda: calls.append('tick'))
-    gate.create_service(Trigger, 'asked', answered)
+    node.add_subscription(object, 'heard', calls.append, 10)
+    node.add_subscription(object, 'scene', calls.append, 10, always=True)
+    node.add_timer(1.0, lambda: calls.append('tick'))
+    node.add_service(Trigger, 'asked', answered, None)
 
     def use():
         calls.clear()
@@ -56,50 +56,48 @@ def test_nothing_acts_while_it_is_shut():
     refused = (['marker'], False, 'the node is not active: expected its lifecycle state to be '
                                   'active')
     assert use() == refused
-    gate.open()
+    node.open()
     assert use() == (['message', 'marker', 'tick'], True, 'done')
-    assert gate.shut(0.0)
+    assert node.shut(0.0)
     assert use() == refused
-    gate.destroy()
+    node.destroy_entities()
     assert len(node.destroyed) == 4
-    gate.destroy()
+    node.destroy_entities()
     assert len(node.destroyed) == 4
 
 
 def test_an_answer_without_a_message_is_empty():
     node = Recorder()
-    Gate(node).create_service(object, 'plan', answered)
+    node.add_service(object, 'plan', answered, None)
     assert node.made['plan'](None, SimpleNamespace(plan='empty')).plan == 'empty'
 
 
 def test_it_waits_for_what_runs():
     node, begun, go = Recorder(), threading.Event(), threading.Event()
-    gate = Gate(node)
-    gate.create_timer(1.0, lambda: (begun.set(), go.wait(10)))
-    gate.open()
+    node.add_timer(1.0, lambda: (begun.set(), go.wait(10)))
+    node.open()
     thread = threading.Thread(target=node.made['timer'])
     thread.start()
     begun.wait(10)
-    assert not gate.shut(0.05)
+    assert not node.shut(0.05)
     go.set()
-    assert gate.shut(10.0)
+    assert node.shut(10.0)
     thread.join()
 
 
 def test_it_goes_on_as_soon_as_what_runs_has_ended():
     node, begun, go, answers = Recorder(), threading.Event(), threading.Event(), []
-    gate = Gate(node)
-    gate.create_timer(1.0, lambda: (begun.set(), go.wait(10)))
-    gate.open()
+    node.add_timer(1.0, lambda: (begun.set(), go.wait(10)))
+    node.open()
     running = threading.Thread(target=node.made['timer'])
     running.start()
     begun.wait(10)
-    shutting = threading.Thread(target=lambda: answers.append(gate.shut(30.0)), daemon=True)
+    shutting = threading.Thread(target=lambda: answers.append(node.shut(30.0)), daemon=True)
     shutting.start()
     waits = False
     while not waits:  # it gives the lock back when it waits
-        with gate._changed:
-            waits = not gate._open
+        with node._changed:
+            waits = not node._open
     go.set()
     running.join()
     shutting.join(10)
@@ -108,9 +106,8 @@ def test_it_goes_on_as_soon_as_what_runs_has_ended():
 
 def test_a_callback_that_fails_does_not_count_on():
     node = Recorder()
-    gate = Gate(node)
-    gate.create_timer(1.0, lambda: 1 / 0)
-    gate.open()
+    node.add_timer(1.0, lambda: 1 / 0)
+    node.open()
     with pytest.raises(ZeroDivisionError):
         node.made['timer']()
-    assert gate.shut(0.0)
+    assert node.shut(0.0)

@@ -3,6 +3,7 @@
 """What changes the scene: parameters, and obstacles as RViz shows them."""
 
 from collections.abc import Mapping, Sequence
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -16,49 +17,38 @@ from dlo_planner.model.rod import Surface
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.inputs import bodies_in, body_name, brief_text
-from dlo_planner.ros.managed import CHANGES, Gate, hear_latched
+from dlo_planner.ros.lifecycle import CHANGES
 from dlo_planner.ros.scene import Scene, scene_of
 from dlo_planner.ros.state import State
-from dlo_planner.ros.status import Parts
-from dlo_planner.settings.parameters import ENTRIES
+from dlo_planner.ros.status import Part, Shared
+from dlo_planner.settings.parameters import PARAMETERS
 from dlo_planner.view.scene import obstacle_primitives
 
 _LOOKS = 60       # poses of the gripper on the rest of its way that are looked at
 _MOST_NAMED = 5   # obstacles that are named, or looked at
 
 
-class Surroundings:
-    """Keeps the scene in line with parameters and obstacles.
+class SceneMonitor(Part):
+    """Keeps the scene in line with parameters and obstacles."""
 
-    Parameters
-    ----------
-    node : Gate
-        Rclpy Node, its parameters declared.
-    parts : Parts
-    clock : object
-        Steady Clock.
-    group : object
-        Callback group.
-    """
-
-    def __init__(self, node: Gate, parts: Parts, clock: Any, group: Any) -> None:
-        self._node, self._store, self._health = node, parts.store, parts.health
-        self._reporter, self._picture = parts.reporter, parts.picture
-        self._frames = parts.frames
-        node.add_on_set_parameters_callback(self._judge)
-        node.add_post_set_parameters_callback(self._apply)
-        hear_latched(node, MarkerArray, '~/obstacles', self._on_obstacles, CHANGES, clock,
-                     group)
+    def __init__(self, shared: Shared, topics: Any) -> None:
+        super().__init__(shared)
+        # A scene takes long to build. Whoever replaces it holds this from reading to writing:
+        # shapes, plans and commands do not wait for it.
+        self._rebuilding = Lock()
+        self.node.add_on_set_parameters_callback(self._judge)
+        self.node.add_post_set_parameters_callback(self._apply)
+        self.node.add_latched(MarkerArray, '~/obstacles', self._on_obstacles, CHANGES, topics)
 
     def close(self) -> None:
         """Judge and apply parameters no more."""
-        self._node.remove_post_set_parameters_callback(self._apply)
-        self._node.remove_on_set_parameters_callback(self._judge)
+        self.node.remove_post_set_parameters_callback(self._apply)
+        self.node.remove_on_set_parameters_callback(self._judge)
 
     def _judge(self, parameters: Sequence[Parameter]) -> SetParametersResult:
-        changed = {one.name: one.value for one in parameters if one.name in ENTRIES}
-        state = self._store.state
-        fixed = [name for name, value in changed.items() if not ENTRIES[name].while_executing
+        changed = {one.name: one.value for one in parameters if one.name in PARAMETERS}
+        state = self.store.state
+        fixed = [name for name, value in changed.items() if not PARAMETERS[name].while_executing
                  and not _same(value, state.values[name])]
         if state.executing and fixed:
             return SetParametersResult(successful=False, reason=f'parameter {", ".join(fixed)}: a '
@@ -73,9 +63,9 @@ class Surroundings:
         return SetParametersResult(successful=True)
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
-        with self._reporter.answering('parameters', told=False), self._store.rebuilding:
-            state = self._store.state
-            changed = {one.name: one.value for one in parameters if one.name in ENTRIES}
+        with self.status.answering('parameters', told=False), self._rebuilding:
+            state = self.store.state
+            changed = {one.name: one.value for one in parameters if one.name in PARAMETERS}
             values = {**state.values, **changed}
             scene = scene_of(values, state.bodies)
             names = ', '.join(f'{name} = {value}' for name, value in changed.items()
@@ -84,19 +74,19 @@ class Surroundings:
                          f'parameters changed ({names})', values=values)
 
     def _on_obstacles(self, msg: MarkerArray) -> None:
-        with self._reporter.answering('obstacles', told=False):
-            with self._store.rebuilding:
+        with self.status.answering('obstacles', told=False):
+            with self._rebuilding:
                 before, changed, reason = self._rebuilt(msg)
             if reason and before.executing:
                 # it stops already: what is said of it now does not delay that
                 said = in_the_way(before, changed)
-                self._store.change(lambda now: now.detailed(Cause.OBSTACLES_CHANGED,
+                self.store.change(lambda now: now.with_detail(Cause.OBSTACLES_CHANGED,
                                                             f'{reason}: {said}'))
 
     def _rebuilt(self, msg: MarkerArray) -> tuple[State, dict[tuple[str, int], Any], str]:
         """Change the obstacles; return the State before, what is new, what has changed or ''."""
-        before = self._store.state
-        bodies = bodies_in(before.scene, before.bodies, msg, 'obstacles', self._frames)
+        before = self.store.state
+        bodies = bodies_in(before.scene, before.bodies, msg, 'obstacles', self.frames)
         changed = [key for key in {**before.bodies, **bodies}
                    if before.bodies.get(key) != bodies.get(key)]
         if not changed:
@@ -104,17 +94,17 @@ class Surroundings:
         reason = f'obstacles changed ({listed(changed)})'
         scene = scene_of(before.values, bodies)
         self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
-        stamp = self._node.get_clock().now().to_msg()
-        self._picture.show('obstacles', scene.frame_id, stamp, lambda: obstacle_primitives(
+        stamp = self.node.get_clock().now().to_msg()
+        self.markers.show('obstacles', scene.frame_id, stamp, lambda: obstacle_primitives(
             body.obstacle for body in bodies.values()))
         return before, {key: bodies[key] for key in changed if key in bodies}, reason
 
     def _change(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> None:
-        before = self._store.state
-        state = self._store.change(lambda now: now.in_scene(scene, cause, reason, **parts))
-        if before.made is not None and state.made is None:
-            self._health.plan_void(reason)
-            self._reporter.info(f'the plan is void: {reason}')
+        before = self.store.state
+        state = self.store.change(lambda now: now.in_scene(scene, cause, reason, **parts))
+        if before.planned is not None and state.planned is None:
+            self.statistics.plan_void(reason)
+            self.status.info(f'the plan is void: {reason}')
 
 
 def _same(one: Any, other: Any) -> bool:
