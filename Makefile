@@ -21,7 +21,7 @@ PYTHON ?= python3
 VENV := .venv
 # the matrices are small: more threads wait for each other, above all on a busy machine
 export OPENBLAS_NUM_THREADS ?= 1
-CORE := $(addprefix test/,model geometry energy minimize direct plan inverse verify identify settings)
+CORE := $(addprefix test/,model geometry energy minimize direct plan trajectory inverse verify identify settings)
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 

@@ -33,7 +33,7 @@ from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import How, corrected_by, past_of, step
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.geometry.basis import truncation_error
-from dlo_planner.minimize.expected_error import foresee, resampled_means
+from dlo_planner.minimize.expected_error import discretization_errors, resampled_means
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze, same
@@ -91,8 +91,10 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
         if not shape.converged:
             return shape, kicks
         # the first mesh is hardly ever fine enough: then nothing else is computed on it
-        hopeless = mesh is first and not surely_within(shape, accuracy)
-        better = foreseen(shape, accuracy, _DOUBTFUL) if hopeless and fine == 'local' else None
+        new = mesh is first and (initial is None or initial.state.mesh is not mesh)
+        better = None
+        if new and fine == 'local' and not surely_within(shape, accuracy):
+            better = foreseen(shape, accuracy, _DOUBTFUL)
         if better is None:
             if fine_enough(shape, accuracy):
                 return shape, kicks
@@ -334,7 +336,7 @@ def _points(mesh: Discretization) -> Floats:
 
 
 def _foresee(shape: Shape) -> Any:
-    """Return what `foresee` does of a Shape; (infinity,) where that is not told."""
+    """Return what `discretization_errors` does of a Shape; (infinity,) where that is not told."""
     if not _told(shape):
         return (np.inf,)
     mesh = shape.state.made_on
@@ -342,7 +344,7 @@ def _foresee(shape: Shape) -> Any:
     mass: Any = around.rod.mass_per_length  # nothing varies
     load: Any = np.zeros(3) if around.load is None else around.load
     spread = -mass * around.gravity - load
-    return foresee(mesh.free, shape.gripper.rotation, shape.element_strains, spread)
+    return discretization_errors(mesh.free, shape.gripper.rotation, shape.element_strains, spread)
 
 
 def foreseen(shape: Shape, accuracy: float,

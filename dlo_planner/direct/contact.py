@@ -17,7 +17,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import touching
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import figure, integer, results
-from dlo_planner.model.value import Value, brief, put
+from dlo_planner.model.value import Value, brief, freeze, put
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,11 +74,19 @@ def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tup
 
     Shapes: origin (3,) of the gripper, m.
     """
-    found = [Contact(source, float(s[e]) + along, origin + x, normal, force, friction,
-                     max(0.0, -gap))
+    found = [_made(obstacle=source, s=float(s[e]) + along, position=origin + x, normal=normal,
+                   force=force, friction=friction, penetration=max(0.0, -gap))
              for source, e, along, x, normal, force, friction, gap in zip(
                  *(row.tolist() if row.ndim == 1 else row for row in rows), strict=True)]
     return tuple(sorted(found, key=lambda contact: contact.s))
+
+
+def _made(**fields: Any) -> Contact:
+    """Return a Contact of what a simulator has found: to judge it takes as long as to find it."""
+    contact = Contact.__new__(Contact)
+    freeze((fields['position'], fields['normal'], fields['friction']))
+    put(contact, **fields)
+    return contact
 
 
 @kernel

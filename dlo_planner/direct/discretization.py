@@ -128,7 +128,7 @@ class Discretization(Value):
         contacts = ContactSet(self.spring, none, *(one.copy() for one in NO_POINTS[:-1]),
                               self.spring)
         return self.free._replace(elastic=elastic_part(rod), plastic=section, anchor=no_inertia(),
-                                  hold=self._grip(None, None, None, True),
+                                  hold=self._free_end,
                                   contact=Contact(scene, contacts))
 
     @property
@@ -184,20 +184,24 @@ class Discretization(Value):
             self.spring if far_end is None else self.held_spring, *left)
         return result
 
-    def _grip(self, far_end: FarEnd | None, origin: Any, force: Any,
+    @cached_property
+    def _free_end(self) -> GripConstraint:
+        return GripConstraint(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)), np.zeros(0),
+                              self.hold_spring, self.hold_spring * self.lever**2)
+
+    def _grip(self, far_end: FarEnd | None, origin: Floats, force: Floats,
               springs: bool) -> GripConstraint:
         """Return the GripConstraint of the far end, with the forces (K,) that are known, N."""
-        stiffness = self.hold_spring if springs else 0.0
-        more = stiffness, stiffness * self.lever**2
         if far_end is None:
-            return GripConstraint(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)),
-                                  np.zeros(0), *more)
+            return self._free_end
+        stiffness = self.hold_spring if springs else 0.0
         rows = far_end.held
         rows[:, :3] *= self.lever
         return GripConstraint(
             far_end.pose.position - origin, np.array(far_end.pose.rotation, order='C'),
             np.array(far_end.share), rows,
-            np.array(force) if force.shape == (len(rows),) else np.zeros(len(rows)), *more)
+            np.array(force) if force.shape == (len(rows),) else np.zeros(len(rows)), stiffness,
+            stiffness * self.lever**2)
 
     @property
     def lever(self) -> float:

@@ -35,7 +35,12 @@ from dlo_planner.geometry.record import Record, copy
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import COARSER, solve_contact
 from dlo_planner.minimize.convergence import SETTLED, decrement_of
-from dlo_planner.minimize.hessian import LEAST_SHIFT, assembled_definite, new_hessian, safe_shift
+from dlo_planner.minimize.hessian import (
+    LEAST_SHIFT,
+    assembled_definite,
+    inertia_correction,
+    new_hessian,
+)
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import (
     HELD_NEUTRAL,
@@ -453,7 +458,7 @@ def _smallest_eigenvalue(problem, state):
     """Return the smallest eigenvalue of the Hessian at a Configuration."""
     hessian, shift = new_hessian(problem), 0.0
     if not assembled_definite(problem, state, hessian, shift):
-        shift = safe_shift(problem, hessian, LEAST_SHIFT)
+        shift = inertia_correction(problem, hessian, LEAST_SHIFT)
     value, _ = lowest_mode(problem, hessian, shift, _EXACT)
     return value
 
@@ -478,12 +483,11 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
         problem: with the multipliers of its constraints at the end; state: Configuration there
         residual, stability, iterations, violation: of the search
     """
-    (strains, buffer.frames[row], positions, _, wrenches, hold, plastic, forces, contacts, _, _,
-     lost, missed, inside, stationary) = outcome(problem, state, buffer.origins[row], residual,
-                                                 options.rounding, True)
+    (strains, buffer.frames[row], positions, _, buffer.wrenches[row], buffer.end_wrenches[row],
+     hold, plastic, forces, contacts, _, _, lost, missed, inside, stationary) = outcome(
+         problem, state, buffer.origins[row], residual, options.rounding, True)
     copy(positions, buffer.nodes[0, row])
     copy(strains, buffer.bends[0, row])
-    buffer.wrenches[row], buffer.end_wrenches[row] = wrenches[0], wrenches[1]
     _move_on(how, buffer.nodes, row)
     _move_on(how, buffer.bends, row)
     violation = max(violation, inside)

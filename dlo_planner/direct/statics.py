@@ -18,7 +18,7 @@ from dlo_planner.energy.elastic import with_couples
 from dlo_planner.energy.gap import penetration_of_point
 from dlo_planner.energy.grip import constraint_violation
 from dlo_planner.energy.plastic import PlasticSection, add_plastic, return_map
-from dlo_planner.energy.potential import configuration_at, evaluate
+from dlo_planner.energy.potential import configuration_at, evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import potential, stored
@@ -32,6 +32,7 @@ from dlo_planner.minimize.newton import (
     NEUTRAL,
     minimize,
     new_workspace,
+    newton_descent,
     next_to,
     thorough,
     within,
@@ -191,7 +192,8 @@ class Outcome(NamedTuple):
     frames: Floats
     positions: Floats  # (N + 1, 3), world, m
     tangents: Floats
-    wrenches: Floats   # (2, 6) of the gripper and the far end's grip on the DLO
+    wrench: Floats     # (6,) of the gripper on the DLO,
+    far_wrench: Floats  # and of the far end's grip
     hold: Floats
     plastic: Floats
     forces: Any        # `forces_after`
@@ -215,20 +217,21 @@ def outcome(system: Problem, state: Configuration, origin: Floats, residual: flo
         ended: whether the step has; before, friction counts from where it began
     """
     n, effects = system.lengths.size, system.effects
-    positions, tangents, wrenches = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.zeros((2, 6))
+    positions, tangents = np.empty((n + 1, 3)), np.empty((n + 1, 3))
+    wrench, far_wrench = np.empty(6), np.zeros(6)
     for k in range(n + 1):
         for i in range(3):
             positions[k, i] = origin[i] + state.positions[k, i]
             tangents[k, i] = state.rotations[k, i, 0]
     for i in range(3):
-        wrenches[0, i], wrenches[0, 3 + i] = state.base_force[i], state.base_moment[i]
-    hold, missed = _grip_after(effects.hold, state, wrenches[1])
+        wrench[i], wrench[3 + i] = state.base_force[i], state.base_moment[i]
+    hold, missed = _grip_after(effects.hold, state, far_wrench)
     plastic, lost, springs = _set_after(effects.plastic, system, state.strains)
     elastic = stored(effects, system, state.strains) + springs
     forces, contacts, inside = _contacts_after(effects.contact, system, state, origin, ended)
-    return (state.strains, state.rotations, positions, tangents, wrenches, hold, plastic, forces,
-            contacts, elastic, elastic + potential(effects, system, positions), lost, missed,
-            inside, is_stationary(system, state, residual, rounding))
+    return (state.strains, state.rotations, positions, tangents, wrench, far_wrench, hold, plastic,
+            forces, contacts, elastic, elastic + potential(effects, system, positions), lost,
+            missed, inside, is_stationary(system, state, residual, rounding))
 
 
 @kernel
@@ -301,7 +304,7 @@ def shape_of(mesh: Discretization, gripper: Pose, found: Minimum, memory: Memory
     if far_end is not None:
         good = good and bool(end.missed <= reach_of(mesh, np.array(distance(far_end, gripper))))
     if around.has_moments:
-        end.wrenches[0, 3:] -= mesh.moments.sum(axis=0)
+        end.wrench[3:] -= mesh.moments.sum(axis=0)
     return shape_from(mesh, gripper, end, before, far_end, culled=culled, proof={
         'residual': float(found.residual), 'stability': float(found.stability),
         'iterations': int(found.iterations), 'evaluations': int(found.evaluations),
@@ -312,7 +315,8 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Outcome, before: Memory
                far_end: FarEnd | None, proof: dict[str, Any], *, culled: bool,
                estimate: Callable[[], float] | None = None) -> Shape:
     """Return the Shape of an Outcome on a mesh; `before` is what the step began with."""
-    freeze(end)
+    for array in end[:8]:
+        array.flags.writeable = False
     after, contacts = before, ()
     if not (mesh.hangs and far_end is None):  # else the next step does not count from here
         after, contacts = memory_after(mesh, end, before, culled)
@@ -321,8 +325,8 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Outcome, before: Memory
                            culled)
     return Shape(
         gripper, mesh.s, end.positions, end.frames, end.strains, end.energy, end.elastic,
-        end.wrenches[0], contacts=contacts, far_end=far_end,
-        far_wrench=NO_WRENCH if far_end is None else end.wrenches[1],
+        end.wrench, contacts=contacts, far_end=far_end,
+        far_wrench=NO_WRENCH if far_end is None else end.far_wrench,
         dissipated=after.dissipated, state=State(mesh, after, before, estimate, culled), **proof)
 
 
@@ -357,7 +361,7 @@ def hanging_shape(mesh: Discretization, gripper: Pose, strains: Floats, frames: 
                   residual: float, stability: float, iterations: int) -> Shape:
     """Return the Shape of a DLO that hangs freely, which another kernel has found."""
     end = Outcome(strains, frames, positions, frames[:, :, 0].copy(),
-                  np.array([wrench, NO_WRENCH]), mesh.start.hold, mesh.start.plastic, None, None,
+                  wrench, NO_WRENCH, mesh.start.hold, mesh.start.plastic, None, None,
                   elastic, energy, 0.0, 0.0, 0.0, bool(residual < CONVERGED))
     good = bool(hangs_still(residual, stability))
     return shape_from(mesh, gripper, end, mesh.start, None, culled=True, proof={
@@ -378,26 +382,46 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
     what they find. In contact it may be that the finer DLO finds no equilibrium nearby, let go by
     friction for instance: then nothing is known, and the estimate is infinite.
     """
-    finer, halved = mesh.finer, np.repeat(strains, 2, axis=0)
+    finer = mesh.finer
     if culled and far_end is None:
-        system = finer.system(gripper.rotation, gripper.position, culled=True)
-        found = minimum(finer, system, gripper, finer.unknowns(halved), None,
-                        Search(4, False, tolerance=1e-9), culled=True)
-        there = found.state.positions + gripper.position
+        moved = _moved_where_halved(
+            finer.system(gripper.rotation, gripper.position, culled=True), strains, positions)
     else:
-        past = finer.past(before)
+        past, halved = finer.past(before), np.repeat(strains, 2, axis=0)
         shape = None if far_end is None else held_nearby(finer, gripper, halved, past, far_end,
                                                          culled)
         if shape is None:
             shape, _ = equilibrium(finer, gripper, halved, 'newton', past, far_end, culled=culled)
             if not shape.converged:
                 return np.inf
-        there = shape.positions
-    moved = np.linalg.norm(there[::2] - positions, axis=1).max()
+        moved = np.linalg.norm(shape.positions[::2] - positions, axis=1).max()
     if mesh.obstructed and not culled and moved > _ELSEWHERE * mesh.s[-1]:
         return np.inf
     rounding = 1e-15 * mesh.s.size * mesh.s[-1]
     return float(4 / 3 * moved + rounding)
+
+
+@kernel
+def _moved_where_halved(system: Problem, strains: Floats, positions: Floats) -> Any:
+    """Return how far, in m, a few Newton steps move nodes of a DLO whose elements are halved.
+
+    Args:
+        system: of the halved elements; strains: (N, 3), positions: (N + 1, 3) of the whole ones
+    """
+    work, twice, never = new_workspace(system), np.empty_like(system.natural), strains.size < 0
+    for e in range(2 * len(strains)):
+        for i in range(3):
+            twice[e, i] = strains[e // 2, i]
+    unknowns_of(system, twice, work.start)
+    state, _, _, _, _, _, _ = newton_descent(
+        system, work.start, thorough(1e-9, 0.0, 4, never, never), work)
+    farthest = 0.0
+    for k in range(positions.shape[0]):
+        away = 0.0
+        for i in range(3):
+            away += (state.positions[2 * k, i] + system.origin[i] - positions[k, i]) ** 2
+        farthest = max(farthest, away)
+    return np.sqrt(farthest)
 
 
 # ------------------------------------------------------------------------------------------------
