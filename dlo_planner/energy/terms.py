@@ -167,42 +167,22 @@ def hinged(effects: Terms, part: float) -> Terms:
 
 
 class KKTBorder(Record):
-    """What K rows that are held add to a Newton system, see `minimize.kkt`.
+    """What K rows that are held add to a Newton system, see `minimize.kkt`."""
 
-    Attributes
-    ----------
-    rows : ndarray, shape (K, m, 3)
-        Derivatives of what is held by the unknowns.
-    answers : ndarray, shape (K, m, 3)
-        H^-1 of them.
-    schur : ndarray, shape (K, K)
-        Inverse of rows answers + give.
-    give : ndarray, shape (1,)
-        By how much each of them gives way, m/N.
-    """
-
-    rows: Floats
-    answers: Floats
-    schur: Floats
-    give: Floats
+    rows: Floats  # (K, m, 3) derivatives of what is held by the unknowns
+    answers: Floats  # (K, m, 3) H^-1 of them
+    schur: Floats  # (K, K) inverse of rows answers + give
+    give: Floats  # (1,) by how much each of them gives way, m/N
 
 
 class Structure(Record):
-    """What effects need of the solver; None where no effect that is there ever does.
+    """What effects need of the solver; None where no effect that is there ever does."""
 
-    Attributes
-    ----------
-    displaced : bool or None
-        Whether displacements of what lies beyond an element matter, not only rotations.
-    attached : OffNodeLoads or None
-        An empty one of the right sizes, where forces act elsewhere than on nodes.
-    border : KKTBorder or None
-        An empty one of the right number of rows, where something is held.
-    """
-
+    # whether displacements of what lies beyond an element matter, not only rotations
     displaced: bool | None
+    # an empty one of the right sizes, where forces act elsewhere than on nodes
     attached: OffNodeLoads | None
-    border: KKTBorder | None
+    border: KKTBorder | None  # an empty one of the right number of rows, where something is held
 
 
 def structure_of(effects: Terms, nodes: int) -> Structure:

@@ -13,6 +13,7 @@ from dlo_planner import (
     CutOut,
     Cylinder,
     DirectSimulator,
+    Ellipsoid,
     FarEnd,
     InvalidRod,
     InvalidTask,
@@ -186,6 +187,7 @@ def test_a_dlo_in_a_hole_stays_in_it(wire):
     assert shape.contacts
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 def test_friction_holds_back_a_wire_drawn_over_the_floor(wire, basis):
     weight = wire.mass_per_length * 9.81
@@ -369,6 +371,22 @@ def test_on_its_side_it_is_a_bar():
     assert flat.contacts[0].force == pytest.approx(round_.contacts[0].force, rel=1e-7)
 
 
+def test_an_ellipsoid_that_is_round_in_the_plane_of_the_dlo_is_a_bar():
+    bar = solved(Capsule((0.4, -0.5, 0.85), (0.4, 0.5, 0.85), 0.05))
+    egg = solved(Ellipsoid(Pose((0.4, 0, 0.85), (0, 0, 0, 1)), (0.05, 0.5, 0.05)))
+    assert np.abs(bar.positions - egg.positions).max() < 1e-9
+    assert egg.contacts[0].force == pytest.approx(bar.contacts[0].force, rel=1e-7)
+    assert egg.stability < bar.stability  # it may roll off to the side
+
+
+def test_nothing_enters_an_ellipsoid():
+    body = Ellipsoid(Pose((0.4, 0.01, 0.4), (0.1, 0.2, 0.3, 0.9)), (0.1, 0.08, 0.12), 0.5)
+    places = solved(body).positions_at(np.linspace(0, 1, 20_001))
+    local = (places - body.pose.position) @ body.pose.rotation
+    surface = body.half_axes + WIRE.radius
+    assert ((local / surface) ** 2).sum(axis=1).min() > 1 - 2e-2
+
+
 def test_on_its_end_it_is_a_floor():
     floor, end = solved(Plane((0, 0, 0.8), (0, 0, 1))), solved(
         Cylinder((0.5, 0, 0), (0.5, 0, 0.8), 3.0))
@@ -425,6 +443,7 @@ def test_it_is_the_weight_and_moment_of_its_mass(cable, options):
     np.testing.assert_allclose(plugged.positions[-1], straight, atol=1e-6)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(('inertia', 'expected'), [(None, MASS * (3 * 1e-6 + LENGTH**2) / 12),
                                                    (2e-6, 2e-6), (0.0, 0.0)])
 def test_mass_center_and_inertia_on_every_mesh(cable, inertia, expected):
