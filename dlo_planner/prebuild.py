@@ -60,10 +60,10 @@ def prebuild(into: Path | None = None) -> Path:
 
 def _use(folder: Path, exercise: int) -> set[str]:
     """Keep in a folder what an exercise needs; return how the names of valid files begin."""
-    from dlo_planner.kernels import cache, files, folders, processor  # noqa: PLC0415
+    from dlo_planner.kernels import cache, files, folders  # noqa: PLC0415
     gc.set_threshold(200_000, 50, 1000)  # most of what a compiler makes stays: a fifth less time
     folders.use_only(folder)
-    processor.compile_generic()
+    files.compile_generic()
     from dlo_planner import exercises  # noqa: PLC0415
     exercises.ALL[exercise]()
     return files.current_stems(cache.KERNELS.values())

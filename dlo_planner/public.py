@@ -31,7 +31,7 @@ from dlo_planner.inverse.tasks import (
     ThreadTwo,
 )
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Ellipsoid, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.supports import FarEnd, PointLoad
@@ -44,8 +44,8 @@ from dlo_planner.verify.replay import replay
 from dlo_planner.verify.robustness import robustness
 
 __all__ = ['Box', 'Capsule', 'ClosedLoop', 'CutOut', 'Cylinder', 'DeadlineExceeded',
-           'DirectSimulator', 'DloPlannerError', 'FarEnd', 'HoldContact', 'Infeasible', 'Insert',
-           'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Minimize', 'NotConverged',
-           'Observer', 'Plan', 'Plane', 'PointLoad', 'Pose', 'Rod', 'Shape', 'Sheet',
-           'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Trajectory',
+           'DirectSimulator', 'DloPlannerError', 'Ellipsoid', 'FarEnd', 'HoldContact', 'Infeasible',
+           'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Minimize',
+           'NotConverged', 'Observer', 'Plan', 'Plane', 'PointLoad', 'Pose', 'Rod', 'Shape',
+           'Sheet', 'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Trajectory',
            'Uncertainty', 'Workspace', 'fit_rod', 'replay', 'robustness', 'solve_many']

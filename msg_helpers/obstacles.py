@@ -19,6 +19,7 @@ from dlo_planner.model.obstacles import (
     Box,
     Capsule,
     Cylinder,
+    Ellipsoid,
     Obstacle,
     Plane,
     Sheet,
@@ -47,11 +48,11 @@ def obstacles_after(known: Mapping[tuple[str, int], Body], msg: MarkerArray, fra
                     name: str) -> dict[tuple[str, int], Body]:
     """Return the dict of bodies, by (namespace, id), after a visualization_msgs/MarkerArray.
 
-    CUBE is a Box, SPHERE a Sphere, CYLINDER a Cylinder, ARROW the Plane from whose surface it
-    stands out. The text of a marker is empty, or YAML that says more: `{friction: 0.3}`, `{role:
-    workspace only}`, `{ends: round}` (of a cylinder: a Capsule), `{cutouts: [{y: 0, z: 0, radius:
-    0.01}]}` (of a cube: a Sheet, whose thickness is along x). DELETE takes one away, DELETEALL all
-    (of a namespace, if one is named). Those of role 'workspace only' come last.
+    CUBE is a Box, SPHERE a Sphere or an Ellipsoid, CYLINDER a Cylinder, ARROW the Plane from
+    whose surface it stands out. The text of a marker is empty, or YAML that says more: `{friction:
+    0.3}`, `{role: workspace only}`, `{ends: round}` (of a cylinder: a Capsule), `{cutouts: [{y: 0,
+    z: 0, radius: 0.01}]}` (of a cube: a Sheet, whose thickness is along x). DELETE takes one away,
+    DELETEALL all (of a namespace, if one is named). Those of role 'workspace only' come last.
     """
     items('known', tuple(instance('known', known, dict).values()), Body)
     instance('msg', msg, MarkerArray)
@@ -101,6 +102,8 @@ def _drawn(obstacle: Obstacle) -> tuple[int, Pose, Iterable[float], dict[str, An
         return Marker.CUBE, obstacle.pose, obstacle.size, {}
     if isinstance(obstacle, Sphere):
         return Marker.SPHERE, Pose(obstacle.center, (0, 0, 0, 1)), (2 * obstacle.radius,) * 3, {}
+    if isinstance(obstacle, Ellipsoid):
+        return Marker.SPHERE, obstacle.pose, 2 * obstacle.half_axes, {}
     if isinstance(obstacle, Plane):
         return Marker.ARROW, Pose.looking_along(obstacle.point, obstacle.normal), (0.1,) * 3, {}
     if isinstance(obstacle, Sheet):
@@ -159,7 +162,7 @@ def _obstacle(marker: Marker, said: Mapping[str, Any], friction: float) -> Obsta
         return Box(pose, size, friction)
     if marker.type == Marker.SPHERE:
         if np.ptp(size) > _ALIKE * x:
-            raise InvalidTask(f'scale = {size.tolist()}: expected three times the same, a sphere')
+            return Ellipsoid(pose, size / 2, friction)
         return Sphere(pose.position, x / 2, friction)
     if marker.type == Marker.CYLINDER:
         if abs(x - y) > _ALIKE * x:

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 import dlo_planner
-from dlo_planner.geometry.boxed import read
-from dlo_planner.geometry.record import Record
+from dlo_planner.geometry.record import Record, read
 from dlo_planner.kernels import COMPILED, cache, kernel
 from dlo_planner.kernels.fingerprint import Unseen, _scanned, dependencies, fingerprint
 
@@ -191,6 +190,6 @@ def test_the_package_tells_numba_nothing_behind_the_back_of_the_fingerprint():
                     users.setdefault(path.relative_to(PACKAGE).as_posix(), set()).update(names)
     assert users.keys() - {f'kernels/{name}.py' for name in (
         '__init__', 'cache', 'dispatcher', 'files', 'fingerprint', 'folders',
-        'processor')} == {'geometry/boxed.py'}
+        'processor')} == {'geometry/record.py'}
     assert not UNKNOWN & set().union(*users.values())
-    assert 'overload' in users['geometry/boxed.py']
+    assert 'overload' in users['geometry/record.py']

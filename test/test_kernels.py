@@ -56,8 +56,8 @@ from dlo_planner.minimize.active_set import update_active_set
 from dlo_planner.minimize.contact_solver import predictor_corrector, solve_contact
 from dlo_planner.minimize.contact_table import kkt_residual, touching, update_friction
 from dlo_planner.minimize.convergence import gradient_noise
-from dlo_planner.minimize.expected_error import foresee
-from dlo_planner.minimize.newton import led, newton_descent
+from dlo_planner.minimize.expected_error import discretization_errors
+from dlo_planner.minimize.newton import follow_homotopy, newton_descent
 from dlo_planner.minimize.semismooth import update_multipliers
 from dlo_planner.minimize.solve import solve_free_rods
 from dlo_planner.penalties import PositionAt, Through
@@ -67,11 +67,11 @@ from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
 _KINDS = 3
 KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_along,
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
-           update_active_set, update_friction, led, gradient_noise, touching, kkt_residual,
-           update_multipliers, gripper_answers, clearance.element_rooms,
+           update_active_set, update_friction, follow_homotopy, gradient_noise, touching,
+           kkt_residual, update_multipliers, gripper_answers, clearance.element_rooms,
            swept._distances, workspace._distances, _strains_by, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free_rods, solve_contact,
-           predictor_corrector, _descend_nearby, foresee, equidistribute, node_twists,
+           predictor_corrector, _descend_nearby, discretization_errors, equidistribute, node_twists,
            twists_inside, fill_residuals, fill_rows, _nearest_goals]
 
 

@@ -458,7 +458,8 @@ def _parts(obstacle: Obstacle) -> list[Part]:
 # kind of a Solid -> its name in MuJoCo, and its size there
 _GEOMS: dict[str, Callable[[float, float, float], tuple[str, Sequence[float]]]] = {
     'box': lambda x, y, z: ('BOX', (0.5 * x, 0.5 * y, 0.5 * z)),
-    'ball': lambda x, y, z: ('SPHERE', (0.5 * x, 0, 0)),
+    'ball': lambda x, y, z: ('SPHERE' if x == y == z else 'ELLIPSOID',
+                             (0.5 * x, 0.5 * y, 0.5 * z)),
     'cylinder': lambda x, y, z: ('CYLINDER', (0.5 * x, 0.5 * z, 0))}
 
 

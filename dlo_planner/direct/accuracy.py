@@ -33,7 +33,7 @@ from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import How, corrected_by, past_of, step
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.geometry.basis import truncation_error
-from dlo_planner.minimize.expected_error import foresee, resampled_means
+from dlo_planner.minimize.expected_error import discretization_errors, resampled_means
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import freeze, same
@@ -336,7 +336,7 @@ def _points(mesh: Discretization) -> Floats:
 
 
 def _foresee(shape: Shape) -> Any:
-    """Return what `foresee` does of a Shape; (infinity,) where that is not told."""
+    """Return what `discretization_errors` does of a Shape; (infinity,) where that is not told."""
     if not _told(shape):
         return (np.inf,)
     mesh = shape.state.made_on
@@ -344,7 +344,7 @@ def _foresee(shape: Shape) -> Any:
     mass: Any = around.rod.mass_per_length  # nothing varies
     load: Any = np.zeros(3) if around.load is None else around.load
     spread = -mass * around.gravity - load
-    return foresee(mesh.free, shape.gripper.rotation, shape.element_strains, spread)
+    return discretization_errors(mesh.free, shape.gripper.rotation, shape.element_strains, spread)
 
 
 def foreseen(shape: Shape, accuracy: float,

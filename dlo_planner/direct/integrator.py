@@ -35,7 +35,12 @@ from dlo_planner.geometry.record import Record, copy
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import COARSER, solve_contact
 from dlo_planner.minimize.convergence import SETTLED, decrement_of
-from dlo_planner.minimize.hessian import LEAST_SHIFT, assembled_definite, new_hessian, safe_shift
+from dlo_planner.minimize.hessian import (
+    LEAST_SHIFT,
+    assembled_definite,
+    inertia_correction,
+    new_hessian,
+)
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import (
     HELD_NEUTRAL,
@@ -453,7 +458,7 @@ def _smallest_eigenvalue(problem, state):
     """Return the smallest eigenvalue of the Hessian at a Configuration."""
     hessian, shift = new_hessian(problem), 0.0
     if not assembled_definite(problem, state, hessian, shift):
-        shift = safe_shift(problem, hessian, LEAST_SHIFT)
+        shift = inertia_correction(problem, hessian, LEAST_SHIFT)
     value, _ = lowest_mode(problem, hessian, shift, _EXACT)
     return value
 

@@ -37,7 +37,7 @@ from dlo_planner.energy.plastic import PlasticSection
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
-from dlo_planner.minimize.contact_solver import constrained_newton, firm
+from dlo_planner.minimize.contact_solver import constrained_newton, stiffen_penalty
 from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.minimize.hessian import Hessian
 from dlo_planner.minimize.newton import HELD_NEUTRAL
@@ -159,7 +159,7 @@ def _vibration(mesh: Discretization, system: Problem, q: Floats) -> Vibration:
         system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
     # what has yielded springs back: vibrations are elastic
     system = system._replace(elastic=purely_elastic(), plastic=_without_springs(system.plastic))
-    system = firm(system, _state(system, q))
+    system = stiffen_penalty(system, _state(system, q))
     count = system.lengths.size + 1
     # springs of no strength, so that displacements are assembled too
     system = system._replace(anchor=InertiaTerm(np.zeros((count, 3)), np.zeros(count)))

@@ -16,7 +16,13 @@ from dlo_planner.direct.statics import TOLERANCE, shape_of
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.geometry.basis import from_components, orthonormal_basis, to_components
-from dlo_planner.minimize.classic import SEARCHES, Objective, beside, judged, rounding
+from dlo_planner.minimize.classic import (
+    SEARCHES,
+    Objective,
+    check_stationary,
+    rounding,
+    saddle_exit_point,
+)
 from dlo_planner.minimize.convergence import Minimum
 from dlo_planner.minimize.newton import MOST_KICKS
 from dlo_planner.model.arrays import Floats
@@ -46,8 +52,8 @@ def described_equilibrium(discretization: Discretization, gripper: Pose, strains
         iterations, evaluations = iterations + found.iterations, evaluations + found.evaluations
         _, gradient = series.value_and_gradient(found.q)
         residual = np.linalg.norm(gradient) / np.hypot(np.linalg.norm(state.q), bend)
-        reached = judged(system, state.q.copy(), TOLERANCE)
-        kicked = beside(system, reached)
+        reached = check_stationary(system, state.q.copy(), TOLERANCE)
+        kicked = saddle_exit_point(system, reached)
         if kicked is None or kicks >= MOST_KICKS:
             break
         strains, kicks = system.natural + system.scale * kicked, kicks + 1

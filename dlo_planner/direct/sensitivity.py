@@ -27,9 +27,9 @@ from dlo_planner.energy.terms import constraint_jacobian, row_count
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_solver import firm
+from dlo_planner.minimize.contact_solver import stiffen_penalty
 from dlo_planner.minimize.contact_table import touching
-from dlo_planner.minimize.dense import decomposed, substituted
+from dlo_planner.minimize.dense import lu_factor, lu_solve
 from dlo_planner.minimize.hessian import (
     Hessian,
     assemble,
@@ -77,7 +77,7 @@ class Sensitivity:
             state = new_configuration(system)
             state.q[:] = q
             evaluate(system, state)
-            system = firm(system, state)
+            system = stiffen_penalty(system, state)
         self._system = system
         self._state, self._answers, self._hessian = gripper_answers(self._system, q)
         if any(np.any(contact.friction) for contact in shape.contacts):
@@ -283,9 +283,9 @@ def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: F
         for r in range(size):
             matrix[p, r] -= k * np.sum(across[p] * response[r])
     order = np.empty(size, dtype=np.int64)
-    if decomposed(matrix, order) == 0:
+    if lu_factor(matrix, order) == 0:
         return
     for i in range(6):
-        substituted(matrix, order, change[i])
+        lu_solve(matrix, order, change[i])
         for p in range(size):
             answers[i] -= change[i, p] * response[p]

@@ -47,8 +47,8 @@ from dlo_planner.energy.scene import Scene
 from dlo_planner.energy.terms import may_act
 from dlo_planner.geometry.so3 import partway
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_solver import carried_newton
-from dlo_planner.minimize.newton import led
+from dlo_planner.minimize.contact_solver import follow_contact
+from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.minimize.semismooth import correction
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, angle_between
@@ -134,7 +134,7 @@ def _bearing(mesh: Discretization, gripper: Pose, initial: Shape, strains: Float
     start = (np.array(begin.rotation, order='C'), np.array(past.points.slid), strains,
              gripper.position - begin.position)
     before = np.hstack([past.positions - gripper.position, past.tangents])
-    found = carried_newton(mesh.system(gripper.rotation, gripper.position, past), start, TOLERANCE,
+    found = follow_contact(mesh.system(gripper.rotation, gripper.position, past), start, TOLERANCE,
                            MAX_ITERATIONS, EXACT * float(mesh.s[-1]), before)
     return None if found is None else (shape_of(mesh, gripper, found, past), found.kicks)
 
@@ -306,13 +306,13 @@ def _led(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
         q = mesh.unknowns(strains)
         if mesh.surroundings.pinned:
             bases[:] = system.base
-            q, gone = led(with_hinge(system), hinge_unknowns(system, q), bases, held_at - gripped,
-                          axes, rows)
+            q, gone = follow_homotopy(with_hinge(system), hinge_unknowns(system, q), bases,
+                                      held_at - gripped, axes, rows)
             begin, end = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
                           for pose in (begin, end))
             q = own_unknowns(system, q)
         else:
-            q, gone = led(system, q, bases, held_at - gripped, axes, rows)
+            q, gone = follow_homotopy(system, q, bases, held_at - gripped, axes, rows)
         strains = mesh.strains_of(q)
         memory = replace(memory, hold=system.hold.multiplier)
         if gone == len(shares):

@@ -52,7 +52,7 @@ from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem
 from dlo_planner.minimize.classic import search
-from dlo_planner.minimize.convergence import settled
+from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.supports import FarEnd, held_rows
 from dlo_planner.model.value import Constant, freeze
@@ -340,7 +340,7 @@ class Stepper:
             for start in [guess, *starts] if len(guess) and row == PAST + 1 else starts:
                 q = np.empty((self.discretization.n_unknowns, 3))
                 unknowns_of(problem, start, q)
-                found = settled(search(problem, q, self.method, options.tolerance))
+                found = accept_by_decrement(search(problem, q, self.method, options.tolerance))
                 converged = record_step(how, problem, found.state, buffer, row, row - 1,
                                         float(found.residual), float(found.stability),
                                         found.iterations, 0.0, options)

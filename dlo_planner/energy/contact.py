@@ -45,59 +45,32 @@ _MOST_LEAPS = 64  # of a look along a way: nearer to an obstacle it is not told 
 
 
 class ContactSet(Record):
-    """Points where the DLO may touch, and what is known of their forces.
+    """Points where the DLO may touch, and what is known of their forces."""
 
-    Attributes
-    ----------
-    stiffness : float
-        k, N/m.
-    node : ndarray, shape (M, N + 1)
-        Multipliers of nodes against obstacles, N.
-    element : ndarray of int, shape (C,)
-        Elements of the points inside elements, ascending.
-    obstacle : ndarray of int, shape (C,)
-        The one they are nearest to, or -1 - o for a point of friction on obstacle o.
-    multiplier : ndarray, shape (C,)
-        m, or the limit of the friction force, N.
-    fraction : ndarray, shape (C,)
-        Of the element, of points that are fixed there: 1 for a node, its end, less for what is
-        inside; 0 of points that roll along the DLO, where it is nearest.
-    anchor : ndarray, shape (C, 3)
-        Where a point of friction sticks, m, relative to the gripper; what is across `normal`
-        counts.
-    normal : ndarray, shape (C, 3)
-        Normal of the obstacle at a point of friction.
-    shear : ndarray, shape (C, 3)
-        Multiplier of a point of friction, N, across the normal, against the friction on the DLO.
-    grip : float
-        Stiffness of points of friction, N/m.
-    """
-
-    stiffness: float
-    node: Floats
-    element: Ints
+    stiffness: float  # k, N/m
+    node: Floats  # (M, N + 1) multipliers of nodes against obstacles, N
+    element: Ints  # (C,) elements of the points inside elements, ascending
+    # (C,) the one they are nearest to, or -1 - o for a point of friction on obstacle o
     obstacle: Ints
-    multiplier: Floats
+    multiplier: Floats  # (C,) m, or the limit of the friction force, N
+    # (C,) of the element, of points that are fixed there: 1 for a node, its end, less for what is
+    # inside; 0 of points that roll along the DLO, where it is nearest
     fraction: Floats
+    # (C, 3) where a point of friction sticks, m, relative to the gripper; what is across `normal`
+    # counts
     anchor: Floats
-    normal: Floats
+    normal: Floats  # (C, 3) normal of the obstacle at a point of friction
+    # (C, 3) multiplier of a point of friction, N, across the normal, against the friction on the
+    # DLO
     shear: Floats
-    grip: float
+    grip: float  # stiffness of points of friction, N/m
 
 
 class Contact(Record):
-    """Obstacles and where they are touched.
+    """Obstacles and where they are touched."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The obstacles.
-    contacts : Contacts
-        Where they may be touched.
-    """
-
-    scene: Scene
-    contacts: ContactSet
+    scene: Scene  # the obstacles
+    contacts: ContactSet  # where they may be touched
 
 
 def obstructed(effect: Contact | None) -> bool:
@@ -173,9 +146,6 @@ def may_act(effect, system, strains, positions, before):
 
     Each node is looked at as a ball that holds all of the section, and of the elements up to the
     middles of their lengths.
-
-    Args:
-        positions, before: (N + 1, 3) of the nodes, from the scene's origin, m
     """
     if effect is None:
         return False
@@ -226,9 +196,6 @@ def _clear_way(scene, o, x, shift, around, normal, hessian):
     """Whether a ball is told to stay away from body `o` on its way from x (3,) by `shift` (3,).
 
     From each point it goes on as far as it is away there.
-
-    Args:
-        around: radius of the ball, m; normal, hessian: scratch
     """
     length, gone, here = np.sqrt(np.sum(shift * shift)), 0.0, np.empty(3)
     for _ in range(_MOST_LEAPS):
@@ -354,9 +321,6 @@ def _second(scene, o, along, force, k, strain, rotation, offset, normal, hessian
     By the twist (rotation, displacement) of the frame there and by the element's own strain, on
     which the slope of an edge depends directly; the part that is not due to the force being
     carried along.
-
-    Args:
-        along: whether the point slides along the DLO
     """
     moves, curves, by = np.empty((3, 3)), np.empty((3, 3)), np.zeros((3, 9))
     second[:] = 0.0

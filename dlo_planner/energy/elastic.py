@@ -15,18 +15,10 @@ from dlo_planner.model.arrays import Floats
 
 
 class Elastic(Record):
-    """What is elastic of a DLO.
+    """What is elastic of a DLO."""
 
-    Attributes
-    ----------
-    part : ndarray, shape (3,)
-        Part of the stiffness that never yields: all of it where nothing yields.
-    couple : ndarray, shape (N, 3)
-        Moments that pull at the strains, N m; (0, 3): none.
-    """
-
-    part: Floats
-    couple: Floats
+    part: Floats  # (3,) part of the stiffness that never yields: all of it where nothing yields
+    couple: Floats  # (N, 3) moments that pull at the strains, N m; (0, 3): none
 
 
 @cache

@@ -12,6 +12,7 @@ from dlo_planner.energy.scene import (
     CAPSULE,
     CYLINDER,
     EDGE,
+    ELLIPSOID,
     FACE,
     NODE_FACE,
     PLANE,
@@ -27,6 +28,8 @@ from dlo_planner.model.arrays import Floats
 
 
 _CENTER = 1e-12  # of a radius: so near to the middle, no direction leads out
+_SINGULAR = 1e-9  # of the square of the least half axis: the same, in an ellipsoid
+_LAST = 1e-15     # of that: a change of the root that is rounding
 
 
 @kernel
@@ -53,6 +56,8 @@ def signed_distance(scene: Scene, o: int, x: Floats, normal: Floats, hessian: Fl
         distance = _from_box(p, scene.size[o], local, curved)
     elif kind == CYLINDER:
         distance = _from_cylinder(p, scene.size[o, 0], scene.size[o, 1], local, curved)
+    elif kind == ELLIPSOID:
+        distance = _from_ellipsoid(p, scene.size[o], local, curved)
     else:
         distance = _from_sheet(scene, o, p, local, curved)
     for i in range(3):
@@ -111,6 +116,63 @@ def _from_box(p, half, normal, hessian):
 
 
 @kernel
+def _from_ellipsoid(p, half, normal, hessian):
+    """Distance from an ellipsoid with half axes a_i.
+
+    The nearest point is y_i = a_i^2 p_i / (a_i^2 + t) for the one t at which the vector of the
+    y_i / a_i has the size 1 (Eberly, Distance from a Point to an Ellipsoid). The inverse of that
+    size is concave in t and nearly linear: Newton's method from below takes few steps and passes
+    over nothing.
+    """
+    square, least, largest = 0.0, 0, 0.0
+    for i in range(3):
+        square += p[i] * p[i]
+        largest = max(largest, half[i])
+        if half[i] < half[least]:
+            least = i
+    a = half[least]
+    t = max(a * abs(p[least]) - a * a, a * np.sqrt(square) - largest * largest,
+            (_SINGULAR - 1.0) * a * a)
+    for _ in range(_ROUNDS):
+        square = slope = 0.0
+        for i in range(3):
+            x = half[i] * p[i] / (half[i] * half[i] + t)
+            square += x * x
+            slope += x * x / (half[i] * half[i] + t)
+        if square <= 1.0:
+            break
+        change = square * (np.sqrt(square) - 1.0) / slope
+        t += change
+        if change <= _LAST * (a * a + t):
+            break
+    y, g, m, w = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    for i in range(3):
+        m[i] = half[i] * half[i] / (half[i] * half[i] + t)
+        y[i] = m[i] * p[i]
+    if square < 1.0 - _SINGULAR:  # about the middle, where two points of the surface are as near
+        rest = 1.0 - square + (y[least] / a) ** 2
+        y[least] = (a if p[least] >= 0.0 else -a) * np.sqrt(rest)
+    size = total = distance = 0.0
+    for i in range(3):
+        g[i] = y[i] / (half[i] * half[i])
+        size += g[i] * g[i]
+        total += m[i] * g[i] * g[i]
+    size = np.sqrt(size)
+    for i in range(3):
+        normal[i] = g[i] / size
+        distance += (p[i] - y[i]) * normal[i]
+        for j in range(3):  # the surface's point moves by w dp
+            w[i, j] = (m[i] if i == j else 0.0) - m[i] * g[i] * m[j] * g[j] / total
+    for j in range(3):
+        along = 0.0
+        for i in range(3):
+            along += normal[i] * w[i, j] / (half[i] * half[i])
+        for i in range(3):
+            hessian[i, j] = (w[i, j] / (half[i] * half[i]) - normal[i] * along) / size
+    return distance
+
+
+@kernel
 def _from_sheet(scene, o, p, normal, hessian):
     """Distance from a plate with holes."""
     slope = np.zeros(2)
@@ -134,11 +196,7 @@ def _from_cylinder(p, half, radius, normal, hessian):
 
 @kernel
 def _from_faces(p, half, a, turn, slope, normal, hessian):
-    """Distance from what lies between two faces `half` above and below: in the plane (a), both.
-
-    Args:
-        a: distance in the plane, its gradient `slope` (2,) and its curvature `turn`
-    """
+    """Distance from what lies between two faces `half` above and below: in the plane (a), both."""
     side = 1.0 if p[0] >= 0 else -1.0
     b = abs(p[0]) - half
     if a > 0 and b > 0:
@@ -274,15 +332,7 @@ def radius_at_node(scene, o, k):
 
 @kernel
 def gap_at(scene, o, rotation, position, radius, offset, point, normal, hessian):
-    """Return the gap in m between body `o` and the DLO's section with this frame and place.
-
-    Args:
-        position: (3,) of the axis, from the scene's origin, m
-        radius: m, about the feature there
-        offset: (2,) filled: of the touching feature from the axis, along n and b, m
-        point: (3,) filled: its place in the world, m
-        normal: (3,), bend: (3, 3) filled: derivatives of the distance there
-    """
+    """Return the gap in m between body `o` and the DLO's section with this frame and place."""
     for i in range(3):
         point[i] = scene.origin[i] + position[i]
     if scene.feature[o] != AXIS:
@@ -326,10 +376,6 @@ def next_touching(lengths, multiplier, node, gap):
     """Return the next node after `node` that may touch an obstacle, N + 1 if none does.
 
     No node is nearer to it by more than the DLO between them is long. Far obstacles cost nothing.
-
-    Args:
-        multiplier: (N + 1,) of the nodes; one that has some is never left out
-        gap: m, of `node`, per length of what may touch along the DLO (`longest_stretch`)
     """
     last = lengths.size
     distance = 0.0
@@ -416,13 +462,7 @@ def longest_stretch(scene, o, strains):
 
 @kernel
 def sliding(scene, o, free_along, rotation, strain, offset, normal, hessian, moves, curves):
-    """Return how many coordinates of a touching point are free to slide: across first, then along.
-
-    Args:
-        free_along: whether the point slides along the DLO
-        moves: (3, 3) filled: row i is the point's motion by coordinate i
-        curves: (3, 3) filled: second derivatives of the gap by them
-    """
+    """Return how many coordinates of a touching point may slide: across first, then along."""
     count = 0
     along, turn = np.empty(3), np.empty(3)
     if scene.feature[o] >= FACE:

@@ -22,34 +22,17 @@ from dlo_planner.model.arrays import Floats
 
 
 class GripConstraint(Record):
-    """What is held of the far end; K = 0 if it is free.
+    """What is held of the far end; K = 0 if it is free."""
 
-    Attributes
-    ----------
-    target : ndarray, shape (3,)
-        Where the end is held, m, world axes, relative to the gripper.
-    axes : ndarray, shape (3, 3)
-        Its frame there, columns t, n, b.
-    share : ndarray, shape (3,)
-        a_i, how much each axis counts.
-    rows : ndarray, shape (K, 6)
-        Held directions of the twist: lever (m) times a unit vector of rotation, or a unit vector of
-        displacement.
-    multiplier : ndarray, shape (K,)
-        Derivative of the potential by c, N.
-    stiffness : float
-        Of displacement, N/m.
-    turn_stiffness : float
-        Of rotation, N m.
-    """
-
-    target: Floats
-    axes: Floats
-    share: Floats
+    target: Floats  # (3,) where the end is held, m, world axes, relative to the gripper
+    axes: Floats  # (3, 3) its frame there, columns t, n, b
+    share: Floats  # (3,) a_i, how much each axis counts
+    # (K, 6) held directions of the twist: lever (m) times a unit vector of rotation, or a unit
+    # vector of displacement
     rows: Floats
-    multiplier: Floats
-    stiffness: float
-    turn_stiffness: float
+    multiplier: Floats  # (K,) derivative of the potential by c, N
+    stiffness: float  # of displacement, N/m
+    turn_stiffness: float  # of rotation, N m
 
 
 def no_grip(stiffness: float, turn_stiffness: float) -> GripConstraint:
@@ -153,11 +136,7 @@ def constraint_jacobian(effect, rotation, position, out):
 
 @kernel
 def add_hold(hold, rotation, position, attached):
-    """Add to the tip's part of `attached`; return the potential in J.
-
-    Args:
-        rotation: (3, 3), position: (3,) of the free end
-    """
+    """Add to the tip's part of `attached`; return the potential in J."""
     moment, couple = np.zeros(3), np.empty(3)
     energy = 0.0
     for row in range(hold.multiplier.size):

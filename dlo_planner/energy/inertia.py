@@ -20,18 +20,10 @@ from dlo_planner.model.arrays import Floats
 
 
 class InertiaTerm(Record):
-    """Where the masses of the nodes are drawn to.
+    """Where the masses of the nodes are drawn to."""
 
-    Attributes
-    ----------
-    place : ndarray, shape (N + 1, 3)
-        Relative to the gripper, m; (0, 3) without inertia.
-    weight : ndarray, shape (N + 1,)
-        How strongly, N/m; (0,) without inertia.
-    """
-
-    place: Floats
-    weight: Floats
+    place: Floats  # (N + 1, 3) relative to the gripper, m; (0, 3) without inertia
+    weight: Floats  # (N + 1,) how strongly, N/m; (0,) without inertia
 
 
 def no_inertia() -> InertiaTerm:
@@ -51,7 +43,7 @@ def hinged(effect: InertiaTerm, _: float) -> InertiaTerm:
 
 
 @kernel
-def is_drawn(effect):
+def has_inertia(effect):
     """Whether inertia draws the DLO: it is in motion."""
     if effect is None:
         return False

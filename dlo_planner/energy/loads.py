@@ -18,14 +18,9 @@ from dlo_planner.model.varying import Profile
 
 
 class Load(Record):
-    """Forces on the nodes that turn no way with the DLO.
+    """Forces on the nodes that turn no way with the DLO."""
 
-    Attributes
-    ----------
-    pull : ndarray, shape (N + 1, 3)
-        Derivative of their potential by the node positions, N: minus the forces.
-    """
-
+    # (N + 1, 3) derivative of their potential by the node positions, N: minus the forces
     pull: Floats
 
 
@@ -118,12 +113,7 @@ def _share(nodes: Floats, s: Floats, where: float, amount: float | Floats) -> No
 
 @kernel
 def dead_load(pull, positions):
-    """Return V = sum of pull . x and sum |pull . x|, its rounding scale, both in J.
-
-    Args:
-        pull: (N + 1, 3) dV/dx = - force on each node, N
-        positions: (N + 1, 3) relative to the gripper, m
-    """
+    """Return V = sum of pull . x and sum |pull . x|, its rounding scale, both in J."""
     energy = 0.0
     size = 0.0
     for k in range(pull.shape[0]):

@@ -34,35 +34,20 @@ SHARED = 3  # kind of springs that both curvatures strain; 0, 1, 2: one of the s
 
 
 class PlasticSection(Record):
-    """How a section yields; J springs, none for an elastic DLO.
+    """How a section yields; J springs, none for an elastic DLO."""
 
-    Attributes
-    ----------
-    direction : ndarray, shape (J, 3)
-        Unit vector: strain of the spring by torsion and curvatures. A spring is strained by torsion
-        or by curvatures.
-    limit : ndarray, shape (J,)
-        Strain at which it yields, 1/m.
-    share : ndarray, shape (J,)
-        Its part of the stiffness of its kind.
-    kind : ndarray of int, shape (J,)
-        0 torsion, 1 curvature about n, 2 about b, SHARED both.
-    strength : ndarray, shape (N, 4)
-        Stiffness of each kind, N m^2.
-    ellipse : ndarray, shape (2,)
-        Curvatures about n and b at which what is not firm yields, if no spring bears bending, 1/m;
-        else (0,).
-    set : ndarray, shape (N, J)
-        Plastic strain of each spring in each element, 1/m; with an ellipse (N, J + 2), the plastic
-        curvature last.
-    """
-
+    # (J, 3) unit vector: strain of the spring by torsion and curvatures. A spring is strained by
+    # torsion or by curvatures
     direction: Floats
-    limit: Floats
-    share: Floats
-    kind: Ints
-    strength: Floats
+    limit: Floats  # (J,) strain at which it yields, 1/m
+    share: Floats  # (J,) its part of the stiffness of its kind
+    kind: Ints  # (J,) 0 torsion, 1 curvature about n, 2 about b, SHARED both
+    strength: Floats  # (N, 4) stiffness of each kind, N m^2
+    # (2,) curvatures about n and b at which what is not firm yields, if no spring bears bending,
+    # 1/m; else (0,)
     ellipse: Floats
+    # (N, J) plastic strain of each spring in each element, 1/m; with an ellipse (N, J + 2), the
+    # plastic curvature last
     set: Floats
 
 
@@ -87,9 +72,6 @@ def closest_point_projection(d1, d2, k1, k2, l1, l2):
 
     The elastic region is the ellipse (e1 / l1)^2 + (e2 / l2)^2 <= 1; the plastic rest is normal to
     it in the moments, which leaves e_i = d_i / (1 + g / (k_i l_i^2)) with one unknown g >= 0.
-
-    Args:
-        d1, d2: curvature less the plastic one; k1, k2: stiffness; l1, l2: thresholds
     """
     a, b = d1 / l1, d2 / l2
     size = np.sqrt(a * a + b * b)

@@ -135,9 +135,6 @@ def element_hessian(system, state, twist_jacobian, cross, diagonal, base):
 
     The blocks have 3 rows (columns) in statics, where only the rotation of what lies beyond
     counts, and 6 where its displacement matters as well.
-
-    Args:
-        base: (3, 3) filled: change of the dead loads' moment on the gripper per rotation of it
     """
     second_order(system.lengths, state.strains, state.arcs, system.scale, state.rotations,
                  state.positions, state.pull, state.attached, twist_jacobian, cross, diagonal, base)

@@ -21,45 +21,21 @@ class Problem(Record):
     """A discretized DLO in a gripper: plain arrays, as the kernels want them.
 
     For Python an effect, or a field of one, is an attribute as well; `_replace` takes them, too.
-
-    Attributes
-    ----------
-    lengths : ndarray, shape (N,)
-        Lengths of the elements, m.
-    natural : ndarray, shape (N, 3)
-        Stress-free strains, 1/m.
-    stiffness : ndarray, shape (N, 3)
-        GJ, EI_n, EI_b, N m^2.
-    scale : ndarray, shape (N, 3)
-        Strain = natural + scale * (basis @ q, or q itself).
-    basis : ndarray, shape (N, N_c)
-        Orthonormal basis at the elements; (N, 0): local.
-    base : ndarray, shape (3, 3)
-        Rotation of the gripper.
-    origin : ndarray, shape (3,)
-        Its position, m.
-    effects : Terms
-        What acts on the DLO.
-    needs : Structure
-        What they need of the solver.
-    proximal_point : ndarray, shape (m, 3)
-        Unknowns to which a weak spring keeps, w |q - p|^2 / 2, a device of the minimizer;
-        (0, 3) without.
-    proximal_weight : float
-        Strength of that spring.
     """
 
-    lengths: Floats
-    natural: Floats
-    stiffness: Floats
-    scale: Floats
-    basis: Floats
-    base: Floats
-    origin: Floats
-    effects: Terms
-    needs: Structure
+    lengths: Floats  # (N,) lengths of the elements, m
+    natural: Floats  # (N, 3) stress-free strains, 1/m
+    stiffness: Floats  # (N, 3) GJ, EI_n, EI_b, N m^2
+    scale: Floats  # (N, 3) strain = natural + scale * (basis @ q, or q itself)
+    basis: Floats  # (N, N_c) orthonormal basis at the elements; (N, 0): local
+    base: Floats  # (3, 3) rotation of the gripper
+    origin: Floats  # (3,) its position, m
+    effects: Terms  # what acts on the DLO
+    needs: Structure  # what they need of the solver
+    # (m, 3) unknowns to which a weak spring keeps, w |q - p|^2 / 2, a device of the minimizer; (0,
+    # 3) without
     proximal_point: Floats
-    proximal_weight: float
+    proximal_weight: float  # strength of that spring
 
     def __getattr__(self, name: str) -> Any:
         """Read a field, an effect, or a field of an effect."""
@@ -93,49 +69,22 @@ class Problem(Record):
 
 
 class Configuration(Record):
-    """Everything known at one value of the unknowns (arrays, refilled in place).
+    """Everything known at one value of the unknowns (arrays, refilled in place)."""
 
-    Attributes
-    ----------
-    q : ndarray, shape (m, 3)
-        Unknowns.
-    gradient : ndarray, shape (m, 3)
-        Derivative of the potential by them.
-    strains : ndarray, shape (N, 3)
-        Strains of the elements, 1/m.
-    arcs : ndarray, shape (N, 7)
-        `geometry.so3.coefficients` of the elements.
-    rotations : ndarray, shape (N + 1, 3, 3)
-        Frames of the nodes, columns t, n, b.
-    positions : ndarray, shape (N + 1, 3)
-        Positions of the nodes relative to the gripper, m.
-    slope : ndarray, shape (N, 3)
-        Derivative of the potential by the scaled strains.
-    pull : ndarray, shape (N + 1, 3)
-        Derivative of the potential by the node positions, N.
-    weight : ndarray, shape (N + 1,)
-        Its second derivative where that is the same in all directions, N/m; (0,) where
-        displacements do not matter.
-    base_force : ndarray, shape (3,)
-        Derivative of the potential by the displacement of the gripper, N.
-    base_moment : ndarray, shape (3,)
-        Derivative of the potential by the rotation of the gripper, N m.
-    attached : Attached or None
-        What acts elsewhere than on the nodes; None: nothing.
-    """
-
-    q: Floats
-    gradient: Floats
-    strains: Floats
-    arcs: Floats
-    rotations: Floats
-    positions: Floats
-    slope: Floats
-    pull: Floats
+    q: Floats  # (m, 3) unknowns
+    gradient: Floats  # (m, 3) derivative of the potential by them
+    strains: Floats  # (N, 3) strains of the elements, 1/m
+    arcs: Floats  # (N, 7) `geometry.so3.coefficients` of the elements
+    rotations: Floats  # (N + 1, 3, 3) frames of the nodes, columns t, n, b
+    positions: Floats  # (N + 1, 3) positions of the nodes relative to the gripper, m
+    slope: Floats  # (N, 3) derivative of the potential by the scaled strains
+    pull: Floats  # (N + 1, 3) derivative of the potential by the node positions, N
+    # (N + 1,) its second derivative where that is the same in all directions, N/m; (0,) where
+    # displacements do not matter
     weight: Floats
-    base_force: Floats
-    base_moment: Floats
-    attached: Any  # Attached or None: numba compiles for each of them
+    base_force: Floats  # (3,) derivative of the potential by the displacement of the gripper, N
+    base_moment: Floats  # (3,) derivative of the potential by the rotation of the gripper, N m
+    attached: Any  # what acts elsewhere than on the nodes; None: nothing
 
 
 def tip_wrench(state: Configuration) -> Floats:

@@ -17,14 +17,23 @@ from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Obstacle, Plane, Sheet, Sphere
+from dlo_planner.model.obstacles import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Obstacle,
+    Plane,
+    Sheet,
+    Sphere,
+)
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
 
-PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER = range(6)
+PLANE, SPHERE, CAPSULE, BOX, SHEET, CYLINDER, ELLIPSOID = range(7)
 AXIS, EDGE, FACE, NODE_FACE = range(4)
-_SMOOTH = (PLANE, SPHERE, CAPSULE)  # edges of a section need not be rounded to touch it
-_BY_SECTIONS = (*_SMOOTH, BOX, SHEET)  # what edges and faces of a section are watched against
+_SMOOTH = (PLANE, SPHERE, CAPSULE, ELLIPSOID)  # edges of a section need not be rounded there
+_BY_SECTIONS = (PLANE, SPHERE, CAPSULE, BOX, SHEET)  # what its edges and faces are watched against
 _MOST_FOILS = 5
 _MOST_SLOTTED = 2  # rectangular cut-outs of a sheet: each doubles its bodies
 _ROUNDING = 0.02  # of the smaller half size: of a section's edges where an obstacle has edges
@@ -41,67 +50,32 @@ class Scene(Record):
     rectangular hole, which are edges of two foils with slots. A round DLO has one feature, balls
     about its axis. A rectangular one has four edges along it; where an obstacle is curved or has
     edges itself, also the faces between them (`energy.gap`).
-
-    Attributes
-    ----------
-    source : ndarray of int, shape (M,)
-        Index of the obstacle that a body is (part of).
-    kind : ndarray of int, shape (M,)
-        PLANE ... CYLINDER.
-    axes : ndarray, shape (M, 3, 3)
-        Columns x, y, z of the obstacle's frame.
-    center : ndarray, shape (M, 3)
-        Center in m, world.
-    size : ndarray, shape (M, 3)
-        Half sizes along the axes, m. A sphere's or capsule's radius is the last one, a capsule's
-        half length the first; a cylinder has half length and radius.
-    friction : ndarray, shape (M,)
-        Coulomb's coefficients.
-    hole_of : ndarray of int, shape (H,)
-        Index of the sheet of each hole.
-    hole_center : ndarray, shape (H, 2)
-        Its center y, z there, m.
-    hole_axis : ndarray, shape (H, 2)
-        Its own first axis there.
-    hole_size : ndarray, shape (H, 2)
-        Half width and height, or the radius and -1, m.
-    radius : float
-        Radius of the DLO, m; the largest.
-    origin : ndarray, shape (3,)
-        Position of the gripper, m: nodes are given relative to it.
-    feature : ndarray of int, shape (M,)
-        Feature of the DLO: AXIS, EDGE, FACE (anywhere along an element) or NODE_FACE.
-    offset : ndarray, shape (M, 2)
-        Of an edge, from the axis along n and b, m; of faces, half sizes of the section. Both less
-        `rounding`.
-    rounding : ndarray, shape (M,)
-        By how much the feature is thickened, m.
-    span : ndarray of int, shape (M, 2)
-        First and last node of the feature; it may end beyond the DLO.
-    radii : ndarray, shape (N, 2)
-        Radius of the DLO at both ends of its elements, m; (0, 2): `radius` everywhere.
-    inner : ndarray, shape (M,)
-        Of a convex body: how deep in it a point still knows its way out, m.
     """
 
-    source: Ints
-    kind: Ints
-    axes: Floats
-    center: Floats
+    source: Ints  # (M,) index of the obstacle that a body is (part of)
+    kind: Ints  # (M,) PLANE ... CYLINDER
+    axes: Floats  # (M, 3, 3) columns x, y, z of the obstacle's frame
+    center: Floats  # (M, 3) center in m, world
+    # (M, 3) half sizes along the axes, m. A sphere's or capsule's radius is the last one, a
+    # capsule's half length the first; a cylinder has half length and radius
     size: Floats
-    friction: Floats
-    hole_of: Ints
-    hole_center: Floats
-    hole_axis: Floats
-    hole_size: Floats
-    radius: float
-    origin: Floats
+    friction: Floats  # (M,) Coulomb's coefficients
+    hole_of: Ints  # (H,) index of the sheet of each hole
+    hole_center: Floats  # (H, 2) its center y, z there, m
+    hole_axis: Floats  # (H, 2) its own first axis there
+    hole_size: Floats  # (H, 2) half width and height, or the radius and -1, m
+    radius: float  # radius of the DLO, m; the largest
+    origin: Floats  # (3,) position of the gripper, m: nodes are given relative to it
+    # (M,) feature of the DLO: AXIS, EDGE, FACE (anywhere along an element) or NODE_FACE
     feature: Ints
+    # (M, 2) of an edge, from the axis along n and b, m; of faces, half sizes of the section. Both
+    # less `rounding`
     offset: Floats
-    rounding: Floats
-    span: Ints
+    rounding: Floats  # (M,) by how much the feature is thickened, m
+    span: Ints  # (M, 2) first and last node of the feature; it may end beyond the DLO
+    # (N, 2) radius of the DLO at both ends of its elements, m; (0, 2): `radius` everywhere
     radii: Floats
-    inner: Floats
+    inner: Floats  # (M,) of a convex body: how deep in it a point still knows its way out, m
 
 
 @kernel
@@ -221,6 +195,10 @@ def _body(part: _Part) -> _Body:
         return _Body(CYLINDER, pose, (half, part.radius, 0), min(half, part.radius))
     if isinstance(part, Box):
         return _Body(BOX, part.pose, 0.5 * part.size, 0.5 * part.size.min())
+    if isinstance(part, Ellipsoid):
+        # within the radius of its sharpest bend there is one way out
+        inner = float(part.half_axes.min() ** 2 / part.half_axes.max())
+        return _Body(ELLIPSOID, part.pose, part.half_axes, inner)
     if isinstance(part, _Foil):
         return _Body(SHEET, part.sheet.pose, (0.0, 0.5 * part.sheet.width, 0.5 * part.sheet.height))
     if isinstance(part, _Edge):

@@ -14,7 +14,6 @@ the last two); what it has is called below, by its own name:
     may_act(effect, system, strains, positions, before)  whether it would have a say in a step of a
                                             DLO found without it, see `direct.step`
     constraint_jacobian(effect, rotation, position, out)  what it holds of the far end
-    constraint_value(effect, rotation, position, miss)    and by how much that is missed
     stored(effect, system, strains)         energy that it stores in the DLO, J
     potential(effect, system, positions)    its potential where the nodes are in the world, J
     needs(effect)                           dict: what the solver has to provide, see `Structure`
@@ -48,7 +47,6 @@ from dlo_planner.energy.elastic import add_stiffness as elastic_stiffness
 from dlo_planner.energy.elastic import stored as elastic_stored
 from dlo_planner.energy.grip import add_forces as grip_forces
 from dlo_planner.energy.grip import constraint_jacobian as grip_rows
-from dlo_planner.energy.grip import constraint_value as grip_miss
 from dlo_planner.energy.grip import roundoff as grip_noise
 from dlo_planner.energy.inertia import add_forces as inertia_forces
 from dlo_planner.energy.inertia import roundoff as inertia_noise
@@ -142,12 +140,6 @@ def constraint_jacobian(effects, rotation, position, out):
 
 
 @kernel
-def constraint_value(effects, rotation, position, miss):
-    """Fill miss (K,) with that by which it is missed, m."""
-    grip_miss(effects.hold, rotation, position, miss)
-
-
-@kernel
 def stored(effects, system, strains):
     """Return the energy that strains (N, 3) store, J."""
     return elastic_stored(effects.elastic, system, strains)
@@ -167,42 +159,22 @@ def hinged(effects: Terms, part: float) -> Terms:
 
 
 class KKTBorder(Record):
-    """What K rows that are held add to a Newton system, see `minimize.kkt`.
+    """What K rows that are held add to a Newton system, see `minimize.kkt`."""
 
-    Attributes
-    ----------
-    rows : ndarray, shape (K, m, 3)
-        Derivatives of what is held by the unknowns.
-    answers : ndarray, shape (K, m, 3)
-        H^-1 of them.
-    schur : ndarray, shape (K, K)
-        Inverse of rows answers + give.
-    give : ndarray, shape (1,)
-        By how much each of them gives way, m/N.
-    """
-
-    rows: Floats
-    answers: Floats
-    schur: Floats
-    give: Floats
+    rows: Floats  # (K, m, 3) derivatives of what is held by the unknowns
+    answers: Floats  # (K, m, 3) H^-1 of them
+    schur: Floats  # (K, K) inverse of rows answers + give
+    give: Floats  # (1,) by how much each of them gives way, m/N
 
 
 class Structure(Record):
-    """What effects need of the solver; None where no effect that is there ever does.
+    """What effects need of the solver; None where no effect that is there ever does."""
 
-    Attributes
-    ----------
-    displaced : bool or None
-        Whether displacements of what lies beyond an element matter, not only rotations.
-    attached : OffNodeLoads or None
-        An empty one of the right sizes, where forces act elsewhere than on nodes.
-    border : KKTBorder or None
-        An empty one of the right number of rows, where something is held.
-    """
-
+    # whether displacements of what lies beyond an element matter, not only rotations
     displaced: bool | None
+    # an empty one of the right sizes, where forces act elsewhere than on nodes
     attached: OffNodeLoads | None
-    border: KKTBorder | None
+    border: KKTBorder | None  # an empty one of the right number of rows, where something is held
 
 
 def structure_of(effects: Terms, nodes: int) -> Structure:

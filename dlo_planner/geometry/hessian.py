@@ -191,12 +191,7 @@ _NO_MOMENT = (0.0, 0.0, 0.0)
 
 @kernel
 def _carry_along(own_first, part, cross, diagonal):
-    """Add what forces at offsets from a point do as that point's frame turns.
-
-    Args:
-        own_first: (3, 3) sum of force r^T; part: (6, 3) twist of the frame by the element's strain
-        cross: (3, 3 or 6), diagonal: (3, 3) of the element: added to
-    """
+    """Add what forces at offsets from a point do as that point's frame turns."""
     trace = own_first[0, 0] + own_first[1, 1] + own_first[2, 2]
     rolled = np.empty((3, 3))
     for j in range(3):
@@ -277,12 +272,7 @@ def _widened_by_springs(lengths, rows, weight, attached, beyond, sprung, blocks)
 
 @kernel
 def _add_beyond(turn, move, beyond, cross, diagonal):
-    """Add what springs do whose second derivative by a twist is `beyond` (6, 6).
-
-    Args:
-        turn, move: (9 numbers) rotation and displacement of that twist, per strain of an element
-        cross: (3, 6), diagonal: (3, 3) of the element: added to, the last columns of `cross` filled
-    """
+    """Add what springs do whose second derivative by a twist is `beyond` (6, 6)."""
     by_turn = added(transposed_times(turn, matrix(beyond)),
                     transposed_times(move, matrix(beyond[3:])))
     by_move = added(transposed_times(turn, matrix(beyond[:, 3:])),

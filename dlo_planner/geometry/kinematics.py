@@ -38,65 +38,30 @@ _NOTHING = (0.0, 0.0, 0.0)
 
 
 class OffNodeLoads(Record):
-    """What acts on C points inside elements, on nodes that are sprung, and on the tip.
+    """What acts on C points inside elements, on nodes that are sprung, and on the tip."""
 
-    Attributes
-    ----------
-    element : ndarray of int, shape (C,)
-        Index of the element of each point.
-    fraction : ndarray, shape (C,)
-        Place of each point, as a part of the element's length.
-    order : ndarray of int, shape (C,)
-        The points by their elements.
-    force : ndarray, shape (C, 3)
-        Derivative of the potential by the point's position, N.
-    matrix : ndarray, shape (C, 6, 6)
-        Its second derivative by the twist (rotation, displacement) of the frame there, the part
-        that is not due to `force` being carried along.
-    spring : ndarray, shape (N + 1, 3, 3)
-        Second derivative by the node positions, N/m.
-    sprung : ndarray of bool, shape (N + 1,)
-        Where there is such a spring.
-    moment : ndarray, shape (C, 3)
-        Derivative by the rotation of the frame at the point.
-    first : ndarray, shape (C, 3, 3)
-        Sum of force r^T of what is fixed to it at offsets r.
-    own : ndarray, shape (C, 3, 9)
-        Second derivative by the strain of the element itself, beyond that by the twist: with the
-        twist and the strain. All (0, ...) where all forces act on the axis.
-    node_moment : ndarray
-        As `moment`, at the nodes where sprung; (0, 3) where all forces act on the axis.
-    node_first : ndarray
-        As `first`, at the nodes.
-    node_matrix : ndarray
-        As `matrix`, at the nodes.
-    tip_force : ndarray, shape (3,)
-        Derivative by the displacement of the free end, N.
-    tip_moment : ndarray, shape (3,)
-        Derivative by the rotation of the free end, N m.
-    tip_first : ndarray, shape (3, 3)
-        Sum of force r^T of what is fixed to the free end at offsets r.
-    tip_matrix : ndarray, shape (6, 6)
-        As `matrix`.
-    """
-
-    element: Ints
-    fraction: Floats
-    order: Ints
-    force: Floats
+    element: Ints  # (C,) index of the element of each point
+    fraction: Floats  # (C,) place of each point, as a part of the element's length
+    order: Ints  # (C,) the points by their elements
+    force: Floats  # (C, 3) derivative of the potential by the point's position, N
+    # (C, 6, 6) its second derivative by the twist (rotation, displacement) of the frame there, the
+    # part that is not due to `force` being carried along
     matrix: Floats
-    spring: Floats
-    sprung: Bools
-    moment: Floats
-    first: Floats
+    spring: Floats  # (N + 1, 3, 3) second derivative by the node positions, N/m
+    sprung: Bools  # (N + 1,) where there is such a spring
+    moment: Floats  # (C, 3) derivative by the rotation of the frame at the point
+    first: Floats  # (C, 3, 3) sum of force r^T of what is fixed to it at offsets r
+    # (C, 3, 9) second derivative by the strain of the element itself, beyond that by the twist:
+    # with the twist and the strain. All (0, ...) where all forces act on the axis
     own: Floats
+    # as `moment`, at the nodes where sprung; (0, 3) where all forces act on the axis
     node_moment: Floats
-    node_first: Floats
-    node_matrix: Floats
-    tip_force: Floats
-    tip_moment: Floats
-    tip_first: Floats
-    tip_matrix: Floats
+    node_first: Floats  # as `first`, at the nodes
+    node_matrix: Floats  # as `matrix`, at the nodes
+    tip_force: Floats  # (3,) derivative by the displacement of the free end, N
+    tip_moment: Floats  # (3,) derivative by the rotation of the free end, N m
+    tip_first: Floats  # (3, 3) sum of force r^T of what is fixed to the free end at offsets r
+    tip_matrix: Floats  # (6, 6) as `matrix`
 
 
 @kernel
@@ -335,13 +300,7 @@ _UNSCALED = np.ones(3)
 
 @kernel
 def part_of_element(h, fraction, strain, scale, rotation, twist, arm):
-    """Fill what moves a point inside an element, at `fraction` of its length h.
-
-    Args:
-        strain, scale: (3,); rotation: (3, 3) at the element's beginning
-        twist: (6, 3) filled: rotation and displacement of the frame there per scaled strain
-        arm: (3,) filled: the point from the element's beginning
-    """
+    """Fill what moves a point inside an element, at `fraction` of its length h."""
     length = fraction * h
     x, y, z = length * strain[0], length * strain[1], length * strain[2]
     _, chord = rotation_and_chord(x, y, z, length)

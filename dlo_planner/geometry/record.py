@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, Self
 
 from dlo_planner.kernels import COMPILED, kernel
@@ -14,12 +15,54 @@ from dlo_planner.kernels import COMPILED, kernel
 #
 # numba passes a named tuple field by field, array by array, through every call: with a dozen
 # arrays that is what compiling mostly does, and a call from Python costs more than small kernels
-# take. A Record is one pointer (numba's structref, see `boxed`). Its fields never change, the
+# take. A Record is one pointer (numba's structref). Its fields never change, the
 # arrays' contents may. Where kernels are plain Python, so is a Record.
 
 
 if COMPILED:
-    from dlo_planner.geometry.boxed import Base, declare, read
+    from numba import types
+    from numba.experimental import structref
+    from numba.extending import overload
+
+    class Base(structref.StructRefProxy):  # type: ignore[misc]  # numba is not annotated
+        """What numba gives to Python for such a pointer."""
+
+        FIELDS: ClassVar[tuple[str, ...]]
+
+        @classmethod
+        def __fingerprint__(cls) -> tuple[Any, ...]:
+            """Return what machine code that makes one depends on."""
+            return cls.FIELDS, _RecordType.preprocess_fields.__code__.co_code
+
+    class _RecordType(types.StructRef):  # type: ignore[misc]
+        def preprocess_fields(self, fields: Iterable[tuple[str, Any]]
+                              ) -> tuple[tuple[str, Any], ...]:
+            return tuple((name, types.unliteral(kind)) for name, kind in fields)
+
+    def declare(cls: type, fields: tuple[str, ...]) -> None:
+        """Tell numba of a class of Records."""
+        name = f'{cls.__name__}Type'
+        kind = structref.register(type(name, (_RecordType,), {'__module__': cls.__module__}))
+        setattr(sys.modules[cls.__module__], name, kind)  # numba's pickles look for it there
+        structref.define_proxy(cls, kind, fields)
+
+    def _fields(record: Any) -> Any:
+        raise NotImplementedError('for kernels only')
+
+    # (numba compares its signature with that of the written function: no annotations)
+    @overload(_fields)
+    def _fields_of(record):
+        """Write the function that returns all fields of this kind of record."""
+        names = [name for name, _ in record._fields]
+        scope: dict[str, Any] = {}
+        values = ''.join(f'record.{name}, ' for name in names)
+        exec(f'def read(record):\n    return ({values})', scope)
+        return scope['read']
+
+    @kernel
+    def read(record: Any) -> Any:
+        """Return all fields of a Record, as a tuple."""
+        return _fields(record)
 else:
     Base = object  # type: ignore[assignment, misc]
 

@@ -312,7 +312,7 @@ _OPPOSITE = 1e-9  # 1 + cosine of two unit vectors
 class Candidate(NamedTuple):
     """A shape with which a threading can begin."""
 
-    shape: Shape  # Shape near the first one
+    shape: Shape  # near the first one
     reference: Floats  # (3, 3) rotation of the gripper since which it must not roll
     depth: float  # depth of the shape, m
 

@@ -20,7 +20,7 @@ from dlo_planner.inverse.continuation import Family, Passing
 from dlo_planner.inverse.equilibria import Crossings
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import largest_turn
 from dlo_planner.plan.plan import Plan
 
@@ -177,7 +177,7 @@ class Thinned(Protocol):
         """(n,) m."""
 
     @property
-    def demands(self) -> PlanRequirements:
+    def demands(self) -> Judge:
         """What the plan has to keep."""
 
     def at_most(self, most: int) -> Self:

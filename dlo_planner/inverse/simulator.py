@@ -28,7 +28,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.builder import kept_between
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.waypoint import Waypoint
@@ -474,7 +474,7 @@ class InverseSimulator(Value):
         """
         return kept_between(plan, self.demands(plan, Progress(progress, deadline)))
 
-    def demands(self, plan: Plan, progress: Progress | None = None) -> PlanRequirements:
+    def demands(self, plan: Plan, progress: Progress | None = None) -> Judge:
         """Return the demands by which a Plan is judged, which touches what it touches."""
         touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
         instance('progress', progress, Progress, optional=True)

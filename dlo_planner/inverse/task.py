@@ -21,7 +21,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.value import Value
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.requirements import Requirements
 from dlo_planner.progress import Progress
@@ -76,13 +76,13 @@ class PlanContext:
         return free if left is self.given else left.elastic().without_obstacles()
 
     @cached_property
-    def demands(self) -> PlanRequirements:
+    def demands(self) -> Judge:
         """The requirements as a PlanBuilder judges them, for this DLO and this computation."""
         required, rod = self.requirements, self.simulator.rod
         speeds = (checked_speed('linear_speed', required.limits.linear_speed, rod.length),
                   checked_speed('angular_speed', required.limits.angular_speed))
         touched = self.touching
-        return PlanRequirements(
+        return Judge(
             speeds, self.progress, required.workspace, () if touched else self.simulator.obstacles,
             Surface.of(rod), None if required.allow_plastic else _yield_limits(self.given.rod),
             None if touched else self.simulator.without_obstacles(), required.tolerance,

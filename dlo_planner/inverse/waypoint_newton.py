@@ -47,11 +47,11 @@ from dlo_planner.minimize.hessian import (
     Hessian,
     assemble,
     assembled_definite,
-    at_once,
     factorize,
+    inertia_correction,
+    is_fused,
     largest_turn,
     new_hessian,
-    safe_shift,
     solve,
 )
 from dlo_planner.minimize.kkt import add_to
@@ -241,7 +241,7 @@ def _answers(system: Problem, state: Configuration, hessian: Hessian, fresh: boo
     scaled_by(-1.0, load)
     solve(system, hessian, load, answers[3])
     for column in range(3 if fresh else 0):
-        if at_once(system):
+        if is_fused(system):
             answer_to_turn(hessian, column, answers[column])
         else:
             project(system.basis, -hessian.cross[:, :, column], load)
@@ -324,7 +324,7 @@ def _stability_near(system: Problem, state: Configuration, hessian: Hessian, neg
         if since > 0.0:
             assemble(system, state, hessian)
             negative = factorize(system, hessian, 0.0)
-        shift = safe_shift(system, hessian, 1e-3) if negative > 0 else 0.0
+        shift = inertia_correction(system, hessian, 1e-3) if negative > 0 else 0.0
         stability, _ = lowest_mode(system, hessian, shift, 1e-4)
     return stability
 

@@ -27,6 +27,7 @@ from time import time
 from typing import Any, NamedTuple
 
 import llvmlite
+import llvmlite.binding as llvm
 import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
@@ -35,7 +36,6 @@ from numba.core.serialize import dumps
 
 from dlo_planner.kernels.fingerprint import fingerprint
 from dlo_planner.kernels.folders import folders, prune
-from dlo_planner.kernels.processor import accepted
 
 _DAY = 86400.0  # s, after which a file is marked as used again
 # Settings of numba that change what it compiles.
@@ -45,21 +45,11 @@ _COMPILER = ('cache.py', 'dispatcher.py')
 
 
 class Key(NamedTuple):
-    """What is looked for: all but the compiler and the processor.
+    """What is looked for: all but the compiler and the processor."""
 
-    Attributes
-    ----------
-    kernel : str
-        Its name.
-    sources : str
-        Its fingerprint.
-    kinds : tuple of numba.types.Type
-        Types of its arguments.
-    """
-
-    kernel: str
-    sources: str
-    kinds: tuple[Any, ...]
+    kernel: str  # its name
+    sources: str  # its fingerprint
+    kinds: tuple[Any, ...]  # types of its arguments
 
     def file(self, target: tuple[str, ...]) -> str:
         """Return the name of the file for a processor."""
@@ -154,3 +144,41 @@ def _write(path: Path, content: bytes) -> None:
 @cache
 def _prune_once(folder: Path) -> None:
     prune(folder)
+
+
+# ------------------------------------------------------------------------------------------------
+# For which processors kernels are compiled: this one, and any of the kind at installation.
+
+
+# Instructions of x86-64-v2, which processors have had since 2009.
+_V2 = ('cx16', 'popcnt', 'sahf', 'sse3', 'ssse3', 'sse4.1', 'sse4.2')
+
+
+def accepted(target: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    """Return the processors whose machine code this one runs, the best first."""
+    asked = numba.config.CPU_NAME is not None or numba.config.CPU_FEATURES is not None
+    return (target,) if asked or not _runs_generic() else (target, (target[0], *generic()))
+
+
+@cache
+def generic() -> tuple[str, str]:
+    """Return the name and features of the processor that an installation is compiled for."""
+    x86 = llvm.get_process_triple().startswith('x86_64')
+    return ('x86-64-v2' if x86 else 'generic'), ''
+
+
+@cache
+def _runs_generic() -> bool:
+    if generic()[0] == 'generic':
+        return True
+    features = llvm.get_host_cpu_features()
+    return all(features.get(name, False) for name in _V2)
+
+
+def compile_generic() -> None:
+    """Compile for the processor of `generic` from now on."""
+    if not _runs_generic():
+        raise RuntimeError(f'this processor does not run what is compiled for {generic()[0]}')
+    numba.config.CPU_NAME, numba.config.CPU_FEATURES = generic()
+    if cpu_target.target_context.codegen().magic_tuple()[1:] != generic():
+        raise RuntimeError('a kernel was imported before')

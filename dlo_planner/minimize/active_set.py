@@ -157,12 +157,7 @@ def _rolled_to(system, state):
 
 @kernel
 def _spread(node, e, fraction, force):
-    """Spread the force of a point that has rolled over both nodes and the middle of element e.
-
-    Args:
-        node: (N + 1,) multipliers, added to; fraction: of the element, where the point was
-        force: its multiplier, N
-    """
+    """Spread the force of a point that has rolled over both nodes and the middle of element e."""
     x = min(max(fraction, _NEXT), 1.0 - _NEXT)
     node[e] += (1.0 - x) ** 2 * force
     node[e + 1] += x**2 * force
@@ -180,9 +175,6 @@ def contact_candidates(system, state, places):
     two nodes in its place would lock the direction of the DLO there.
 
     In between are elements that bend just as the obstacle does.
-
-    Args:
-        places: (C,) element plus fraction where the old points are now
     """
     scene = system.effects.contact.scene
     n, pushed = system.lengths.size, system.effects.contact.contacts.node
@@ -275,11 +267,7 @@ def _hand_over(system, state, c):
 
 @kernel
 def _lies(node, gaps, e):
-    """Whether the DLO bears on an obstacle at both ends of element e, or nearby but not next to it.
-
-    Args:
-        node: (N + 1,) multipliers; gaps: (N + 1,) m
-    """
+    """Whether the DLO bears on an obstacle at both ends of element e, or near but not beside it."""
     if node[e] > 0.0 and node[e + 1] > 0.0:
         return True
     for k in range(max(1, e - _NEARBY), min(node.size, e + 2 + _NEARBY)):
@@ -318,9 +306,6 @@ def _hugs_at(system, state, o, e, gaps, places):
     This begins where the point that rolls in it is not the nearest any more, or both nodes bear and
     what is between them is pressed in (not in a series, where elements wave); it ends where the
     middle does not bear, or an end does not while the element bends less than the obstacle.
-
-    Args:
-        gaps: (N + 1,) m, of the nodes from obstacle o; places: (C,) as of `points_inside`
     """
     scene, contacts = system.effects.contact.scene, system.effects.contact.contacts
     sag = _SAG * np.sum(system.lengths)

@@ -23,7 +23,6 @@ Newton's method reaches, and a saddle is left in the same way: kicked along its 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -32,49 +31,25 @@ import scipy
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, bending_energy, new_configuration
 from dlo_planner.minimize.convergence import Minimum
-from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, Descent, descend, kick
+from dlo_planner.minimize.newton import MOST_KICKS, NEUTRAL, Descent, descend, leave_saddle
 from dlo_planner.model.arrays import Floats
 
 
-@dataclass(frozen=True)
-class Objective:
-    """A function of unknowns q (n,), scaled so that its natural curvature is about 1.
+class Objective(NamedTuple):
+    """A function of unknowns q (n,), scaled so that its natural curvature is about 1."""
 
-    Attributes
-    ----------
-    value : callable
-        q -> J.
-    value_and_gradient : callable
-        q -> (J, (n,)).
-    scale : float
-        Size of q that is neither small nor large, sqrt(J).
-    noise : float
-        Rounding errors of the value, J, but for those in proportion to it.
-    """
-
-    value: Callable[[Floats], float]
-    value_and_gradient: Callable[[Floats], tuple[float, Floats]]
-    scale: float
-    noise: float = 0.0
+    value: Callable[[Floats], float]  # q -> J
+    value_and_gradient: Callable[[Floats], tuple[float, Floats]]  # q -> (J, (n,))
+    scale: float        # of q that is neither small nor large, sqrt(J)
+    noise: float = 0.0  # rounding errors of the value, J, but for those in proportion to it
 
 
-@dataclass(frozen=True)
-class Ended:
-    """Where a minimizer ended.
+class Ended(NamedTuple):
+    """Where a minimizer ended."""
 
-    Attributes
-    ----------
-    q : ndarray, shape (n,)
-        Unknowns there.
-    iterations : int
-        Steps made.
-    evaluations : int
-        Evaluations of the function, with or without its gradient.
-    """
-
-    q: Floats
+    q: Floats         # (n,) unknowns there
     iterations: int
-    evaluations: int
+    evaluations: int  # of the function, with or without its gradient
 
 
 _EXACT = 0.1      # of the slope may be left; with less care than this, DFP goes astray
@@ -95,8 +70,8 @@ class Point(NamedTuple):
     gradient: Floats
 
 
-def along(look: Callable[[Floats], tuple[float, Floats]], start: Point, direction: Floats,
-          noise: float) -> Point | None:
+def hager_zhang_search(look: Callable[[Floats], tuple[float, Floats]], start: Point,
+                       direction: Floats, noise: float) -> Point | None:
     """Return a lower Point on a line, about where its slope vanishes; None if none is lower.
 
     Shapes: direction (n,).
@@ -166,7 +141,7 @@ def dfp(problem: Objective, q: Floats, tolerance: float, most: int = 10_000) -> 
         if direction @ point.gradient >= 0:  # rounding has spoilt the update
             inverse, updated, direction = np.eye(q.size), False, -point.gradient
         direction *= min(1.0, float(_LARGEST * problem.scale / np.linalg.norm(direction)))
-        lower = along(look, point, direction, problem.noise)
+        lower = hager_zhang_search(look, point, direction, problem.noise)
         if lower is None:
             if not updated:
                 break  # straight down there is nothing lower either
@@ -318,8 +293,8 @@ def search(system: Problem, q: Floats, method: str, tolerance: float) -> Minimum
     while True:
         end = SEARCHES[method](problem, q.ravel().copy(), tolerance)
         iterations, evaluations = iterations + end.iterations, evaluations + end.evaluations
-        reached = judged(system, end.q.reshape(q.shape), tolerance)
-        kicked = beside(system, reached)
+        reached = check_stationary(system, end.q.reshape(q.shape), tolerance)
+        kicked = saddle_exit_point(system, reached)
         if kicked is None or kicks >= MOST_KICKS:
             return Minimum(reached.state, reached.residual, reached.stability, iterations, kicks,
                            system, evaluations=evaluations)
@@ -365,11 +340,13 @@ def rounding(system: Problem) -> float:
     return float(_EPS * (weight * system.lengths.sum() + bending_energy(system)))
 
 
-def judged(system: Problem, q: Floats, tolerance: float) -> Descent:
+def check_stationary(system: Problem, q: Floats, tolerance: float) -> Descent:
     """Return the Descent that ends at q (m, 3), where it begins."""
     return descend(system, q, tolerance, 0, True)
 
 
-def beside(system: Problem, reached: Descent) -> Floats | None:
+def saddle_exit_point(system: Problem, reached: Descent) -> Floats | None:
     """Return unknowns (m, 3) beside a saddle, on the way down; None at a minimum."""
-    return None if reached.stability > -NEUTRAL else kick(system, reached.state, reached.mode)
+    q = np.empty_like(reached.mode)
+    falls = reached.stability <= -NEUTRAL and leave_saddle(system, reached.state, reached.mode, q)
+    return q if falls else None

@@ -39,13 +39,18 @@ from dlo_planner.minimize.newton import (
     HELD_NEUTRAL,
     WELL_STABLE,
     is_held,
-    kicked,
+    leave_saddle,
     new_workspace,
     newton,
     newton_descent,
     thorough,
 )
-from dlo_planner.minimize.semismooth import carried, place, semismooth_newton, update_multipliers
+from dlo_planner.minimize.semismooth import (
+    place,
+    semismooth_newton,
+    tangent_predictor,
+    update_multipliers,
+)
 from dlo_planner.model.arrays import Floats
 
 _FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
@@ -82,7 +87,7 @@ def constrained_newton(system: Problem, q: Floats, tolerance: float, max_iterati
                   exact if holds(system.hold) or hinged(system) else 0.0)
 
 
-def carried_newton(system: Problem, start: tuple[Floats, Floats, Floats, Floats], tolerance: float,
+def follow_contact(system: Problem, start: tuple[Floats, Floats, Floats, Floats], tolerance: float,
                    max_iterations: int, exact: float, previous: Floats) -> Minimum | None:
     """Return the Minimum in which a DLO goes on bearing as its gripper moves, or None.
 
@@ -93,7 +98,7 @@ def carried_newton(system: Problem, start: tuple[Floats, Floats, Floats, Floats]
     return Minimum(*end) if goes_on else None
 
 
-def firm(system: Problem, state: Configuration) -> Problem:
+def stiffen_penalty(system: Problem, state: Configuration) -> Problem:
     """Return the Problem with contacts so stiff that they hardly give, their forces the same."""
     if not obstructed(system.contact):
         return system
@@ -146,16 +151,11 @@ def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
 @kernel
 def predictor_corrector(system, base, slid, strains, shift, tolerance, exact, max_iterations,
                         previous):
-    """Return whether a DLO that bears goes on bearing, and what `augmented_lagrangian` returns.
-
-    Args:
-        system, base, slid, strains: as of `carried`
-        shift: (3,) displacement of the gripper, m; others as of `constrained_newton`
-    """
+    """Return whether a DLO that bears goes on bearing, and what `augmented_lagrangian` returns."""
     twist = np.empty(6)
     put_vector(rotation_vector(times_transposed(matrix(system.base), matrix(base))), twist)
     twist[3:] = shift
-    follows, q, system = carried(system, base, slid, strains, twist)
+    follows, q, system = tangent_predictor(system, base, slid, strains, twist)
     if follows:
         return _at_once(system, q, tolerance, exact, max_iterations, follows, previous)
     return False, new_configuration(system), np.inf, np.nan, 0, 0, system, np.inf
@@ -274,7 +274,7 @@ def augmented_lagrangian(system, q, tolerance, exact, max_iterations, check, pre
             judged = final = True
             beside = np.empty_like(q)
             if (stability > -HELD_NEUTRAL or kicks >= _MOST_KICKS
-                    or not kicked(system, state, mode, beside)):
+                    or not leave_saddle(system, state, mode, beside)):
                 break
             kicks += 1
             q, before, judged, final = beside, np.inf, False, False

@@ -29,39 +29,17 @@ _INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on 
 
 
 class Touching(Record):
-    """The A contacts that bear at one state, on nodes and inside elements.
+    """The A contacts that bear at one state, on nodes and inside elements."""
 
-    Attributes
-    ----------
-    obstacle : ndarray of int, shape (A,)
-        Index of the obstacle.
-    element : ndarray of int, shape (A,)
-        Index of the element.
-    fraction : ndarray, shape (A,)
-        Of the element; 1 for a node, its end, only.
-    inside : ndarray of int, shape (A,)
-        Index among ContactSet' points, -1 for a node.
-    rubbing : ndarray of int, shape (A,)
-        Index of its point of friction there, -1 without.
-    gap : ndarray, shape (A,)
-        Gap in m.
-    force : ndarray, shape (A,)
-        Force in N.
-    normal : ndarray, shape (A, 3)
-        Normal of the obstacle.
-    arm : ndarray, shape (A, 3)
-        Of the force from the axis, m, beyond the radius of a round DLO.
-    """
-
-    obstacle: Ints
-    element: Ints
-    fraction: Floats
-    inside: Ints
-    rubbing: Ints
-    gap: Floats
-    force: Floats
-    normal: Floats
-    arm: Floats
+    obstacle: Ints  # (A,) index of the obstacle
+    element: Ints  # (A,) index of the element
+    fraction: Floats  # (A,) of the element; 1 for a node, its end, only
+    inside: Ints  # (A,) index among ContactSet' points, -1 for a node
+    rubbing: Ints  # (A,) index of its point of friction there, -1 without
+    gap: Floats  # (A,) gap in m
+    force: Floats  # (A,) force in N
+    normal: Floats  # (A, 3) normal of the obstacle
+    arm: Floats  # (A, 3) of the force from the axis, m, beyond the radius of a round DLO
 
 
 @kernel

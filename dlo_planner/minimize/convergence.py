@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.energy.inertia import is_drawn
+from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.problem import Configuration, Problem, bending_energy
 from dlo_planner.energy.terms import roundoff as noise_of_effects
 from dlo_planner.energy.terms import row_count
@@ -33,36 +33,17 @@ from dlo_planner.model.arrays import Floats
 
 
 class Minimum(NamedTuple):
-    """Where a descent ended, and what proves it to be a minimum, or not.
+    """Where a descent ended, and what proves it to be a minimum, or not."""
 
-    Attributes
-    ----------
-    state : Configuration
-        Configuration there.
-    residual : float
-        Size of the scaled gradient.
-    stability : float
-        Smallest eigenvalue of the Hessian, on what a grip leaves free; nan: not known.
-    iterations : int
-        Newton steps made, or those of another method.
-    kicks : int
-        How often a saddle was left.
-    system : Problem
-        Problem with the multipliers of its constraints as they are at the end.
-    violation : float
-        By how much a constraint is violated, m.
-    evaluations : int
-        Evaluations of the potential, where the method counts them.
-    """
-
-    state: Configuration
-    residual: float
+    state: Configuration  # configuration there
+    residual: float  # size of the scaled gradient
+    # smallest eigenvalue of the Hessian, on what a grip leaves free; nan: not known
     stability: float
-    iterations: int
-    kicks: int
-    system: Problem
-    violation: float = 0.0
-    evaluations: int = 0
+    iterations: int  # newton steps made, or those of another method
+    kicks: int  # how often a saddle was left
+    system: Problem  # problem with the multipliers of its constraints as they are at the end
+    violation: float = 0.0  # by how much a constraint is violated, m
+    evaluations: int = 0  # evaluations of the potential, where the method counts them
 
 
 _EPS = 2.2e-16
@@ -122,7 +103,7 @@ def is_stationary(system: Problem, state: Configuration, residual: float,
     """
     touching = _count(system.effects.contact) > 0
     promised = TOUCHING if touching else CONVERGED
-    if is_drawn(system.effects.anchor) and residual < promised:
+    if has_inertia(system.effects.anchor) and residual < promised:
         return True
     left = residual - 100.0 * rounding
     if not touching and row_count(system.needs.border) == 0:
@@ -167,7 +148,7 @@ def relative_decrement(system: Problem, state: Configuration, step: Floats) -> f
     return np.sqrt(twice / (dot(state.q, state.q) + bending_energy(system)))
 
 
-def settled(found: Minimum) -> Minimum:
+def accept_by_decrement(found: Minimum) -> Minimum:
     """Return a Minimum of a step, its residual the decrement where that is as promised."""
     decrement = decrement_of(found.system, found.state)
     return found._replace(residual=decrement) if decrement < SETTLED else found

@@ -59,9 +59,6 @@ def _fill_rows(basis, blocks, prefix, rows, begin, end, wide):
     """Fill rows (N, 9 m) of elements: what of the Hessian is to be multiplied by their basis.
 
     Inner loops run over the terms, which lie side by side: the compiler makes vectors of them.
-
-    Args:
-        prefix: (3 wide, m) sum over e < f of turning_e basis_e, added to
     """
     m = basis.shape[1]
     jacobians, crosses, diagonals = blocks
@@ -153,24 +150,21 @@ def softly_solved(matrix, right, soft, times):
     is taken away, so many times a thousandth of it (proximal point iteration: Rockafellar 1976).
     """
     change, order = right.copy(), np.empty(right.size, dtype=np.int64)
-    positive = decomposed(matrix, order) > 0
+    positive = lu_factor(matrix, order) > 0
     if positive:
-        substituted(matrix, order, change)
+        lu_solve(matrix, order, change)
         for _ in range(times):
             for i in range(right.size):
                 change[i] = right[i] + soft[i] * change[i]
-            substituted(matrix, order, change)
+            lu_solve(matrix, order, change)
     return positive, change
 
 
 @kernel
-def decomposed(matrix, order):
+def lu_factor(matrix, order):
     """Replace matrix (K, K) by its factors L and U, rows swapped; return its determinant's sign.
 
     Where that is 0 nothing can be solved.
-
-    Args:
-        order: (K,) filled: the row that each was swapped with
     """
     size = order.size
     sign = 1
@@ -197,8 +191,8 @@ def decomposed(matrix, order):
 
 
 @kernel
-def substituted(factors, order, right):
-    """Solve for right (K,), in place, with what `decomposed` has filled."""
+def lu_solve(factors, order, right):
+    """Solve for right (K,), in place, with what `lu_factor` has filled."""
     size = right.size
     for i in range(size):
         right[i], right[order[i]] = right[order[i]], right[i]

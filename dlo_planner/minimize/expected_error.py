@@ -37,7 +37,7 @@ from dlo_planner.model.arrays import Floats
 
 
 @kernel
-def foresee(system: Problem, base: Floats, strains: Floats,
+def discretization_errors(system: Problem, base: Floats, strains: Floats,
             spread: Floats) -> tuple[float, Floats, Floats, float, Floats]:
     """Return the error of a DLO that hangs freely, and what it is on a mesh graded to its bend.
 
@@ -128,13 +128,7 @@ def _fill_factors(s, shorter, factors):
 
 @kernel
 def _left_out(system, state, spread, wanted, left, shifts, right):
-    """Fill what elements leave out, and the slope of the potential that it makes.
-
-    Args:
-        left: (N, 3) filled: minus the turns, as scaled strains
-        shifts: (N, 3) filled: of the elements' ends, world, m
-        right: (N, 3) filled: `left` less the slope, by scaled strains, of what is left out besides
-    """
+    """Fill what elements leave out, and the slope of the potential that it makes."""
     n, natural, strains = system.lengths.size, system.natural, state.strains
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(n):
@@ -194,11 +188,7 @@ def _rate(lengths, strains, natural, e):
 
 @kernel
 def _moved(system, state, turning, left, shifts, off):
-    """Return the largest displacement of a node; make `off` (N, 3) the errors of the strains.
-
-    Args:
-        off: errors of the scaled strains plus what is left out of the turns
-    """
+    """Return the largest displacement of a node; make `off` (N, 3) the errors of the strains."""
     place, theta, largest = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
     for e in range(system.lengths.size):
         h, u, scale = system.lengths[e], state.strains[e], system.scale[e]

@@ -16,7 +16,12 @@ from dlo_planner.energy.terms import KKTBorder, add_stiffness, new_border, row_c
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.dense import factorize_dense, project_all, solve_dense
-from dlo_planner.minimize.kkt import complemented, fill_border, keep, kept
+from dlo_planner.minimize.kkt import (
+    apply_kkt_border,
+    complemented,
+    fill_border,
+    project_on_constraint,
+)
 from dlo_planner.minimize.riccati import (
     factorize_blocks,
     factorize_dead_loads,
@@ -31,42 +36,20 @@ _SMALL = 1e-6    # a pivot that is smaller spoils a factorization; 1 is a rod th
 
 
 class Hessian(Record):
-    """The Hessian at one state and its factorization (arrays, refilled in place).
+    """The Hessian at one state and its factorization (arrays, refilled in place)."""
 
-    Attributes
-    ----------
-    twist_jacobian : ndarray, shape (N, w, 3)
-        See `geometry.kinematics`; w is 3 for rotations alone, 6 for twists.
-    cross : ndarray, shape (N, 3, w)
-        Likewise.
-    diagonal : ndarray, shape (N, 3, 3)
-        Likewise.
-    base : ndarray, shape (3, 3)
-        Change of the moment on the gripper per rotation of it.
-    gain : ndarray, shape (N, 3, w)
-        Of the Riccati sweep; empty for Ritz.
-    inverse : ndarray, shape (N, 3, 3)
-        Of the Riccati sweep; empty for Ritz.
-    passed : ndarray, shape (N, 3, 3)
-        Of the Riccati sweep where only rotations count: I - twist_jacobian gain; else empty.
-    dense : ndarray, shape (3 m, 3 m)
-        The whole Hessian, for Ritz; (0, 0) for local.
-    factor : ndarray, shape (3 m, 3 m)
-        Its factorization.
-    border : KKTBorder or None
-        What is held; None: nothing.
-    """
-
+    # (N, w, 3) see `geometry.kinematics`; w is 3 for rotations alone, 6 for twists
     twist_jacobian: Floats
-    cross: Floats
-    diagonal: Floats
-    base: Floats
-    gain: Floats
-    inverse: Floats
+    cross: Floats  # (N, 3, w) likewise
+    diagonal: Floats  # (N, 3, 3) likewise
+    base: Floats  # (3, 3) change of the moment on the gripper per rotation of it
+    gain: Floats  # (N, 3, w) of the Riccati sweep; empty for Ritz
+    inverse: Floats  # (N, 3, 3) of the Riccati sweep; empty for Ritz
+    # (N, 3, 3) of the Riccati sweep where only rotations count: I - twist_jacobian gain; else empty
     passed: Floats
-    dense: Floats
-    factor: Floats
-    border: KKTBorder | None
+    dense: Floats  # (3 m, 3 m) the whole Hessian, for Ritz; (0, 0) for local
+    factor: Floats  # (3 m, 3 m) its factorization
+    border: KKTBorder | None  # what is held; None: nothing
 
 
 @kernel
@@ -134,7 +117,7 @@ def assembled_definite(system, state, hessian, shift):
 
     Where H + shift I is definite, blocks of the Hessian that solving does not need may be missing.
     """
-    swept = at_once(system)
+    swept = is_fused(system)
     if swept and _definite_at_once(system, state, hessian, system.needs.displaced, shift):
         return True
     assemble(system, state, hessian)
@@ -148,7 +131,7 @@ def _turns_alone(displaced):
 
 
 @kernel
-def at_once(system):
+def is_fused(system):
     """Whether the Hessian is assembled and factorized in one sweep: only dead loads act."""
     return _turns_alone(system.needs.displaced) and system.basis.shape[1] == 0
 
@@ -197,7 +180,7 @@ def solve(system, hessian, right, out):
     With a held far end `out` keeps to what the grip leaves free, and the equation holds there.
     """
     _solve_without_border(system, hessian, right, out)
-    kept(hessian.border, out)
+    project_on_constraint(hessian.border, out)
 
 
 @kernel
@@ -209,7 +192,7 @@ def solve_held(system, hessian, right, miss, out, reaction):
     _solve_without_border(system, hessian, right, out)
     for row in range(miss.size):
         reaction[row] = miss[row]
-    keep(hessian.border, out, reaction)
+    apply_kkt_border(hessian.border, out, reaction)
 
 
 @kernel
@@ -223,7 +206,7 @@ def _solve_without_border(system, hessian, right, out):
 
 
 @kernel
-def well_factorized(hessian, border):
+def has_safe_pivots(hessian, border):
     """Whether a factorization without springs in a grip has no pivot that spoils it."""
     if border is None:
         return True
@@ -278,7 +261,7 @@ def largest_turn(system, hessian, step):
 
 
 @kernel
-def safe_shift(system, hessian, shift):
+def inertia_correction(system, hessian, shift):
     """Factorize with the first shift in a growing row that leaves no negative pivot."""
     while not is_definite(system, hessian, shift):
         shift = max(LEAST_SHIFT, 4.0 * shift)

@@ -180,16 +180,16 @@ def _inverted_where_it_can_be(schur):
 
 
 @kernel
-def kept(border, out):
+def project_on_constraint(border, out):
     """Correct the solution `out` (m, 3) without the grip, which is not missed."""
     if border is None:
         return
     if border.rows.shape[0]:
-        keep(border, out, np.zeros(border.rows.shape[0]))
+        apply_kkt_border(border, out, np.zeros(border.rows.shape[0]))
 
 
 @kernel
-def keep(border, out, reaction):
+def apply_kkt_border(border, out, reaction):
     """Correct the solution `out` (m, 3) without the grip; `reaction` (K,): in the miss."""
     if border is None:
         return

@@ -30,19 +30,14 @@ _MODE_BELOW = 1e-3  # nobody asks for the mode of a shape that is well stable
 def lowest_mode(system, hessian, shift, tolerance):
     """Return the smallest eigenvalue of H and its unit mode (m, 3), zero if well stable.
 
-    The mode points to the side that is `preferred`.
-
-    Args:
-        hessian: factorized with `shift`, without negative pivots
-        shift: of that factorization
-        tolerance: relative accuracy of the eigenvalue of the inverse
+    The mode points to the side that is `reference_mode`.
     """
     m = unknown_count(system)
     steps = min(_STEPS, 3 * m)
     vectors = np.empty((steps + 1, m, 3))
     diagonal = np.empty(steps)
     side = np.empty(steps)
-    preferred(system, vectors[0])
+    reference_mode(system, vectors[0])
     top, last = 0.0, 1.0
     used = steps
     for k in range(steps):
@@ -71,7 +66,7 @@ def lowest_mode(system, hessian, shift, tolerance):
 
 
 @kernel
-def preferred(system, vector):
+def reference_mode(system, vector):
     """Fill the unit vector (m, 3) of the side to which a DLO falls where both are alike.
 
     Positive torsion and curvatures in the gripper's frame, more of them near the gripper, and of
@@ -113,11 +108,6 @@ def _orthogonalized(image, part, vector, other_part, other):
 @kernel
 def largest_eigenvalue(diagonal, side, size, before, last):
     """Return the largest eigenvalue of a symmetric tridiagonal matrix, and `last` of it.
-
-    Args:
-        diagonal, side: of the matrix; size: rows of it
-        before, last: of the matrix without its last row: its largest eigenvalue, and the square of
-            the last entry of the eigenvector
 
     A row that is added raises it by no less than in the plane of that eigenvector and the new axis.
     From there Newton's method finds it, and bisection where it does not: the last pivot is concave

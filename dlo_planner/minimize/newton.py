@@ -17,8 +17,8 @@ The guards around the plain method (Nocedal and Wright, Numerical Optimization, 
 Where the gradient vanishes but a pivot is negative, the shape is a saddle: it is left along its
 lowest mode, and the descent goes on. Where a symmetric DLO may fall to either side, rounding errors
 would choose one as they grow from step to step. So its symmetry is broken, by little but far more
-than those, to the side that `lanczos.preferred` states, from where the descent is first found to be
-unstable.
+than those, to the side that `lanczos.reference_mode` states, from where the descent is first found
+to be unstable.
 
 With a held far end each step solves the equilibrium and the linearized grip together (sequential
 quadratic programming, ch. 18). It is judged by the augmented Lagrangian with the new reaction, of
@@ -41,7 +41,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dlo_planner.energy.grip import constraint_value, constraint_violation, moved_grip
-from dlo_planner.energy.inertia import is_drawn
+from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.potential import evaluate, unknowns_of, value_at
 from dlo_planner.energy.problem import (
     Configuration,
@@ -66,17 +66,17 @@ from dlo_planner.minimize.hessian import (
     Hessian,
     assemble,
     assembled_definite,
-    at_once,
+    has_safe_pivots,
+    inertia_correction,
     is_definite,
+    is_fused,
     largest_turn,
     new_hessian,
-    safe_shift,
     solve,
     solve_held,
-    well_factorized,
 )
 from dlo_planner.minimize.kkt import dot, put_scaled, set_give
-from dlo_planner.minimize.lanczos import lowest_mode, preferred
+from dlo_planner.minimize.lanczos import lowest_mode, reference_mode
 from dlo_planner.model.arrays import Floats, Ints
 
 # steps
@@ -130,47 +130,25 @@ _PER_PART = 60       # Newton steps in a part of the way: more is no way
 
 
 class Options(Record):
-    """What a search has to reach, and what it may do.
+    """What a search has to reach, and what it may do."""
 
-    Attributes
-    ----------
-    gtol : float
-        Largest residual at the end.
-    ctol : float
-        By how much a constraint may be violated there, m.
-    maxiter : int
-        Newton steps at most.
-    check : bool
-        Whether the smallest eigenvalue is found at the end, and a saddle left.
-    bounded : bool
-        Whether it is enough to know that it is well above zero; then it is infinite.
-    gauss_newton : bool
-        Whether forces of inertia are left out of a Hessian that they make indefinite.
-    reach : float
-        By how much any node may turn in all steps together, rad, in a search for what is near;
-        infinite: it may be anywhere.
-    max_age : float
-        By how much a node may turn before the Hessian of such a search is factorized again, rad.
-    nodes : ndarray of int, shape (k,)
-        Nodes that are looked at; empty: it may go anywhere.
-    frames : ndarray, shape (k, 3, 3)
-        Their frames before, in the gripper as it is now.
-    max_rotation : float
-        By how much any of them may turn, rad. A step of the gripper that is too long for the shape
-        to follow is made again in parts; most of the work of finding that out would be the way down
-        to a shape that is not wanted. Nor may it fall off a saddle then.
-    """
-
-    gtol: float
-    ctol: float
-    maxiter: int
-    check: bool
-    bounded: bool
+    gtol: float  # largest residual at the end
+    ctol: float  # by how much a constraint may be violated there, m
+    maxiter: int  # newton steps at most
+    check: bool  # whether the smallest eigenvalue is found at the end, and a saddle left
+    bounded: bool  # whether it is enough to know that it is well above zero; then it is infinite
+    # whether forces of inertia are left out of a Hessian that they make indefinite
     gauss_newton: bool
+    # by how much any node may turn in all steps together, rad, in a search for what is near;
+    # infinite: it may be anywhere
     reach: float
+    # by how much a node may turn before the Hessian of such a search is factorized again, rad
     max_age: float
-    nodes: Ints
-    frames: Floats
+    nodes: Ints  # (k,) nodes that are looked at; empty: it may go anywhere
+    frames: Floats  # (k, 3, 3) their frames before, in the gripper as it is now
+    # by how much any of them may turn, rad. A step of the gripper that is too long for the shape to
+    # follow is made again in parts; most of the work of finding that out would be the way down to a
+    # shape that is not wanted. Nor may it fall off a saddle then
     max_rotation: float
 
 
@@ -191,14 +169,7 @@ def next_to(gtol, ctol, check, held):
 
 @kernel
 def within(options, frames, before, base, nodes, most):
-    """Return the Options of a DLO that may not turn far from how it hung in another gripper.
-
-    Args:
-        frames: (N + 1, 3, 3) of it there, read-only; before: (3, 3) of that gripper, read-only
-        base: (3, 3) of the gripper as it is now, read-only
-        nodes: (k,) which are looked at
-        most: rad
-    """
+    """Return the Options of a DLO that may not turn far from how it hung in another gripper."""
     return Options(options.gtol, options.ctol, options.maxiter, options.check, options.bounded,
                    options.gauss_newton, options.reach, options.max_age, nodes,
                    _carried(frames, before, base, nodes), most)
@@ -259,28 +230,16 @@ def _left(options, rotations):
 
 
 class Workspace(Record):
-    """Arrays that a descent refills; what it returns are some of them. K rows are held.
+    """Arrays that a descent refills; what it returns are some of them. K rows are held."""
 
-    Attributes
-    ----------
-    state, trial : Configuration
-        Where it is, and where it looks.
-    hessian : Hessian
-        The Hessian at `state`.
-    start, step, correction : ndarray, shape (m, 3)
-        Unknowns where it begins, and changes of them.
-    miss, reaction : ndarray, shape (K,)
-        By how much a grip is missed, m, and the change of its forces, N.
-    """
-
-    state: Configuration
-    trial: Configuration
-    hessian: Hessian
-    start: Floats
-    step: Floats
-    correction: Floats
-    miss: Floats
-    reaction: Floats
+    state: Configuration  # where it is, and where it looks
+    trial: Configuration  # where it is, and where it looks
+    hessian: Hessian  # the Hessian at `state`
+    start: Floats  # (m, 3) unknowns where it begins, and changes of them
+    step: Floats  # (m, 3) unknowns where it begins, and changes of them
+    correction: Floats  # (m, 3) unknowns where it begins, and changes of them
+    miss: Floats  # (K,) by how much a grip is missed, m, and the change of its forces, N
+    reaction: Floats  # (K,) by how much a grip is missed, m, and the change of its forces, N
 
 
 @kernel
@@ -293,27 +252,15 @@ def new_workspace(system):
 
 
 class Descent(NamedTuple):
-    """Where a descent ended that stops at saddles, too.
-
-    Attributes
-    ----------
-    state, residual, stability, iterations
-        As of a Minimum.
-    mode : ndarray, shape (m, 3)
-        Lowest mode of the Hessian, where that was looked at.
-    leant : bool
-        Whether its symmetry was broken.
-    violation : float
-        By how much a constraint is violated, m.
-    """
+    """Where a descent ended that stops at saddles, too; as a Minimum but for these."""
 
     state: Configuration
     residual: float
     stability: float
     iterations: int
-    mode: Floats
-    leant: bool = False
-    constraint_violation: float = 0.0
+    mode: Floats         # (m, 3) lowest mode of the Hessian, where that was looked at
+    leant: bool = False  # whether its symmetry was broken
+    constraint_violation: float = 0.0  # m
 
 
 def newton(system: Problem, q: Floats, tolerance: float, max_iterations: int, check: bool,
@@ -363,7 +310,7 @@ def minimize(system: Problem, q: Floats, options: Options,
         done = (not options.check or stability > -neutral or options.nodes.size > 0
                 or options.reach < np.inf)
         if (done or iterations >= most or kicks >= MOST_KICKS
-                or not kicked(system, state, mode, q)):
+                or not leave_saddle(system, state, mode, q)):
             break
         kicks += 1
         options = _with_steps(options, most - iterations)
@@ -397,11 +344,11 @@ def newton_descent(system: Problem, q: Floats, options: Options,
     gtol, ctol, check = options.gtol, options.ctol, options.check
     bend, length, held = bending_energy(system), np.sum(system.lengths), is_held(system)
     near, drawn = options.reach < np.inf, options.gauss_newton
-    kinks = may_forbid(system.effects) and is_drawn(system.effects.anchor)
+    kinks = may_forbid(system.effects) and has_inertia(system.effects.anchor)
     turns = not near and (drawn or held and _spins_freely(system))
     most_give = _most_give(hold, system, bend) if held and not near else 0.0
     least = _PROXIMAL if held and not near else 0.0
-    without_traces(q, state.q)
+    flush_subnormals(q, state.q)
     energy, noise = evaluate(system, state)
     mode, stability = work.correction, np.nan
     shift, shifted = least, np.inf  # the second: that of the last factorization
@@ -445,12 +392,12 @@ def newton_descent(system: Problem, q: Floats, options: Options,
             forceless = drawn and shift == 0.0 and not definite and not arrived
             if forceless and (iterations == 0 or not near):
                 definite = _definite_without_forces(system, state, hessian)
-            if near and not (definite and well_factorized(hessian, border)) or (
+            if near and not (definite and has_safe_pivots(hessian, border)) or (
                     forceless and not definite):
                 residual, stability = np.inf, -np.inf
                 break
             if not definite:
-                shift = safe_shift(system, hessian, max(LEAST_SHIFT, 4.0 * shift))
+                shift = inertia_correction(system, hessian, max(LEAST_SHIFT, 4.0 * shift))
             age, shifted = 0.0 if whole else np.inf, shift
         if arrived:
             stability, mode = lowest_mode(system, hessian, shift,
@@ -461,7 +408,7 @@ def newton_descent(system: Problem, q: Floats, options: Options,
             if options.nodes.size:
                 residual, stability = np.inf, -np.inf
                 break
-            leant, high, its_noise = lean(system, hessian, state, trial)
+            leant, high, its_noise = break_symmetry(system, hessian, state, trial)
             if leant:
                 state, trial, energy, noise = trial, state, high, its_noise
                 continue
@@ -533,7 +480,7 @@ def newton_descent(system: Problem, q: Floats, options: Options,
 
 
 @kernel
-def without_traces(q, out):
+def flush_subnormals(q, out):
     """Copy q (m, 3) to `out` with zeros for what is far too small to mean anything.
 
     Where a motion stays in a plane, each shape leaves out of it the square of what the one before
@@ -559,13 +506,6 @@ def _line_search(system, hessian, state, trial, step, energy, noise, slope, fart
     the simplified decrement (Deuflhard's natural monotonicity test). A step that mostly brings a
     held end back may lead up the potential of a DLO that could not stand without its grip. There it
     has to bring both conditions nearer to their solution.
-
-    Args:
-        slope: of the potential along the step, J; infinite where only the miss counts
-        farthest: m, by how much a grip may be missed there
-        error: of equilibrium and grip: residual plus miss by length
-        turns: of `_retract`; correction: (m, 3) filled
-        drawn: whether inertia draws the DLO
 
     Returns the part of the step gone (0 if there is no such point), its energy, noise, and if an
     obstacle was met.
@@ -612,9 +552,6 @@ def _closer(system, state, trial, step, clear, blocked, turns):
     """Fill the unknowns of `trial` nearer to what is in the way; return the part of the step.
 
     Springs are felt only where the DLO touches: half the way at a time it would hardly get there.
-
-    Args:
-        clear, blocked: parts of the step of which one meets no obstacle, the other one does
     """
     for _ in range(_CLOSER):
         middle = 0.5 * (clear + blocked)
@@ -690,7 +627,7 @@ def _surely_stable(system, hessian, age):
     bound = WELL_STABLE + _PER_TURN * age
     if bound >= WELL_STABLE + _DOUBT:
         return False
-    if system.basis.shape[1] > 0 or at_once(system):
+    if system.basis.shape[1] > 0 or is_fused(system):
         return lowest_mode(system, hessian, 0.0, _ROUGHLY)[0] > bound
     return is_definite(system, hessian, -bound)
 
@@ -792,32 +729,24 @@ def _settle_reaction(hold, border, part, reaction, miss, gone, excess):
 
 
 @kernel
-def lean(system, hessian, state, trial):
+def break_symmetry(system, hessian, state, trial):
     """Fill `trial` with the shape of `state` leant to the preferred side.
 
     Returns whether it can be, and what `evaluate` does.
     """
-    preferred(system, trial.gradient)
+    reference_mode(system, trial.gradient)
     amount = _LEAN / largest_turn(system, hessian, trial.gradient)
     put_sum(state.q, amount, trial.gradient, trial.q)
     energy, noise = evaluate(system, trial)
     return not forbids(system.effects, system, state, trial), energy, noise
 
 
-def kick(system: Problem, state: Configuration, mode: Floats) -> Floats | None:
-    """Return unknowns (m, 3) beside a saddle, on the lower side; None if no side is lower.
-
-    Where both sides are about as low, it is the one to which the mode points.
-
-    Shapes: mode (m, 3).
-    """
-    q = np.empty_like(mode)
-    return q if kicked(system, state, mode, q) else None
-
-
 @kernel
-def kicked(system: Problem, state: Configuration, mode: Floats, q: Floats) -> bool:
-    """Fill q (m, 3) with what `kick` returns; return whether there is such a thing."""
+def leave_saddle(system: Problem, state: Configuration, mode: Floats, q: Floats) -> bool:
+    """Fill q (m, 3) with unknowns beside a saddle, on its lower side; return whether one is lower.
+
+    Where both are about as low, it is the one to which the mode points.
+    """
     hessian, trial = new_hessian(system), new_configuration(system)
     assemble(system, state, hessian)
     copy(state.q, trial.q)
@@ -843,7 +772,7 @@ def _height(system, state, trial, step, mode):
 
 
 @kernel
-def led(system: Problem, q: Floats, bases: Floats, targets: Floats, axes: Floats,
+def follow_homotopy(system: Problem, q: Floats, bases: Floats, targets: Floats, axes: Floats,
         rows: Floats) -> tuple[Floats, int]:
     """Return unknowns (m, 3) where both grips have gone a way of n parts, and the parts gone.
 

@@ -34,9 +34,6 @@ def inverse3(a):
     """Return the inverse of a symmetric matrix (9 numbers), and how many pivots are <= 0.
 
     By its minors where these lose few digits: a sweep waits for one division, not for three.
-
-    Args:
-        a: (6 numbers) its entries 00, 11, 22, 01, 02, 12
     """
     xx, yy, zz = a[1] * a[2] - a[5] * a[5], a[0] * a[2] - a[4] * a[4], a[0] * a[1] - a[3] * a[3]
     xy, xz, yz = a[4] * a[5] - a[3] * a[2], a[3] * a[5] - a[4] * a[1], a[3] * a[4] - a[0] * a[5]

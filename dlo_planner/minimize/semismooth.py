@@ -18,7 +18,7 @@ import numpy as np
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.contact import ContactSet, trial_traction
 from dlo_planner.energy.gap import closest_point, near_nodes, next_touching, node_gap
-from dlo_planner.energy.inertia import is_drawn
+from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
 from dlo_planner.energy.problem import hinged, new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
@@ -65,12 +65,6 @@ def update_multipliers(system, state, table, share, q, vain):
 
     After some rounds in vain q (m, 3) goes with them: what is soft, like the plane in which a
     column buckles, would go anywhere on its way to where the new multipliers belong.
-
-    Args:
-        state, table: Configuration and Touching at the minimum for the present multipliers
-        share: of the way from the forces as they are to those of the linearized laws
-        q: unknowns of `state`
-        vain: rounds in vain; after some what is neutral may stay so, too, see `_stands`
     """
     normal, shear = _forces(table, state)
     used = share > 0.0 and table.gap.size > 0
@@ -129,14 +123,7 @@ def _put_forces(system, table, normal, shear):
 
 @kernel
 def complementarity_step(system, state, table, hessian, fresh, neutral, normal, shear, step):
-    """Fill the forces that satisfy the linearized laws, and the step to where they do.
-
-    Args:
-        hessian: filled if `fresh`; else that of a Configuration nearby, factorized
-        neutral: whether it need not be definite, see `_stands`
-        normal: (A,), shear: (A, 3) the forces as they are; filled where it can be trusted
-        step: (m, 3) filled
-    """
+    """Fill the forces that satisfy the linearized laws, and the step to where they do."""
     contacts = system.effects.contact.contacts
     if fresh:
         assemble(system, state, hessian)
@@ -195,14 +182,11 @@ def _pushing_only(system, table, first, laws, compliance, free, normal):
     Contacts side by side depend on each other: with no gap at any of them, some would pull as hard
     as others push. One that pulls is let go, one let go that is pressed in bears again (primal-dual
     active set method: Hintermueller, Ito and Kunisch 2002).
-
-    Args:
-        free: (K,) displacements without changes; normal: (A,) forces as they are
     """
     k, times = system.effects.contact.contacts.stiffness, _refinements(system)
     bears = np.ones(table.gap.size, dtype=np.bool_)
     # between two grips what begins deep inside obstacles would not come out
-    turns = _CHANGES if times > 0 or is_drawn(system.effects.anchor) else 0
+    turns = _CHANGES if times > 0 or has_inertia(system.effects.anchor) else 0
     for turn in range(turns + 1):
         _, moved, reaction = _linear_response(system, table, first, laws, compliance, free, bears)
         matrix, right, soft = _equations(system, table, first, laws, reaction, moved, bears)
@@ -295,12 +279,7 @@ def _equations(system, table, first, laws, reaction, moved, bears):
 
 @kernel
 def _put_law(matrix, right, soft, reaction, moved, i, spring, yielded, force, bears):
-    """Write row i: nothing moves there, or, where nothing bears, no force is left.
-
-    Args:
-        spring: N/m, with the sign of the force by the displacement there
-        yielded: N, what it has of its force by displacements; force: N, as it is
-    """
+    """Write row i: nothing moves there, or, where nothing bears, no force is left."""
     if bears:
         matrix[i] = spring * reaction[i]
         right[i] = yielded + spring * moved[i]
@@ -391,11 +370,7 @@ def _answers(system, state, hessian, table, first, axes):
 
 @kernel
 def unit_load(system, state, hessian, element, fraction, beside, axis, load):
-    """Fill load (m, 3): change of the displacement along `axis` of a point, by the unknowns.
-
-    Args:
-        beside: (3,) m, of the point from the DLO's axis
-    """
+    """Fill load (m, 3): change of the displacement along `axis` of a point, by the unknowns."""
     n = system.lengths.size
     rows = np.zeros((n, 3))
     part, arm = np.empty((6, 3)), np.empty(3)
@@ -435,19 +410,12 @@ def _products(loads, answers):
 
 
 @kernel
-def carried(system, base, slid, strains, twist):
+def tangent_predictor(system, base, slid, strains, twist):
     """Return whether a DLO that goes on bearing follows its gripper, its unknowns (m, 3) there.
 
     And the Problem, its contacts free to roll.
 
     To first order, and if nothing is in the way.
-
-    Args:
-        system: Problem in the gripper after, its contacts those before
-        base: (3, 3) the gripper's rotation before
-        slid: (C, 3) m, by how much points have slid: those go on sliding
-        strains: (N, 3) in equilibrium, before
-        twist: (6,) rotation in rad about the gripper and displacement in m, world
     """
     before, lengths = _before(system, base, slid, twist), system.lengths
     start, after = new_configuration(before), new_configuration(system)
@@ -498,13 +466,7 @@ def _before(system, base, slid, twist):
 
 @kernel
 def semismooth_newton(system, q, tolerance, exact, previous):
-    """Return whether it is found, and what is known of it then.
-
-    Args:
-        q: (m, 3) start; the Problem's multipliers are the forces there
-        tolerance: of the residual; exact: of gaps, m
-        previous: as of `constrained_newton`
-    """
+    """Return whether it is found, and what is known of it then."""
     loaded, turned, before = system, np.inf, np.inf
     begin, hessian = new_configuration(system), new_hessian(system)
     begin.q[:] = q
@@ -560,9 +522,6 @@ def correction(system, strains, positions):
     """Return how far, in m, a step of `semismooth_newton` moves nodes where elements are halved.
 
     Infinite where there is no such step. Friction is that of the Problem's contacts.
-
-    Args:
-        strains: (n, 3), positions: (n + 1, 3) from the gripper, m: of the DLO with n elements
     """
     twice, state = np.empty((2 * strains.shape[0], 3)), new_configuration(system)
     for e in range(twice.shape[0]):

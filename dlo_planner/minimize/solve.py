@@ -92,33 +92,16 @@ def _fill(system, base, origin, options, work, strains, rotations, positions, wr
 
 
 class RodTable(Record):
-    """What differs between DLOs of as many elements and terms; n rods, u different lengths.
+    """What differs between DLOs of as many elements and terms; n rods, u different lengths."""
 
-    Attributes
-    ----------
-    mesh : ndarray of int, shape (n,)
-        Which of the u meshes each rod has.
-    lengths : ndarray, shape (u, N)
-        Of the elements, m.
-    basis : ndarray, shape (u, N, N_c)
-        Orthonormal; (u, N, 0): local.
-    natural : ndarray, shape (n, N, 3)
-        As of a Problem, like what follows; read-only, like all from which a descent starts.
-    stiffness : ndarray, shape (n, N, 3)
-        Stiffness, N m^2.
-    scale : ndarray, shape (n, N, 3)
-        Scale of the unknowns.
-    pull : ndarray, shape (n, N + 1, 3)
-        Derivative of the dead loads' potential by the node positions, N.
-    """
-
-    mesh: Ints
-    lengths: Floats
-    basis: Floats
+    mesh: Ints  # (n,) which of the u meshes each rod has
+    lengths: Floats  # (u, N) of the elements, m
+    basis: Floats  # (u, N, N_c) orthonormal; (u, N, 0): local
+    # (n, N, 3) as of a Problem, like what follows; read-only, like all from which a descent starts
     natural: Floats
-    stiffness: Floats
-    scale: Floats
-    pull: Floats
+    stiffness: Floats  # (n, N, 3) stiffness, N m^2
+    scale: Floats  # (n, N, 3) scale of the unknowns
+    pull: Floats  # (n, N + 1, 3) derivative of the dead loads' potential by the node positions, N
 
 
 @kernel

@@ -23,21 +23,11 @@ from dlo_planner.model.value import Value, put
 
 
 class Solid(NamedTuple):
-    """A body that RViz, browsers and physics engines know: what obstacles are drawn with.
+    """A body that RViz, browsers and physics engines know: what obstacles are drawn with."""
 
-    Attributes
-    ----------
-    kind : str
-        'box', 'ball' or 'cylinder' (flat ends, its axis along z).
-    pose : Pose
-        Pose of its center.
-    size : (float, float, float)
-        (3,) full sizes along the axes of the pose, m.
-    """
-
-    kind: str
-    pose: Pose
-    size: tuple[float, float, float]
+    kind: str  # 'box', 'ball' (an ellipsoid) or 'cylinder' (flat ends, its axis along z)
+    pose: Pose  # pose of its center
+    size: tuple[float, float, float]  # (3,) full sizes along the axes of the pose, m
 
 
 def bar(start: Floats, end: Floats, radius: float) -> Solid:
@@ -54,7 +44,7 @@ def ball(center: Floats, radius: float) -> Solid:
 
 
 # ------------------------------------------------------------------------------------------------
-# What a DLO may touch: plane, sphere, capsule, cylinder, box, and sheet with cut-outs.
+# What a DLO may touch: plane, sphere, capsule, cylinder, box, ellipsoid, sheet with cut-outs.
 
 
 _FLUSH = 1e-6  # of the sheet, and rad: how far a cut-out may lie off its sheet's middle plane
@@ -233,6 +223,40 @@ class Box(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Ellipsoid(Value):
+    """An ellipsoid; only a DLO with a round section may touch it.
+
+    Attributes
+    ----------
+    pose : Pose
+        Pose of its center.
+    half_axes : ndarray, shape (3,)
+        Half axes along the pose's axes, m.
+    friction : float
+        Coulomb's coefficient, >= 0.
+    """
+
+    pose: Pose
+    half_axes: Floats
+    friction: float = 0.0
+
+    if TYPE_CHECKING:
+        def __init__(self, pose: Pose, half_axes: ArrayLike, friction: float = 0.0) -> None: ...
+
+    def __post_init__(self) -> None:
+        instance('Ellipsoid.pose', self.pose, Pose)
+        half = vector('Ellipsoid.half_axes', self.half_axes, 3)
+        put(self, half_axes=np.array([number(f'Ellipsoid.half_axes[{k}]', length, above=0)
+                                      for k, length in enumerate(half)]), friction=_friction(self))
+        super().__post_init__()
+
+    @property
+    def solids(self) -> tuple[Solid, ...]:
+        """What it looks like."""
+        return (Solid('ball', self.pose, tuple(2 * self.half_axes)),)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Sheet(Value):
     """A flat rectangular plate with cut-outs; the x axis of its pose is its normal.
 
@@ -309,7 +333,7 @@ class Sheet(Value):
         return reach
 
 
-Obstacle: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | Sheet
+Obstacle: TypeAlias = Plane | Sphere | Capsule | Cylinder | Box | Ellipsoid | Sheet
 OBSTACLES: tuple[type, ...] = get_args(Obstacle)
 
 

@@ -66,16 +66,11 @@ class Piecewise(Value):
 class Table(Value):
     """Linear interpolation between the rows of a table; two rows at the same s are a jump.
 
-    Attributes
-    ----------
-    s : ndarray, shape (n,)
-        Arc length in m, ascending.
-    values : ndarray, shape (n,) or (n, k)
-        Values there; before the first row and after the last one they stay.
+    Before the first row and after the last one the values stay.
     """
 
-    s: Floats
-    values: Floats
+    s: Floats       # (n,) m, ascending
+    values: Floats  # (n,) or (n, k)
 
     @property
     def breaks(self) -> Floats:
@@ -110,22 +105,12 @@ class Components(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SeenFrom(Value):
-    """A function of arc length as a function of the distance from `at` (m), in one direction.
-
-    Attributes
-    ----------
-    base : callable
-        The function.
-    direction : int
-        1: on, -1: back.
-    signs : tuple of float
-        Factors of the components that it returns; (): none.
-    """
+    """A function of arc length as a function of the distance from `at` (m), in one direction."""
 
     base: Callable[[float], Any]
     at: float
-    direction: int
-    signs: tuple[float, ...] = ()
+    direction: int  # 1: on, -1: back
+    signs: tuple[float, ...] = ()  # factors of the components that it returns
 
     @property
     def breaks(self) -> Floats:
@@ -140,18 +125,10 @@ class SeenFrom(Value):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Stepwise(Value):
-    """Constant on each element of a mesh.
+    """Constant on each element of a mesh."""
 
-    Attributes
-    ----------
-    s : ndarray, shape (N + 1,)
-        Nodes, m.
-    values : ndarray, shape (N, ...)
-        Values of the elements.
-    """
-
-    s: Floats
-    values: Floats
+    s: Floats       # (N + 1,) nodes, m
+    values: Floats  # (N, ...)
 
     @property
     def breaks(self) -> Floats:
@@ -185,66 +162,52 @@ class Extended(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scaled(Value):
-    """A function times a number, or times one number for each component."""
+class _Changed(Value):
+    """Base of what changes the values of a number, pair or function of s, and not its jumps."""
 
-    base: Callable[[float], Any]
-    factor: float | Floats
+    base: Along
 
     @property
     def breaks(self) -> Floats:
         """(n,) arc lengths where it is known to jump, m."""
         return breaks_of(self.base)
+
+    def _at(self, s: float) -> Floats:
+        return np.asarray(self.base(s) if callable(self.base) else self.base)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scaled(_Changed):
+    """Times a number, or one number for each component."""
+
+    factor: float | Floats
 
     def __call__(self, s: float) -> Floats:
         """Return the product at `s` (m)."""
-        return self.factor * np.asarray(self.base(s))
+        return self.factor * self._at(s)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Shifted(Value):
-    """A function plus a constant."""
+class Shifted(_Changed):
+    """Plus a constant."""
 
-    base: Callable[[float], Any]
     shift: Floats
-
-    @property
-    def breaks(self) -> Floats:
-        """(n,) arc lengths where it is known to jump, m."""
-        return breaks_of(self.base)
 
     def __call__(self, s: float) -> Floats:
         """Return the sum at `s` (m)."""
-        return np.asarray(self.base(s)) + self.shift
+        return self._at(s) + self.shift
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Expanded(Value):
-    """A number, pair or function plus a series of Legendre polynomials on [0, length].
+class Expanded(_Changed):
+    """Plus a series of Legendre polynomials on [0, length]."""
 
-    Attributes
-    ----------
-    base : float, tuple or callable
-        What the series is added to.
-    coefficients : ndarray, shape (m, k)
-        Coefficients of P_0 ... P_{m-1} in 2 s / length - 1.
-    length : float
-        Length in m.
-    """
-
-    base: Along
-    coefficients: Floats
-    length: float
-
-    @property
-    def breaks(self) -> Floats:
-        """(n,) arc lengths where it is known to jump, m."""
-        return breaks_of(self.base)
+    coefficients: Floats  # (m, k) of P_0 ... P_{m-1} in 2 s / length - 1
+    length: float         # m
 
     def __call__(self, s: float) -> Floats:
         """Return the sum (k,) at `s` (m)."""
-        base = self.base(s) if callable(self.base) else self.base
-        result: Floats = np.asarray(base) + legval(2 * s / self.length - 1, self.coefficients)
+        result: Floats = self._at(s) + legval(2 * s / self.length - 1, self.coefficients)
         return result
 
 
@@ -290,21 +253,11 @@ _AT_ENDS = np.vander([0.0, 1.0], _POINTS, increasing=True) @ _POWERS
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Profile(Value):
-    """A quantity with k components along a DLO.
+    """A quantity with k components along a DLO, as polynomials on m panels."""
 
-    Attributes
-    ----------
-    edges : ndarray, shape (m + 1,)
-        Edges of the panels, m.
-    values : ndarray, shape (m, 5, k)
-        At their Gauss points.
-    breaks : ndarray, shape (n,)
-        Arc lengths inside the DLO at which it jumps, m.
-    """
-
-    edges: Floats
-    values: Floats
-    breaks: Floats
+    edges: Floats   # (m + 1,) of the panels, m
+    values: Floats  # (m, 5, k) at their Gauss points
+    breaks: Floats  # (n,) arc lengths inside the DLO at which it jumps, m
 
     @cached_property
     def _first(self) -> Any:

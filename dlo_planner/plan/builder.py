@@ -16,7 +16,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import discontinuity
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import (
@@ -37,8 +37,8 @@ class PlanBuilder:
     ----------
     depths : array_like, shape (n,)
         Depths of the waypoints wanted, m.
-    demands : PlanRequirements
-        PlanRequirements.
+    demands : Judge
+        Judge.
     what : str, optional
         How a waypoint is called in a refusal.
     initial : Shape, optional
@@ -47,7 +47,7 @@ class PlanBuilder:
         Indices of waypoints at which the gripper stops.
     """
 
-    def __init__(self, depths: ArrayLike, demands: PlanRequirements, what: str = 'waypoint',
+    def __init__(self, depths: ArrayLike, demands: Judge, what: str = 'waypoint',
                  initial: Shape | None = None, stops: Iterable[int] = ()) -> None:
         self.waypoints: list[Waypoint] = []
         self._initial, self._stops = initial, stops
@@ -107,7 +107,7 @@ class PlanBuilder:
         return build_plan(self.waypoints, self._depths, self._demands.speeds, status, stops)
 
 
-def kept_between(plan: Plan, demands: PlanRequirements, what: str = 'waypoint',
+def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
                  known: Sequence[float | None] | None = None) -> Plan:
     """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory."""
     looked_at = demands.workspace is not None or demands.simulator is not None and (

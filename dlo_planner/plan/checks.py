@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,15 +23,25 @@ from dlo_planner.progress import Progress
 _LIGHTER = 1e-3  # of a least force: what a mesh makes of it
 
 
+class Margin(NamedTuple):
+    """How much of a demand is left, in its unit; below 0 it is broken."""
+
+    constraint: str
+    room: float
+    words: str  # of a broken one, with {over}, {found} and {limit}
+    found: float = np.nan
+    limit: float = np.nan
+
+
 @dataclass(frozen=True)
-class PlanRequirements:
-    """The demands on a plan, for every task."""
+class Judge:
+    """The demands on a plan, for every task, and what a waypoint leaves of them."""
 
     speeds: tuple[float, float]  # m/s and rad/s, for the plan's times
-    progress: Progress = field(default_factory=Progress)  # Progress, which reports each waypoint
-    workspace: Workspace | None = None  # Workspace or None
+    progress: Progress = field(default_factory=Progress)  # reports each waypoint
+    workspace: Workspace | None = None
     obstacles: tuple[Obstacle, ...] = ()  # obstacles that the DLO must not touch
-    surface: Surface = Surface()  # Surface of the DLO
+    surface: Surface = Surface()  # of the DLO
     # (3,) or None strains since the stress-free shape, torsion and both curvatures, at which the
     # DLO would yield, 1/m, or None where it may
     yield_limits: Floats | None = None
@@ -44,59 +56,58 @@ class PlanRequirements:
     # has to be
     pressed: int | None = None
 
-    def silent(self, simulator: DirectSimulator | None = None) -> PlanRequirements:
+    def silent(self, simulator: DirectSimulator | None = None) -> Judge:
         """Return the same demands for a search, whose steps are not reported."""
         return replace(self, progress=self.progress.silent(), simulator=self._between(simulator))
 
-    def made_with(self, simulator: DirectSimulator | None) -> PlanRequirements:
+    def made_with(self, simulator: DirectSimulator | None) -> Judge:
         """Return the same demands, the shapes between waypoints from another simulator."""
         return replace(self, simulator=self._between(simulator))
 
     def _between(self, simulator: DirectSimulator | None) -> DirectSimulator | None:
         return self.simulator if self.simulator is None or simulator is None else simulator
 
-    def violation(self, waypoint: Waypoint) -> tuple[str, float, str] | None:
-        """Return constraint, amount and words of the demand that a Waypoint breaks, or None."""
-        shape = waypoint.shape
+    def margins(self, waypoint: Waypoint) -> Iterator[Margin]:
+        """Yield how much of each demand a Waypoint leaves, in the order in which they refuse."""
+        shape, rod = waypoint.shape, waypoint.shape.rod
         if self.workspace is not None:
             name, room = self.workspace.min_margin(shape.gripper)
-            if room < 0:
-                return name, -room, f'the gripper is {-room:.3g} m beyond {name}'
-        if self.tolerance is not None and waypoint.position_error > self.tolerance:
-            return ('tolerance', waypoint.position_error - self.tolerance,
-                    f'the DLO is {waypoint.position_error:.3g} m off, tolerance = '
-                    f'{self.tolerance:g} m')
-        if waypoint.clearance < 0:
-            return ('clearance', -waypoint.clearance,
-                    f'the DLO is {-waypoint.clearance:.3g} m in the sheet around a cut-out '
-                    '(infinite, if no Sheet among the obstacles has this hole): it would need as '
-                    'much more room')
+            yield Margin(name, room, f'the gripper is {{over:.3g}} m beyond {name}')
+        if self.tolerance is not None:
+            yield Margin('tolerance', self.tolerance - waypoint.position_error, 'the DLO is '
+                         '{found:.3g} m off, tolerance = {limit:g} m', waypoint.position_error,
+                         self.tolerance)
+        yield Margin('clearance', waypoint.clearance, 'the DLO is {over:.3g} m in the sheet around '
+                     'a cut-out (infinite, if no Sheet among the obstacles has this hole): it '
+                     'would need as much more room')
         for index, obstacle in enumerate(self.obstacles):
-            room = clearance([obstacle], self.surface, shape)
-            if room < 0:
-                return ('clearance', -room,
-                        f'the DLO is {-room:.3g} m in {type(obstacle).__name__} {index}')
-        if not shape.stability >= self.stability:  # nan: it was not looked at
-            return ('stability', self.stability - shape.stability, 'the DLO would hardly stay in '
-                    f'this shape: stability {shape.stability:.3g}, at least {self.stability:g} is '
-                    'required')
-        force = sum(one.force for one in shape.contacts if one.obstacle == self.pressed)
-        if force < (1 - _LIGHTER) * self.min_force:
-            return ('contact_force', self.min_force - force, f'the DLO would press with {force:.3g}'
-                    f' N, at least {self.min_force:.3g} N are required (min_force)')
-        overlap = in_itself(shape, self.surface)
-        if overlap > 0:
-            return ('self_distance', overlap, f'the DLO would lie {overlap:.3g} m in itself: '
-                    'nothing holds its pieces off each other')
-        if shape.rod is not None and shape.bend_margin < 0:
-            return ('max_bend_curvature', -shape.bend_margin,
-                    f'the DLO is bent by {-shape.bend_margin:.3g} 1/m more than '
-                    f'max_bend_curvature = {shape.rod.max_bend_curvature:g} 1/m')
+            yield Margin('clearance', clearance([obstacle], self.surface, shape),
+                         f'the DLO is {{over:.3g}} m in {type(obstacle).__name__} {index}')
+        yield Margin('stability', shape.stability - self.stability, 'the DLO would hardly stay in '
+                     'this shape: stability {found:.3g}, at least {limit:g} is required',
+                     shape.stability, self.stability)
+        if self.min_force:
+            force = sum(one.force for one in shape.contacts if one.obstacle == self.pressed)
+            room = force - self.min_force
+            yield Margin('contact_force', room if room < -_LIGHTER * self.min_force else 0.0,
+                         'the DLO would press with {found:.3g} N, at least {limit:.3g} N are '
+                         'required (min_force)', force, self.min_force)
+        yield Margin('self_distance', -in_itself(shape, self.surface), 'the DLO would lie '
+                     '{over:.3g} m in itself: nothing holds its pieces off each other')
+        if rod is not None and rod.max_bend_curvature is not None:
+            yield Margin('max_bend_curvature', shape.bend_margin, 'the DLO is bent by {over:.3g} '
+                         '1/m more than max_bend_curvature = {limit:g} 1/m',
+                         limit=rod.max_bend_curvature)
         if self.yield_limits is not None:
             load = utilization(shape, self.yield_limits)
-            if load > 1:
-                return ('yield', load - 1, f'the DLO would yield: bent or twisted to {load:.3g} '
-                        'times its limits')
+            yield Margin('yield', 1 - load, 'the DLO would yield: bent or twisted to {found:.3g} '
+                         'times its limits', load)
+
+    def violation(self, waypoint: Waypoint) -> tuple[str, float, str] | None:
+        """Return constraint, amount and words of the demand that a Waypoint breaks, or None."""
+        for name, room, words, found, limit in self.margins(waypoint):
+            if not room >= 0:  # nan: it was not looked at
+                return name, -room, words.format(over=-room, found=found, limit=limit)
         return None
 
 

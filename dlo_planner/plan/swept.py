@@ -42,7 +42,7 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.clearance import Bodies, SheetSide
 from dlo_planner.plan.path import GripperPath, Leg
 
@@ -65,7 +65,7 @@ class Broken:
 
 
 def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
-                      demands: PlanRequirements,
+                      demands: Judge,
                       known: Sequence[float | None] | None = None) -> Broken | None:
     """Return the first violation between the waypoints of a plan, or None."""
     outside = None

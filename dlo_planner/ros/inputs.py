@@ -16,6 +16,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import shown
+from dlo_planner.model.obstacles import OBSTACLES
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.scene import Scene
 from msg_helpers.obstacles import obstacles_after
@@ -96,7 +97,7 @@ _MOST_BODIES = 1000
 _MOST_MARKERS = 10_000  # of a message, most of which delete
 _MOST_SAID = 2000  # characters of a text that goes out
 _OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|'
-                       r'\b(?:Box|Sphere|Capsule|Cylinder|Plane|Sheet) (\d+)\b')
+                       rf'\b(?:{"|".join(one.__name__ for one in OBSTACLES)}) (\d+)\b')
 
 
 def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) -> Pose:

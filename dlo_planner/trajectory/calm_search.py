@@ -68,7 +68,7 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
 class _Wrong:
     """A DLO whose stiffness is wrong, leg by leg."""
 
-    quick: DirectSimulator  # DirectSimulator of the DLO as it is given
+    quick: DirectSimulator  # of the DLO as it is given
     factor: float  # factor of its stiffness
 
     def __post_init__(self) -> None:
@@ -121,10 +121,10 @@ class CalmSearch:
     """Looks for the fastest laws with which a plan's DLO stays calm, round by round."""
 
     plan: Plan
-    fastest: TimedPath  # TimedPath within limits alone
+    fastest: TimedPath  # within limits alone
     tolerance: float  # tolerance in m
-    simulator: DirectSimulator  # DirectSimulator that verifies
-    begin: Shape  # Shape at the beginning
+    simulator: DirectSimulator  # that verifies
+    begin: Shape  # at the beginning
     obstacles: tuple[Obstacle, ...]  # obstacles from which the DLO has to stay away
     progress: Progress
     rounds: int | None = None  # how many laws are simulated at most. If None, _ROUNDS
@@ -325,7 +325,7 @@ class _Missed:
 class Calm:
     """A motion that is calm."""
 
-    search: CalmSearch  # CalmSearch that found it
+    search: CalmSearch  # that found it
     timed: TimedPath
     motions: list[InMotion]  # InMotion of each simulator
     motion: InMotion  # the worse of them

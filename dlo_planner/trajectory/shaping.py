@@ -118,7 +118,7 @@ class LegTask:
     """A leg to be gone through calmly."""
 
     leg: Leg
-    response: Response  # Response on it
+    response: Response  # on it
     limits: Limits
     # (k, n) arc lengths that pass the k centers at the parameters of `response`, m, nan where none
     # does

@@ -44,7 +44,7 @@ _NO_ELEMENT = 0.02  # of an element: a shorter one at the mouth is none
 class Feed:
     """How a plan pushes a DLO into a bore."""
 
-    simulator: DirectSimulator  # DirectSimulator of the whole DLO
+    simulator: DirectSimulator  # of the whole DLO
     mouth: Pose  # Pose, x axis into the bore
     times: Floats  # (n,) times of the plan, s
     depths: Floats  # (n,) depths in m

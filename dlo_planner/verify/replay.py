@@ -16,7 +16,7 @@ from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.rod import Surface, before
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.goals import DirectionAt, PositionAt
@@ -192,7 +192,7 @@ class _Replay:
         surface = Surface.of(free.rod)
         if not Bodies((), around, surface, self.progress.check).least(shapes) > 0:
             return False
-        demands = PlanRequirements((1.0, 1.0), self.progress.silent(), obstacles=around,
+        demands = Judge((1.0, 1.0), self.progress.silent(), obstacles=around,
                                    surface=surface, simulator=free)
         return len(shapes) < 2 or self.plan.times[-1] <= self.plan.times[0] or violation_between(
             GripperPath.of(self.plan), shapes, (), demands) is None

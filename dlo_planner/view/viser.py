@@ -171,7 +171,8 @@ class Canvas:
         if item.kind == 'box':
             return self._scene.add_box(name, dimensions=tuple(item.size), **solid, **where)
         if item.kind == 'ball':
-            return self._scene.add_icosphere(name, radius=item.size[0] / 2, **solid, **where)
+            return self._scene.add_icosphere(name, radius=0.5, scale=tuple(item.size), **solid,
+                                             **where)
         if item.kind == 'cylinder':
             return self._scene.add_cylinder(name, radius=item.size[0] / 2, height=item.size[2],
                                             **solid, **where)

@@ -13,6 +13,7 @@ from dlo_planner import (
     CutOut,
     Cylinder,
     DirectSimulator,
+    Ellipsoid,
     FarEnd,
     InvalidRod,
     InvalidTask,
@@ -367,6 +368,22 @@ def test_on_its_side_it_is_a_bar():
     round_, flat = solved(Capsule(*ends, 0.05)), solved(Cylinder(*ends, 0.05))
     assert np.abs(round_.positions - flat.positions).max() < 1e-9
     assert flat.contacts[0].force == pytest.approx(round_.contacts[0].force, rel=1e-7)
+
+
+def test_an_ellipsoid_that_is_round_in_the_plane_of_the_dlo_is_a_bar():
+    bar = solved(Capsule((0.4, -0.5, 0.85), (0.4, 0.5, 0.85), 0.05))
+    egg = solved(Ellipsoid(Pose((0.4, 0, 0.85), (0, 0, 0, 1)), (0.05, 0.5, 0.05)))
+    assert np.abs(bar.positions - egg.positions).max() < 1e-9
+    assert egg.contacts[0].force == pytest.approx(bar.contacts[0].force, rel=1e-7)
+    assert egg.stability < bar.stability  # it may roll off to the side
+
+
+def test_nothing_enters_an_ellipsoid():
+    body = Ellipsoid(Pose((0.4, 0.01, 0.4), (0.1, 0.2, 0.3, 0.9)), (0.1, 0.08, 0.12), 0.5)
+    places = solved(body).positions_at(np.linspace(0, 1, 20_001))
+    local = (places - body.pose.position) @ body.pose.rotation
+    surface = body.half_axes + WIRE.radius
+    assert ((local / surface) ** 2).sum(axis=1).min() > 1 - 2e-2
 
 
 def test_on_its_end_it_is_a_floor():

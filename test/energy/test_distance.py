@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from dlo_planner import Box, Capsule, CutOut, Cylinder, InvalidTask, Plane, Pose, Sheet, Sphere
+from dlo_planner import (
+    Box,
+    Capsule,
+    CutOut,
+    Cylinder,
+    Ellipsoid,
+    InvalidTask,
+    Plane,
+    Pose,
+    Sheet,
+    Sphere,
+)
 from dlo_planner.energy.gap import signed_distance
 from dlo_planner.energy.scene import build_scene
 from dlo_planner.model.rod import Surface
@@ -21,7 +32,8 @@ OBSTACLES = [Plane((0, 0, 0.2), (1, 2, 3)), Sphere((0.3, 0.1, 0.2), 0.15),
              Capsule((0.3, 0, 0), (0.1, 0.4, 0.3), 0.05), Box(POSE, (0.1, 0.3, 0.5)),
              Sheet(POSE, 0.5, 0.6, 0.0, [ROUND, SQUARE]), Sheet(POSE, 0.5, 0.4, 0.0, SQUARE),
              Cylinder((0.3, 0, 0.1), (0.1, 0.1, 0.3), 0.12),
-             Cylinder((0.1, -0.2, 0.3), (0.12, -0.18, 0.31), 0.3)]
+             Cylinder((0.1, -0.2, 0.3), (0.12, -0.18, 0.31), 0.3),
+             Ellipsoid(POSE, (0.1, 0.3, 0.2)), Ellipsoid(POSE, (0.4, 0.02, 0.4))]
 SCENE = build_scene(OBSTACLES, 0.0)
 SCENE.size[SCENE.source == 4, 0] = 0.01  # the kernel knows thickness; scenes are built of foils
 
@@ -113,6 +125,59 @@ def test_cylinder_against_brute_force(index, rng):
         else:  # inside: the nearest of three ways out
             assert found == pytest.approx(
                 -min(height, np.linalg.norm(along) - height, body.radius - rho), abs=1e-12)
+
+
+def test_an_even_ellipsoid_is_a_sphere(rng):
+    radius = 0.15
+    bodies = Ellipsoid(POSE, (radius,) * 3), Sphere(POSE.position, radius)
+    scenes = [build_scene([body], 0.0) for body in bodies]
+    for x in points(rng, 50):
+        found = []
+        for scene in scenes:
+            normal, bend = np.empty(3), np.empty((3, 3))
+            found.append((signed_distance(scene, 0, x, normal, bend), normal, bend))
+        for one, other in zip(*found, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+@pytest.mark.parametrize('index', [8, 9])
+def test_ellipsoid_against_a_search(index, rng):
+    body = OBSTACLES[index]
+    half = body.half_axes
+
+    def surface(direction):
+        return half * direction / np.linalg.norm(direction)
+
+    grid = rng.normal(size=(500, 3))
+    for x in points(rng, 25):
+        p = body.pose.rotation.T @ (x - body.pose.position)
+        across = p / half  # straight out of what is thin
+        k = np.argmin(half)
+        across[k] = np.copysign(np.sqrt(max(1 - across @ across + across[k] ** 2, 0)), p[k])
+        begin = min([*grid, across], key=lambda one, p=p: np.linalg.norm(surface(one) - p))
+        nearest = minimize(
+            lambda one, p=p: np.sum((half * one - p) ** 2), begin / np.linalg.norm(begin),
+            method='SLSQP', options={'ftol': 1e-15, 'maxiter': 1000},
+            constraints=[{'type': 'eq', 'fun': lambda one: one @ one - 1}])
+        sign = -1 if np.sum((p / half) ** 2) < 1 else 1
+        assert distance(index, x)[0] == pytest.approx(sign * np.sqrt(nearest.fun), abs=1e-7)
+
+
+@pytest.mark.parametrize('index', [8, 9])
+def test_ends_and_middle_of_an_ellipsoid(index):
+    body = OBSTACLES[index]
+    for k in range(3):
+        end = POSE.position + POSE.rotation[:, k] * body.half_axes[k]
+        far, normal, bend = distance(index, end + 0.3 * POSE.rotation[:, k])
+        assert far == pytest.approx(0.3)
+        np.testing.assert_allclose(normal, POSE.rotation[:, k], atol=1e-12)
+        for j in {0, 1, 2} - {k}:  # the radius of its bend there, and the way to it
+            radius = body.half_axes[j] ** 2 / body.half_axes[k]
+            along = POSE.rotation[:, j]
+            assert along @ bend @ along == pytest.approx(1 / (radius + 0.3))
+    far, normal, bend = distance(index, POSE.position)
+    assert far == pytest.approx(-body.half_axes.min())
+    assert np.linalg.norm(normal) == pytest.approx(1) and np.isfinite(bend).all()
 
 
 def test_middle_of_a_cylinder_has_a_way_out():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_potential import BASE, at, broad, discretized
 
-from dlo_planner import Box, Capsule, CutOut, Cylinder, Plane, Pose, Rod, Sheet, Sphere
+from dlo_planner import Box, Capsule, CutOut, Cylinder, Ellipsoid, Plane, Pose, Rod, Sheet, Sphere
 from dlo_planner.energy.contact import ContactSet
 from dlo_planner.energy.gap import closest_point
 from dlo_planner.energy.problem import new_configuration
@@ -18,7 +18,8 @@ OBSTACLES = {'plane': Plane((0, 0, -0.3), (0.1, 0, 1)), 'sphere': Sphere((0.2, 0
              'capsule': Capsule((0.2, 0, 0), (0.3, 0.4, 0.1), 0.07),
              'box': Box(Pose((0, 0.3, 0), (0.1, 0.2, 0.3, 0.9)), (0.1, 0.2, 0.3)),
              'sheet': Sheet.around(HOLE, 0.6, 0.8, 0.0),
-             'cylinder': Cylinder((0, -0.3, 0.1), (0.1, -0.3, 0.2), 0.15)}
+             'cylinder': Cylinder((0, -0.3, 0.1), (0.1, -0.3, 0.2), 0.15),
+             'ellipsoid': Ellipsoid(Pose((0, -0.3, 0.1), (0.1, 0.2, 0.3, 0.9)), (0.2, 0.1, 0.15))}
 ROD = Rod(1.3, 0.2, (0.3, 0.8), 0.4, natural_curvature=(1.0, -0.5), radius=0.02)
 POINTS = 4
 

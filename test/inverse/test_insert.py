@@ -24,7 +24,7 @@ from dlo_planner import (
 from dlo_planner.inverse.tasks.insert import _Insertion, _unconverged
 from dlo_planner.plan.bore import Inside, pushing
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 RODS = {'round': WIRE,
@@ -143,9 +143,9 @@ def test_reasons_are_true():
     assert plan.fraction == 1
     shape = DirectSimulator(rod).solve(Pose.identity())
     poor = replace(shape, residual=1.0, converged=False)
-    error = _unconverged(PlanBuilder([0.3], PlanRequirements((1.0, 1.0))), poor, 0.1)
+    error = _unconverged(PlanBuilder([0.3], Judge((1.0, 1.0))), poor, 0.1)
     assert error.constraint == 'equilibrium' and error.amount == 0.1
-    error = _unconverged(PlanBuilder([0.3], PlanRequirements((1.0, 1.0))), replace(poor, stability=
+    error = _unconverged(PlanBuilder([0.3], Judge((1.0, 1.0))), replace(poor, stability=
                                                                                    -0.2), 0.1)
     assert error.constraint == 'stability' and error.amount == 0.2
 

@@ -37,7 +37,7 @@ from dlo_planner.penalties import (
     Through,
     minimize_penalty,
 )
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.requirements import STABILITY
 from dlo_planner.plan.waypoint import Waypoint
@@ -286,7 +286,7 @@ def test_a_plan_stands_as_well_as_is_required():
 @pytest.mark.parametrize('stability', [0.9 * STABILITY, -1e-8, np.nan])
 def test_no_waypoint_is_less_stable_than_the_margin(stability):
     shape = DirectSimulator(STIFF, n_elements=32).solve(START)
-    demands = PlanRequirements((1.0, 1.0), stability=Requirements().stability)
+    demands = Judge((1.0, 1.0), stability=Requirements().stability)
     assert demands.violation(Waypoint(replace(shape, stability=1.1 * STABILITY))) is None
     constraint, _, text = demands.violation(Waypoint(replace(shape, stability=stability)))
     assert constraint == 'stability' and '0.0003 is required' in text

@@ -9,7 +9,13 @@ from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.potential import configuration_at, evaluate, unknowns_of
 from dlo_planner.energy.problem import new_configuration
-from dlo_planner.minimize.convergence import SETTLED, Minimum, decrement_of, residual_of, settled
+from dlo_planner.minimize.convergence import (
+    SETTLED,
+    Minimum,
+    accept_by_decrement,
+    decrement_of,
+    residual_of,
+)
 from dlo_planner.minimize.newton import minimize, new_workspace, newton, thorough
 
 N, LEVEL = 24, Pose.identity()
@@ -61,13 +67,13 @@ def test_rounding_is_no_distance_and_a_distance_is_one(length, rng):
     # the forces of rounding errors look large: what is left to go does not
     found = Minimum(state, residual_of(system, state), 1.0, 1, 0, system)
     assert found.residual > 1e-6
-    assert settled(found).residual < SETTLED
+    assert accept_by_decrement(found).residual < SETTLED
     # what is wrong by little is not let through
     size = np.linalg.norm(state.q)
     for part in (1e-6, 1e-4):
         off = state_at(system, state.q + part * size * rng.standard_normal((N, 3)))
         wrong = Minimum(off, residual_of(system, off), 1.0, 1, 0, system)
-        assert settled(wrong) is wrong
+        assert accept_by_decrement(wrong) is wrong
         assert decrement_of(system, off) > part
 
 

@@ -10,7 +10,7 @@ from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.geometry.basis import equidistribute
-from dlo_planner.minimize.expected_error import foresee, resampled_means
+from dlo_planner.minimize.expected_error import discretization_errors, resampled_means
 from dlo_planner.model.value import freeze
 
 PLAIN = Rod(1.0, 1.0, 1.0, 0.7)
@@ -21,9 +21,10 @@ TILTED = Pose((0.2, 0, 1), (0.1, -0.3, 0.2, 0.9))
 
 
 def foreseen(simulator, shape, load=(0.0, 0.0, 0.0)):
-    """Return what `foresee` does of a Shape."""
+    """Return what `discretization_errors` does of a Shape."""
     spread = -simulator.rod.mass_per_length * simulator.gravity - np.array(load)
-    return foresee(simulator.mesh.static, shape.gripper.rotation, shape.element_strains, spread)
+    return discretization_errors(simulator.mesh.static, shape.gripper.rotation,
+                                 shape.element_strains, spread)
 
 
 @pytest.mark.parametrize('rod', [PLAIN, TWISTED, WEIGHTED])
@@ -74,7 +75,7 @@ def test_a_saddle_has_none():
     simulator = DirectSimulator(Rod(1.0, 5.0, 0.5, 0.4), basis='local', n_elements=16)
     up, straight = Pose.looking_along((0, 0, 0), (0, 0, 1)), np.zeros((16, 3))
     straight.flags.writeable = False
-    assert foresee(simulator.mesh.static, up.rotation, straight,
+    assert discretization_errors(simulator.mesh.static, up.rotation, straight,
                    np.array([0, 0, 5 * 9.81]))[0] == np.inf
 
 

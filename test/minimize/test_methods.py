@@ -10,9 +10,9 @@ from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.minimize.classic import (
     Objective,
     Point,
-    along,
     dfp,
     downhill_simplex,
+    hager_zhang_search,
     quadratic_surface,
     slope,
 )
@@ -103,7 +103,7 @@ def _quartic(q):
 @pytest.mark.parametrize('step', [1e-3, 0.5, 2.0, 50.0])
 def test_a_line_search_ends_where_the_slope_does(step):
     start, direction = Point(np.array([-1.0]), *_quartic(np.array([-1.0]))), np.array([step])
-    end = along(_quartic, start, direction, 0.0)
+    end = hager_zhang_search(_quartic, start, direction, 0.0)
     assert abs(end.gradient @ direction) <= 0.1 * abs(start.gradient @ direction)
     assert end.value < start.value and end[1:] == _quartic(end.q)
 
@@ -114,9 +114,10 @@ def test_a_line_search_goes_by_the_slope_where_values_are_rounded():
         return 1e6 + 0.5 * float(q @ q), q
 
     q = np.array([1e-8, 2e-8])
-    end = along(rounded, Point(q, *rounded(q)), -3.0 * q, 0.0)
+    end = hager_zhang_search(rounded, Point(q, *rounded(q)), -3.0 * q, 0.0)
     assert np.linalg.norm(end.q) < 0.1 * np.linalg.norm(q)
-    assert along(rounded, Point(q, rounded(q)[0], -q), q, 0.0) is None  # the gradient lies
+    lies = Point(q, rounded(q)[0], -q)
+    assert hager_zhang_search(rounded, lies, q, 0.0) is None
 
 
 def test_dfp_ends_at_rounding_errors_of_the_gradient():

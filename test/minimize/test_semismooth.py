@@ -7,7 +7,7 @@ import pytest
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
 from dlo_planner.direct.step import corrected_by, past_of
-from dlo_planner.minimize.semismooth import carried
+from dlo_planner.minimize.semismooth import tangent_predictor
 
 LEVEL = (0, 0, 0, 1)
 ROUGH = Capsule((0.3, -0.5, 0.7), (0.3, 0.5, 0.7), 0.02, friction=0.3)
@@ -55,7 +55,7 @@ def test_what_is_carried_along_is_the_derivative_of_the_shape(bearing):
         twist = np.array([0, 0.5, 0, 1, 0, -1]) * step
         gripper = Pose(position + twist[3:], (0, np.sin(twist[1] / 2), 0, np.cos(twist[1] / 2)))
         system = mesh.system(gripper.rotation, gripper.position, past)
-        follows, q, _ = carried(system, np.array(shape.gripper.rotation), slid,
+        follows, q, _ = tangent_predictor(system, np.array(shape.gripper.rotation), slid,
                              np.array(shape.element_strains), twist)
         true = simulator.solve(gripper, shape)
         assert follows and true.converged

@@ -10,7 +10,7 @@ import pytest
 from specimens import values
 
 from dlo_planner import InvalidTask, Limits, Plan, Shape, replay
-from dlo_planner.model.plain import plain
+from dlo_planner.pictured import plain
 from dlo_planner.results import Motion, ValidationReport
 
 NAMES = ['Shape', 'Plan', 'Motion', 'ValidationReport']

@@ -30,7 +30,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.clearance import sheet_of
 from dlo_planner.plan.continuity import apart, same
 from dlo_planner.plan.plan import Plan, concatenate
@@ -58,7 +58,7 @@ class _Request(NamedTuple):
 
 
 def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
-             demands: PlanRequirements) -> Plan:
+             demands: Judge) -> Plan:
     """Return the Plan from `start` to `first`, where a threading begins."""
     cutout, first, standoff = task.cutout, task.first, task.standoff
     assert standoff is not None  # the task chooses one
@@ -85,7 +85,7 @@ def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: S
 
 
 def _from_behind(simulator: DirectSimulator, first: Shape, request: _Request,
-                 demands: PlanRequirements, back: float | None) -> Plan:
+                 demands: Judge, back: float | None) -> Plan:
     """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT."""
     cutout, start, standoff, initial = request
     normal, length, radius = cutout.normal, simulator.rod.length, demands.surface.bound

@@ -31,7 +31,7 @@ from dlo_planner.model.checks import choice, instance, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import apart, gripper_motion
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
@@ -51,12 +51,12 @@ class ContactProblem:
 
     simulator: DirectSimulator
     family: ContactFamily  # a quick one, on a coarse mesh
-    contact: Pose  # Pose on the obstacle's surface: x axis along the DLO, z axis outwards
-    demands: PlanRequirements  # what the plan has to keep, the least force of the contact among it
+    contact: Pose  # on the obstacle's surface: x axis along the DLO, z axis outwards
+    demands: Judge  # what the plan has to keep, the least force of the contact among it
 
     @classmethod
     def at(cls, simulator: DirectSimulator, contact: Pose, s: float,
-           demands: PlanRequirements, min_force: float | None = None) -> Self:
+           demands: Judge, min_force: float | None = None) -> Self:
         """Return the problem of keeping `contact` at the arc length `s`, m."""
         family = _family(simulator, contact, s, demands)
         least = PRESSED * family.scale[0] if min_force is None else min_force
@@ -173,7 +173,7 @@ class ContactProblem:
 
 
 def _family(simulator: DirectSimulator, contact: Pose, s: float,
-            demands: PlanRequirements) -> ContactFamily:
+            demands: Judge) -> ContactFamily:
     elements = min(max(simulator.mesh.s.size - 1, 8), 2 * _ELEMENTS)
     return ContactFamily(simulator, contact, s, demands.progress.check, elements)
 
@@ -188,7 +188,7 @@ _BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: other shapes that may lead 
 
 
 def hold_contact(simulator: DirectSimulator, task: HoldContact, start: Pose | None,
-                 demands: PlanRequirements) -> Plan:
+                 demands: Judge) -> Plan:
     """Return the Plan of a HoldContact task; see `InverseSimulator.hold_contact`."""
     s, forces, condition = task.s, task.forces, task.condition
     problem = ContactProblem.at(simulator, task.contact, s, demands, task.min_force)
@@ -214,7 +214,7 @@ def hold_contact(simulator: DirectSimulator, task: HoldContact, start: Pose | No
 
 
 def slide_contact(simulator: DirectSimulator, task: SlideContact, start: Pose | None,
-                  demands: PlanRequirements) -> Plan:
+                  demands: Judge) -> Plan:
     """Return the Plan of an aligned SlideContact; see `InverseSimulator.slide_contact`."""
     lengths, forces, condition = task.lengths, task.forces, task.condition
     problem = ContactProblem.at(simulator, task.contact, lengths[0], demands, task.min_force)
@@ -406,7 +406,7 @@ _SAME = 1e-10     # of the way: places that are one
 
 
 def slide_straight(simulator: DirectSimulator, task: SlideContact, start: Pose | None,
-                   demands: PlanRequirements) -> Plan:
+                   demands: Judge) -> Plan:
     """Return the Plan of a straight SlideContact; see `InverseSimulator.slide_contact`."""
     lengths = task.lengths
     problem = ContactProblem.at(simulator, task.contact, lengths[0], demands, task.min_force)

@@ -36,7 +36,7 @@ from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import put
 from dlo_planner.plan.bore import insertion_force
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import gripper_motion
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Holes, waypoint_at
@@ -49,7 +49,7 @@ _AT_END = 1e-12   # of the length
 
 
 def insert(simulator: DirectSimulator, bore: CutOut, depths: Floats, start: Pose | None,
-           demands: PlanRequirements) -> Plan:
+           demands: Judge) -> Plan:
     """Return the Plan; see `InverseSimulator.insert`."""
     refused: Infeasible | None = None
     for first, *_ in start_candidates(simulator, bore, start):
@@ -74,7 +74,7 @@ class _Insertion:
     """The insertion of a DLO that has the frame `end` (3, 3) at the mouth."""
 
     def __init__(self, simulator: DirectSimulator, bore: CutOut, end: Floats,
-                 demands: PlanRequirements) -> None:
+                 demands: Judge) -> None:
         self.simulator, self.bore, self.demands = simulator, bore, demands
         self.end = np.array(end, order='C')
         self.holes = Holes([bore], simulator.rod.length, demands.obstacles, demands.surface)

@@ -59,7 +59,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder, kept_between
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.plan import Plan, PlanStatus, truncate
 from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_of
 
@@ -81,7 +81,7 @@ class Threading:
     cutouts: tuple[CutOut, ...]
     depths: Floats  # (n,) depths in the first one, m
     start: Pose | None  # whose roll is kept as far as possible
-    demands: PlanRequirements
+    demands: Judge
     initial: Shape | None = None  # before. If None, the DLO is set down in its natural shape
     method: str = 'coupled'  # or 'nested', for waypoints
 

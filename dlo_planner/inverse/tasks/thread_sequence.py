@@ -30,7 +30,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
-from dlo_planner.plan.checks import PlanRequirements
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import largest_shift, largest_turn
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.goals import Through
@@ -155,7 +155,7 @@ def _thread(simulator: DirectSimulator, task: Threading, weights: Floats) -> Pla
     """Return the Plan that begins with the roll of `task.start`."""
     family = NearestToCenters(simulator, task.cutouts, weights)
     begin = thread(simulator, replace(
-        task, cutouts=task.cutouts[:1], depths=np.zeros(1), demands=PlanRequirements(
+        task, cutouts=task.cutouts[:1], depths=np.zeros(1), demands=Judge(
             task.demands.speeds, task.demands.progress.silent()))).shapes[0]
     holes, length, (first, *others) = task.holes(begin.s[-1]), begin.s[-1], family.centers
 
