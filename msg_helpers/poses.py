@@ -32,23 +32,29 @@ def header(frame_id: str, stamp: Time | None = None) -> Header:
 
 def seconds_of(stamp: Time | Duration) -> float:
     """Return the seconds of a builtin_interfaces/Time or Duration."""
+    instance('stamp', stamp, (Time, Duration))
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
-def time_msg(seconds: float, since: Time | None = None) -> Time:
+def time_msg(seconds: float, stamp: Time | None = None) -> Time:
     """Return builtin_interfaces/Time of seconds on its clock, or after another one."""
-    begin = Time() if since is None else instance('since', since, Time)
-    total = (round(number('seconds', seconds) * _NANOSECONDS)
-             + begin.sec * _NANOSECONDS + begin.nanosec)
-    if not -_LAST <= total // _NANOSECONDS < _LAST:
-        raise InvalidTask(f'seconds = {seconds:g}: expected a time that fits in 32 bits of seconds')
-    return Time(sec=total // _NANOSECONDS, nanosec=total % _NANOSECONDS)
+    begin = Time() if stamp is None else instance('stamp', stamp, Time)
+    whole, rest = _parts(seconds, begin.sec * _NANOSECONDS + begin.nanosec)
+    return Time(sec=whole, nanosec=rest)
 
 
 def duration_msg(seconds: float) -> Duration:
     """Return builtin_interfaces/Duration of seconds."""
-    total = round(float(seconds) * _NANOSECONDS)
-    return Duration(sec=total // _NANOSECONDS, nanosec=total % _NANOSECONDS)
+    whole, rest = _parts(seconds)
+    return Duration(sec=whole, nanosec=rest)
+
+
+def _parts(seconds: float, after: int = 0) -> tuple[int, int]:
+    """Return whole seconds and nanoseconds, `after` so many nanoseconds."""
+    whole, rest = divmod(round(number('seconds', seconds) * _NANOSECONDS) + after, _NANOSECONDS)
+    if not -_LAST <= whole < _LAST:
+        raise InvalidTask(f'seconds = {seconds:g}: expected a time that fits in 32 bits of seconds')
+    return whole, rest
 
 
 def point_msg(position: ArrayLike) -> Point:

@@ -12,7 +12,7 @@ from time import perf_counter
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-sys.path.insert(0, str(Path(__file__).parent.parent))
+sys.path[:0] = [str(Path(__file__).parent.parent)]
 
 from dlo_planner import DirectSimulator, Pose, Rod, Uncertainty, fit_rod  # noqa: E402
 from dlo_planner.identify import Observation  # noqa: E402

@@ -32,7 +32,7 @@ MAY_BE_NAN = {'position_error', 'misalignment', 'clearance', 'deviation', 'max_t
               'dynamic_bend_margin', 'contact_lost', 'largest_friction', 'smooth_bore_force',
               'insertion_force'}
 # what an argument is called in a message where it has another name there
-ALSO_CALLED = {'value': 'far_end', 'fraction': 's'}
+ALSO_CALLED = {'value': 'far_end', 'fraction': 's', 'stamp': 'seconds'}
 
 
 class _Raises:

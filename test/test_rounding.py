@@ -171,7 +171,7 @@ TASKS = {
 }
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(5)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('task', TASKS)
 def test_an_answer_does_not_hang_on_rounding_errors(task, basis):

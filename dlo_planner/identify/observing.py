@@ -60,69 +60,36 @@ _FAR = 6.0           # deviations along an axis by which a cut-out may be seen o
 
 @dataclass(frozen=True)
 class Seeing:
-    """How well the camera sees, and how uncertain the DLO is.
+    """How well the camera sees, and how uncertain the DLO is; m, rad and s, see `Observer`."""
 
-    Attributes
-    ----------
-    spread : Uncertainty
-        Uncertainty, of the DLO and of how the gripper holds it.
-    noise, bias, outliers, sway : float
-        See `Observer`.
-    cutout : float
-        Cutout in m, how well the place of a cut-out is known.
-    stamps : float
-        Stamps in s, by which stamps of clouds may be wrong.
-    robot_position, robot_rotation, robot_way, robot_time : float
-        Error of the robot, m, rad, and how it changes, m, s; see `Observer`.
-    slip_position, slip_rotation : float
-        How far the DLO may slip in the gripper, m along and rad about each axis: what is looked for
-        where looks do not agree any more.
-    period : float
-        Seconds between two clouds that are looked at.
-    correct : bool
-        Whether what is executed is corrected.
-    correction_period : float
-        Seconds between two corrections.
-    largest_correction : float
-        Largest correction in m: a plan that is farther off has to be made anew.
-    """
-
-    spread: Uncertainty = field(default_factory=Uncertainty)
+    spread: Uncertainty = field(default_factory=Uncertainty)  # and how the gripper holds it
     noise: float = 1e-3
     bias: float = 0.0
     outliers: float = 0.1
     sway: float = 5e-4
-    cutout: float = 0.0
-    stamps: float = 0.02
+    cutout: float = 0.0    # how well the place of a cut-out is known
+    stamps: float = 0.02   # by which stamps of clouds may be wrong
     robot_position: float = 2e-4
     robot_rotation: float = 3e-4
     robot_way: float = 0.4
     robot_time: float = np.inf
+    # how far the DLO may slip in the gripper, along and about each axis: what is looked for where
+    # looks do not agree any more
     slip_position: float = 5e-3
     slip_rotation: float = 0.05
-    period: float = 0.2
-    correct: bool = True
+    period: float = 0.2    # between two clouds that are looked at
+    correct: bool = True   # whether what is executed is corrected
     correction_period: float = 0.5
-    largest_correction: float = 0.02
+    largest_correction: float = 0.02  # a plan that is farther off has to be made anew
 
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """By how much inertia bends a DLO in a motion of the gripper.
+    """By how much inertia bends a DLO in a motion of the gripper."""
 
-    Attributes
-    ----------
-    dt : float
-        Seconds between the n times from 0 on.
-    bent : ndarray, shape (n, k, 3)
-        Off its rest at k even arc lengths, m, axes of the gripper.
-    period : float
-        Slowest period of the DLO, s.
-    """
-
-    dt: float
-    bent: Floats
-    period: float
+    dt: float      # s between the n times from 0 on
+    bent: Floats   # (n, k, 3) off its rest at k even arc lengths, m, axes of the gripper
+    period: float  # slowest of the DLO, s
 
     @classmethod
     def of(cls, way: TimedPath, simulator: DirectSimulator, first: Shape) -> Swing:
@@ -449,19 +416,11 @@ def _median_distance(points: Floats, nodes: Floats) -> float:
 
 
 class Motion(NamedTuple):
-    """How a body moves.
+    """How a body moves."""
 
-    Attributes
-    ----------
-    speed, acceleration : float
-        M/s, m/s^2, of a DLO's far end at most.
-    twist : ndarray, shape (6,)
-        Angular velocity, rad/s, and velocity, m/s, world axes.
-    """
-
-    speed: float
-    acceleration: float
-    twist: Floats
+    speed: float         # m/s, of a DLO's far end at most
+    acceleration: float  # m/s^2, the same
+    twist: Floats        # (6,) angular velocity, rad/s, and velocity, m/s, world axes
 
 
 def motion_at(stamps: Sequence[float] | Floats, poses: Sequence[Pose], stamp: float,

@@ -329,7 +329,8 @@ class ParameterizedMesh:
         parameters = self.parameters
         system = shape.state.made_on.static
         stiff = np.diff(shape.s)[:, None] * system.stiffness
-        bent = shape.bent if shape.state.made_on.yields else shape.element_strains - system.natural
+        yields = shape.state.made_on.yields
+        bent = shape.bent if yields else shape.element_strains - system.natural
         gradients, natural = np.zeros((2, parameters.size, *bent.shape))
         for name, part in STIFFNESS.items():
             gradients[parameters.columns(name)[0]] = stiff * bent * np.array(part)
@@ -353,18 +354,20 @@ class ParameterizedMesh:
                 for name, change in by_length.items()}) for side in (-1, 1))
             gradients[column] = (more - less) / (2 * step)
             stretch[column] = self.by_length['lengths'] / np.diff(shape.s)
-        own = np.zeros_like(natural)
         # what a series cannot tell of a natural strain stays in it (by how little that moves a held
         # end is left out)
+        own = np.zeros_like(natural)
         if system.basis.shape[1]:
             lengths = np.diff(shape.s)[:, None]
             own = natural - system.scale * (system.basis @ (
                 system.basis.T @ (natural / system.scale * lengths)))
-            step = _TURN / shape.s[-1]
-            for k in np.flatnonzero(np.abs(own).max(axis=(1, 2)) > _TOLD):
-                less, more = (sensitivity.slope_of(side * step * own[k], natural=system.natural
-                                                   + side * step * own[k]) for side in (-1, 1))
-                gradients[k] += (more - less) / (2 * step)
+        step = _TURN / shape.s[-1]
+        for k in np.flatnonzero(natural.any(axis=(1, 2)) if yields else
+                                np.abs(own).max(axis=(1, 2)) > _TOLD):
+            less, more = (sensitivity.slope_of(
+                side * step * own[k], natural=system.natural + side * step * natural[k])
+                for side in (-1, 1))
+            gradients[k] = (more - less) / (2 * step)
         acts = np.flatnonzero(gradients.any(axis=(1, 2)))
         strains = own
         strains[acts] += sensitivity.strains_by(gradients[acts])

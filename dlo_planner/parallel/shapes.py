@@ -231,13 +231,6 @@ def stacked(parts: Sequence[Columns]) -> Columns:
             'contact_table': np.concatenate(tables)}
 
 
-def cut(part: Columns, begin: int) -> Columns:
-    """Return `columns` without the first `begin` shapes."""
-    table = part['contact_table'][part['contact_table'][:, 0] >= begin]
-    return {**{name: part[name][begin:] for name in _PER_SHAPE},
-            'contact_table': table - begin * (np.arange(_CONTACT) == 0)}
-
-
 def _at(shape: Shape, s: Floats) -> tuple[Floats, Floats, Floats]:
     """Return positions, frames and strains of a Shape on the nodes `s`."""
     if shape.s is s or np.array_equal(shape.s, s):

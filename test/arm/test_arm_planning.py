@@ -68,6 +68,7 @@ def check(made, trajectory, arm, tool=None, limit=1e-4):
     assert min(distances) >= 0.99 * made.self_clearance > 0
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('ready', [True, False])
 @pytest.mark.parametrize('arm, positions', [
     (panda, PANDA_READY), (ur5, UR5_READY), (kinova, np.array([7.0, 2.9, 1.5, -4.0, 1.6, 0.5]))])
@@ -127,6 +128,7 @@ def test_the_nearest_configuration_is_taken():
                                atol=1e-6)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('arm, positions, free', [
     (panda, PANDA_READY, False), (ur5, UR5_READY, False), (ur5, UR5_READY, True)])
 def test_out_of_reach_is_refused_with_the_waypoint(arm, positions, free):

@@ -187,6 +187,7 @@ def test_a_dlo_in_a_hole_stays_in_it(wire):
     assert shape.contacts
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 def test_friction_holds_back_a_wire_drawn_over_the_floor(wire, basis):
     weight = wire.mass_per_length * 9.81
@@ -442,6 +443,7 @@ def test_it_is_the_weight_and_moment_of_its_mass(cable, options):
     np.testing.assert_allclose(plugged.positions[-1], straight, atol=1e-6)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize(('inertia', 'expected'), [(None, MASS * (3 * 1e-6 + LENGTH**2) / 12),
                                                    (2e-6, 2e-6), (0.0, 0.0)])
 def test_mass_center_and_inertia_on_every_mesh(cable, inertia, expected):

@@ -111,6 +111,7 @@ def test_papers_integrator_damps_as_documented():
         np.exp(-omega * dt / 2 * radians), rel=0.02)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('integrator', 'order'), [('generalized_alpha', 2.0), ('paper', 1.0)])
 def test_order_of_convergence(integrator, order):
     ends = [swing(steps, integrator, tolerance=np.inf).shapes[-1].positions

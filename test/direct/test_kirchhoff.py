@@ -36,6 +36,7 @@ def test_shape_is_the_true_rods(name):
     assert shape.error_estimate > error / 10
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('name', CASES)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev', 'fourier'])
 def test_error_estimate_of_a_coarse_shape(name, basis):

@@ -370,6 +370,7 @@ def hanging(case, **options):
     return DirectSimulator(rod, **options), pose
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize('case', HANGING)
 @pytest.mark.parametrize('mode', [0, 1, 3])
 def test_a_simulated_swing(case, mode):

@@ -416,6 +416,7 @@ def apart(motion, other):
                for one, two in zip(motion.shapes, other.shapes, strict=True))
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize(('softness', 'pace', 'more'), [
     (1e3, 10.0, {}), (1e3, 7.0, {'tip_mass': 0.03}), (3e3, 7.0, {}), (1e4, 7.0, {}),
     (3e3, 10.0, {'damping': (1.0, 1e-3)})])
@@ -604,6 +605,7 @@ def true_end(wire, grippers, dt):
     return fine + (fine - coarse) / 3 + 4 / 3 * (short - long)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('damping', [0.0, 2e-3])
 @pytest.mark.parametrize('begins', ['at rest', 'with its shape'])
 def test_the_estimate_is_the_error(damping, begins):

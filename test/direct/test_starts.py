@@ -69,6 +69,7 @@ def test_a_start_from_elsewhere_is_only_a_start(mesh, other):
             assert found.energy == pytest.approx(wanted.energy, rel=1e-3)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('mesh', ['accuracy', 'series'])
 @pytest.mark.parametrize('other', ['rod', 'gravity', 'load'])
 def test_a_motion_from_elsewhere_is_of_this_dlo(mesh, other):
@@ -108,6 +109,7 @@ DEEP = {
     'beside the hole': Sheet.around(HOLE)}
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('name', DEEP)
 def test_a_start_deep_inside_comes_out_or_says_that_it_does_not(name, basis):

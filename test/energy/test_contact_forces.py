@@ -65,6 +65,7 @@ def test_a_point_is_pushed_likewise_wherever_it_rolls_to(begun):
     assert energy == pytest.approx((pushed**2 - 12.0**2) / (2 * STIFF))
 
 
+@pytest.mark.sweep
 def test_forces_of_points_that_have_rolled_past_each_other_are_the_potentials_slope():
     # listed in elements 0 and 3, at last in 2 and 0; a point of friction stays in element 1
     balls = [Sphere((0.55, 0, 0), 0.1), Sphere((0.1, 0, 0), 0.1)]

@@ -21,6 +21,7 @@ def derivatives(phi, h=0.7):
     return np.reshape(rotation_jacobian, (3, 3)), np.reshape(chord_jacobian, (3, 3))
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('phi', VECTORS)
 def test_arc_is_the_integral_of_the_rotating_tangent(phi):
     turn, chord = arc(phi)
@@ -43,6 +44,7 @@ def test_jacobians_against_differences(phi):
                                    atol=1e-9)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('phi', VECTORS)
 def test_slope_of_a_load(phi, rng):
     force, moment = rng.normal(size=(2, 3))

@@ -26,6 +26,7 @@ def found(shape, point, after=0.0):
     return nearest_place(shape.s, *kernel_arrays(shape), point, after, place), place
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('angle', [0.01, 0.3, 1.1, 2.0, 2.9])
 @pytest.mark.parametrize('radius', [0.2, 0.9, 1.7])
 def test_of_a_circle_it_is_at_the_angle_of_the_point(angle, radius):

@@ -77,7 +77,7 @@ def test_the_covariance_is_the_least_possible():
                                atol=1e-3)
 
 
-@pytest.mark.every(2)
+@pytest.mark.sweep
 @pytest.mark.parametrize('known', [True, False])
 def test_draws_at_rest_are_off_by_the_covariance(known):
     rng, exact, found = np.random.default_rng(11), shapes(TRUE), []

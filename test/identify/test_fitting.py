@@ -68,6 +68,7 @@ def test_coverage(case, repeats):
     assert 0.7 < np.sqrt(np.mean(errors**2)) < 1.4
 
 
+@pytest.mark.sweep
 def test_the_noise_found_counts_what_was_fitted_to_it():
     # nine numbers, four of them used up: without that the noise would be a third too small
     rod, rng, s = Rod(1.0, 0.07, 0.02, 0.015), np.random.default_rng(0), [0.4, 0.7, 1.0]

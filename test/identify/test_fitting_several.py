@@ -95,6 +95,21 @@ def test_slopes_against_differences(held, mesh, rng):
         np.testing.assert_allclose(slopes[:, :, k], (ahead - back) / 6e-4, atol=1e-6)
 
 
+def test_slopes_of_a_dlo_that_yields_against_differences(rng):
+    rod = Rod(1.0, 0.07, (0.02, 0.03), 0.015, natural_curvature=(0.3, -0.2), yield_curvature=3.0,
+              hardening=0.1)
+    assert DirectSimulator(rod, **MESH).solve(POSES[2]).dissipated > 0
+    unknowns = Unknowns(rod, ('bending_stiffness', 'torsional_stiffness', 'natural_curvature',
+                              'mass_per_length'))
+    here = MeasurementModel(unknowns, list(at_rest(rod, rng, POSES[2:3])), (), np.zeros((0, 6)),
+                            MESH, Progress())
+    x = 0.1 * rng.normal(size=here.size)
+    slopes = here.at(x).slopes
+    for k, step in enumerate(1e-3 * np.eye(here.size)):
+        ahead, back = (here.at(x + sign * step).away for sign in (1, -1))
+        np.testing.assert_allclose(slopes[:, :, k], (ahead - back) / 2e-3, atol=1e-6)
+
+
 @pytest.mark.sweep
 def test_deviations_are_those_of_repeated_experiments():
     rng, off = np.random.default_rng(5), []

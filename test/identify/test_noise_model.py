@@ -76,6 +76,7 @@ def test_the_mean_slope_of_forces_is_that_of_the_cost(loss, rng):
                                rtol=1e-5)
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('known', [True, False])
 @pytest.mark.parametrize('loss', LOSSES)
 def test_deviations_of_a_place_are_those_of_repeated_draws(loss, known):

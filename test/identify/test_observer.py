@@ -107,6 +107,7 @@ def test_arc_lengths_from_either_end(rng):
     assert np.linalg.norm(there.miss(PLAN, [0]).off - back.miss(PLAN, [0]).off) < 5e-3
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('outliers', [0.1, 0.3])
 def test_outliers_are_told_apart(outliers):
     observer = Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE, outliers=outliers)

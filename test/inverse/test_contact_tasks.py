@@ -95,6 +95,7 @@ BENT = Rod(1.0, 0.05, (0.16, 0.78), 0.05, natural_curvature=(-0.5, 0.6), natural
            radius=2e-3)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('rod', [WIRE, BENT], ids=['round', 'bent'])
 def test_conditions_choose_the_least_of_all_forces(rod):
     direct = DirectSimulator(rod, basis='local', n_elements=64, obstacles=[BAR, FLOOR])
@@ -121,6 +122,7 @@ def test_conditions_choose_the_least_of_all_forces(rod):
         assert chosen.converged and chosen.contacts[0].s == pytest.approx(0.6, abs=1e-3)
 
 
+@pytest.mark.sweep
 def test_the_family_goes_as_far_as_it_is_stable():
     direct = DirectSimulator(WIRE, basis='local', n_elements=64, obstacles=[BAR])
     inverse = InverseSimulator(direct)
@@ -156,6 +158,7 @@ def test_a_contact_that_rolls_is_more_stable():
     assert shape.stability == pytest.approx(mine.stability, rel=0.01)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('rod', [WIRE, BENT], ids=['round', 'bent'])
 def test_with_an_accuracy_as_with_elements(rod):
     fine = InverseSimulator(DirectSimulator(rod, accuracy=1e-5, obstacles=[BAR]))
@@ -175,6 +178,7 @@ def test_with_an_accuracy_as_with_elements(rod):
     assert one.position_error.max() < 1e-5
 
 
+@pytest.mark.sweep
 def test_sliding_with_an_accuracy():
     lengths = [0.65, 0.6, 0.55]
     fine = InverseSimulator(DirectSimulator(WIRE, accuracy=1e-5, obstacles=[BAR]))
@@ -215,6 +219,7 @@ def pushes(plan):
     return np.array([sum(one.force for one in shape.contacts) for shape in plan.shapes])
 
 
+@pytest.mark.sweep
 def test_plans_press_by_a_tenth_of_their_own_scale():
     inverse, scale = planner(), WEIGHT + WIRE.bending_stiffness[0]
     assert pushes(inverse.hold_contact(TOP, 0.6, condition=None)).min() >= 0.0999 * scale

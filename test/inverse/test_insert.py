@@ -150,6 +150,7 @@ def test_reasons_are_true():
     assert error.constraint == 'stability' and error.amount == 0.2
 
 
+@pytest.mark.sweep
 def test_random_insertions_do_not_leap():
     rng = np.random.default_rng(5)
     for how in MESHES[:2]:

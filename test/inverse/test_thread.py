@@ -56,6 +56,7 @@ def test_directly_simulated_dlo_passes_the_cutout(name, normal, basis):
         assert pierced.direction @ goal.normal > 0
 
 
+@pytest.mark.every(5)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('name', RODS)
 @pytest.mark.parametrize('normal', [(1, 0, 0), (1, 2, -1)])

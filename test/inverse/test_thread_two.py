@@ -35,6 +35,7 @@ def nearest(shape, point):
     return np.linalg.norm(shape.positions_at([best]) - point)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('rod', [STIFF, CURVED], ids=['round', 'curved'])
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 def test_both_centers_are_hit(rod, basis):
@@ -111,6 +112,7 @@ def test_a_roll_is_made_along_the_way_whatever_the_step():
         assert threaded_two(*pairs[index], 'local').what == 'replayed'
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize(('seed', 'index', 'basis', 'depths'), [
     (0, 4, 'local', 20),       # a finer mesh is left again once the DLO stands well
     (0, 4, 'chebyshev', 80),

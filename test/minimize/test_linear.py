@@ -55,6 +55,7 @@ def problem(request, curly, rng):
     return system, hessian, dense
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize('shift', [0.0, 0.7, 30.0])
 def test_solution_and_inertia_are_those_of_the_dense_matrix(problem, shift, rng):
     system, hessian, dense = problem
@@ -67,6 +68,7 @@ def test_solution_and_inertia_are_those_of_the_dense_matrix(problem, shift, rng)
     np.testing.assert_allclose(out.ravel(), np.linalg.solve(dense, right.ravel()), atol=1e-9)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('gravity', [(0.0, 0.0, -9.81), (2.0, -3.0, -9.0), (0.0, 0.0, 0.0)])
 def test_one_sweep_finds_what_assembling_and_factorizing_do(basis, gravity, curly, rng):

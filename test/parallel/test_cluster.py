@@ -39,6 +39,7 @@ def poses(count):
     return [Pose(rng.normal(size=3), rng.normal(size=4)) for _ in range(count)]
 
 
+@pytest.mark.sweep
 def test_a_cluster_of_which_a_worker_is_killed(client):
     simulator, work, reported = DirectSimulator(copper_wire(), n_elements=16), poses(120), []
     workers = list(client.run(os.getpid).values())

@@ -57,6 +57,7 @@ def assert_same(simulator, shapes, rods, grippers):
             np.testing.assert_array_equal(one.positions, alone.positions_at(s))
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize('options', [
     {'n_elements': 32, 'basis': 'local'}, {'n_elements': 32},
     {'n_elements': 16, 'load': (0.02, 0.01, 0.0)}, {}, {'accuracy': 1e-5}])

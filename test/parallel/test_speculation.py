@@ -93,6 +93,7 @@ def assert_alike(one, other, tolerance=1e-9):
         assert (shape.converged, shape.jumped) == (wanted.converged, wanted.jumped)
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('integrator', ['paper', 'generalized_alpha'])
 @pytest.mark.parametrize(('method', 'count', 'tolerance'), [
     ('newton', 13, 1e-2), ('dfp', 9, 1e-2), ('downhill_simplex', 5, np.inf)])
@@ -124,6 +125,7 @@ def test_guesses_are_used_where_they_are_better(monkeypatch, rounds):
     assert sum(one.work for one in made) < 0.8 * sum(one.work for one in alone.made)
 
 
+@pytest.mark.every(4)
 @pytest.mark.parametrize(('method', 'step', 'tasks'), [
     ('newton', 10, 4), ('newton', 3, 3), ('dfp', 3, 4), ('dfp', 10, 8)])
 def test_a_dlo_that_yields_is_that_of_track(method, step, tasks, rounds):

@@ -51,6 +51,7 @@ def test_a_narrow_way_is_rolled_along(waypoints):
                for depth, shape in zip(plan.depths, plan.shapes, strict=True)) < 1e-9
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('seed', [0, 11])
 def test_random_plans_do_not_leap(seed):
     rng, depths = np.random.default_rng(seed), np.linspace(0, 0.95, 100)

@@ -147,6 +147,7 @@ def test_what_may_not_be_touched_counts_in_motion_as_well(monkeypatch):
     assert 'clearance in motion' in moving.reason or 'touches' in moving.reason
 
 
+@pytest.mark.sweep
 def test_two_cutouts_move_calmly():
     scene = scene_with(threading__deepest=0.5)
     second = Pose.looking_along((0.25, 0.05, 0.97), (1.0, 0.0, 0.0))

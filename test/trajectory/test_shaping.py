@@ -59,7 +59,7 @@ def missed(name, rod, trajectory):
                      for k, shape in zip(last, motion.shapes, strict=True)])
 
 
-@pytest.mark.every(3)
+@pytest.mark.sweep
 @pytest.mark.parametrize('name', list(PROMISED))
 def test_from_a_start_pose_of_its_own_it_threads_calmly(name):
     miss, seconds = PROMISED[name]
@@ -96,6 +96,7 @@ def added(name, rod, trajectory):
     return np.array(out)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize('factor', [0.9, 1.1])
 @pytest.mark.parametrize('name', list(PROMISED))
 def test_a_stiffness_wrong_by_a_tenth_at_most_doubles_the_miss(name, factor):
@@ -106,6 +107,7 @@ def test_a_stiffness_wrong_by_a_tenth_at_most_doubles_the_miss(name, factor):
     assert added(name, wrong, trajectory).max() <= 2 * PROMISED[name][0]
 
 
+@pytest.mark.sweep
 def test_a_law_is_judged_with_what_the_leg_before_leaves():
     way, through = tasks('hose')[-2:]
     law = calm_law(through, 1.2e-3)
@@ -138,6 +140,7 @@ def test_limits_are_kept(name):
         assert (sizes <= most * (1 + 1e-9)).all()
 
 
+@pytest.mark.sweep
 def test_it_is_continuous_with_its_shift():
     trajectory = calm('wire')
     assert any(law.shift is not None for law in trajectory.laws)
@@ -153,6 +156,7 @@ def test_it_is_continuous_with_its_shift():
         np.testing.assert_allclose(rest, 0, atol=1e-9)
 
 
+@pytest.mark.sweep
 def test_the_margin_is_where_the_prediction_doubles():
     task = tasks('wire')[-1]
     law = calm_law(task, 1e-3)
@@ -302,6 +306,7 @@ def test_an_obstacle_that_is_only_met_in_motion_refuses(short, monkeypatch):
             Trajectory(plan, obstacles=bad)
 
 
+@pytest.mark.sweep
 def test_two_cutouts_are_passed_calmly():
     rod = damped_wire()
     first, second = (CutOut(Pose.looking_along((x, 0, 1 - 0.1 * x), (1, 0, 0)), radius=0.02)
@@ -487,6 +492,7 @@ def late(*_, **__):
     raise DeadlineExceeded('deadline = 1 s: not finished after 1 s', 1.0, 1.0)
 
 
+@pytest.mark.sweep
 def test_a_deadline_is_looked_at_often(plan, monkeypatch):
     looks, check = [], Progress.check
 
@@ -505,6 +511,7 @@ def test_a_deadline_is_looked_at_often(plan, monkeypatch):
         [begun, *looks, process_time()])) < 0.1 * seconds + 0.1
 
 
+@pytest.mark.sweep
 def test_a_calm_motion_is_returned_though_not_all_is_known_of_it(plan, tmp_path, monkeypatch):
     whole = Trajectory(plan)
     assert whole.status == 'complete' and np.isfinite(whole.motion.error_estimate)

@@ -72,7 +72,7 @@ def test_the_gripper_accelerates_all_of_the_mass():
     np.testing.assert_allclose(outside.forces, 0, atol=1e-9)
 
 
-@pytest.mark.every(2)
+@pytest.mark.sweep
 @pytest.mark.parametrize('rod', [WIRE, BENT], ids=['straight', 'bent'])
 def test_what_is_outside_deviates_by_its_inertia_alone(rod):
     fast, slow = moved(rod), moved(rod, 4.0)
@@ -83,11 +83,12 @@ def test_what_is_outside_deviates_by_its_inertia_alone(rod):
     assert np.isnan(fast.contact_force)  # a true bore rubs, has room, and an edge
 
 
+@pytest.mark.sweep
 def test_the_mouth_bears_the_weight_it_takes_over():
     assert moved(WEIGHTED).smooth_bore_force == pytest.approx(9.81 * 0.05, rel=0.02)
 
 
-@pytest.mark.every(2)
+@pytest.mark.sweep
 @pytest.mark.parametrize('rod', [WIRE, BENT], ids=['straight', 'bent'])
 def test_from_a_start_pose_of_its_own_it_is_inserted_safely(rod):
     direct, plan = planned(rod)

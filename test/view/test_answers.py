@@ -74,6 +74,7 @@ def test_tables_say_what_the_answers_say():
     assert rows('Shapes')['shapes'] == str(len(shapes))
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('name', NAMES)
 def test_each_has_a_picture(name, tmp_path):
     value = answer(name)

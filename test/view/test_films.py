@@ -35,6 +35,7 @@ def lifted():
         [Pose((0, 0, 1 + 0.1 * k), (0, 0, 0, 1)) for k in range(4)], 0.05)
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('make', [lambda: values()['Plan'], lifted], ids=['plan', 'motion'])
 def test_a_gif_lasts_as_long_as_asked_for_and_moves(tmp_path, make):
     path = make().animate(tmp_path / 'film.gif', seconds=0.4)
@@ -45,6 +46,7 @@ def test_a_gif_lasts_as_long_as_asked_for_and_moves(tmp_path, make):
     assert np.abs(found[-1] - found[0]).max() > 50
 
 
+@pytest.mark.sweep
 def test_by_itself_it_lasts_as_long_as_the_motion(tmp_path):
     plan = values()['Plan']
     found, _ = pictures(plan.animate(tmp_path / 'film.gif'))
