@@ -1,7 +1,7 @@
 # make demo   the main job, done by real ROS 2 processes; pictures in demo_output/
 # make test   checks and tests, five minutes: all that guards safety and right answers; before a commit
 # make test-all  in addition: sweeps over cases, wheel and sdist, kernel caches, site; an hour
-# make bench  timings beside a hand-written loop, peers, the paper's figures: docs/benchmarks
+# make bench  timings beside a hand-written loop, peers, the paper's figures: docs/benchmarks.md
 # make figures  all figures of the paper, a few minutes; figures_output/ (docs/reproduction.md)
 # make validation  what docs/validation.md says, measured again; below ten minutes
 # make bench-check  fails where a ratio to that loop has grown by 30 %

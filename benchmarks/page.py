@@ -5,14 +5,16 @@
 import re
 from pathlib import Path
 
+from benchmarks.report import data_of
+
 _WORDS = Path(__file__).parent / 'page.md'
 _PLACE = re.compile(r'\{\{(\w+)\}\}')
 
 
 def text(words: str, folder: Path) -> str:
-    """Return a page with each {{name}} replaced by the file name.md of a folder, if it is there."""
+    """Return a page with each {{name}} replaced by name.md of a folder's data, if it is there."""
     def table(found):
-        path = folder / f'{found[1]}.md'
+        path = data_of(folder) / f'{found[1]}.md'
         if not path.exists():
             return '*Not measured yet.*'
         told = path.read_text().split('\n', 2)[2].strip()  # without its title

@@ -14,6 +14,8 @@ import scipy
 from benchmarks.rows import Row
 from benchmarks.timing import Timed
 
+ROOT = Path(__file__).parent.parent
+DOCS, RESULTS = ROOT / 'docs', ROOT / 'benchmarks' / 'results'
 _FACTOR = {'s': 1.0, 'ms': 1e3, 'us': 1e6, '': 1.0}
 
 
@@ -69,8 +71,14 @@ def as_json(found: dict[str, tuple[Row, Timed]]) -> dict:
             for name, (row, timed) in found.items()}
 
 
+def data_of(folder: Path) -> Path:
+    """Return where the tables and figures of a folder are kept: the site's has pictures alone."""
+    return RESULTS / folder.name if folder.resolve().parent == DOCS.resolve() else folder
+
+
 def write(folder: Path, name: str, title: str, text: str, data: dict) -> None:
-    """Write `name`.md and `name`.json into a folder."""
+    """Write `name`.md and `name`.json, where those of a folder are kept."""
+    folder = data_of(folder)
     folder.mkdir(parents=True, exist_ok=True)
     about = machine()
     told = ', '.join(f'{key} {value}' for key, value in about.items())

@@ -3,12 +3,11 @@
 """The measured ratios that the page of the paper's figures says, from what their scripts wrote."""
 
 import json
-from pathlib import Path
 
+from benchmarks.report import DOCS, RESULTS
 from benchmarks.said import renewed
 
-_DOCS = Path(__file__).parent.parent / 'docs'
-PAGE = _DOCS / 'reproduction.md'
+PAGE = DOCS / 'reproduction.md'
 _FOLDERS = {'fig08': 'benchmarks', 'fig09': 'benchmarks', 'fig10': 'benchmarks',
             'fig12': 'reproduction'}
 _METHODS = ('newton', 'dfp', 'downhill_simplex')
@@ -17,7 +16,7 @@ _YIELDING, _MOVING = 'yielding, moved slowly', 'in motion, from the shape before
 
 def _known(name):
     """Return what the script of a figure wrote."""
-    return json.loads((_DOCS / _FOLDERS[name] / f'{name}.json').read_text())[name]
+    return json.loads((RESULTS / _FOLDERS[name] / f'{name}.json').read_text())[name]
 
 
 def _by_elements():

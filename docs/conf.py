@@ -39,7 +39,7 @@ extensions += ['mathml' if offline else 'sphinx.ext.mathjax']
 html_math_renderer = 'mathml' if offline else 'mathjax'
 extensions += ['sphinx_copybutton'] if find_spec('sphinx_copybutton') else []
 html_theme = 'furo' if find_spec('furo') else 'sphinx_rtd_theme'
-exclude_patterns = ['_build', 'benchmarks/*.md', 'validation/*.md',
+exclude_patterns = ['_build',
                     # pages of rosdoc2 on what the site shows already
                     'index.rst', 'modules.rst', 'dlo_planner*.rst', 'standards.rst',
                     'standard_docs', '__readme_include.rst']

@@ -38,6 +38,7 @@ from dlo_planner.direct.sensitivity import (
     node_twists,
     twists_inside,
 )
+from dlo_planner.direct.statics import _descend, _descend_nearby
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import closest_point_in_element, signed_distance
 from dlo_planner.energy.plastic import return_map
@@ -58,7 +59,7 @@ from dlo_planner.minimize.convergence import gradient_noise
 from dlo_planner.minimize.expected_error import discretization_errors
 from dlo_planner.minimize.newton import follow_homotopy, newton_descent
 from dlo_planner.minimize.semismooth import update_multipliers
-from dlo_planner.minimize.solve import solve_between_grips, solve_free, solve_free_rods
+from dlo_planner.minimize.solve import solve_free_rods
 from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan import clearance, swept, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
@@ -70,8 +71,7 @@ KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_a
            kkt_residual, update_multipliers, gripper_answers, clearance.element_rooms,
            swept._distances, workspace._distances, _strains_by, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free_rods, solve_contact,
-           predictor_corrector, solve_between_grips, discretization_errors,
-           equidistribute, node_twists,
+           predictor_corrector, _descend_nearby, discretization_errors, equidistribute, node_twists,
            twists_inside, fill_residuals, fill_rows, _nearest_goals]
 
 
@@ -174,7 +174,7 @@ def test_one_signature_for_each_kind_of_dlo(index, signatures):
 
 def test_a_dlo_that_hangs_freely_compiles_nothing_of_contact_ends_or_plasticity():
     assert DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7)).solve(Pose.identity()).converged
-    waiting, code = [(solve_free.for_python, solve_free.for_python.signatures[0])], b''
+    waiting, code = [(_descend.for_python, _descend.for_python.signatures[0])], b''
     while waiting:  # all that it consists of
         kernel, kinds = waiting.pop()
         called, (library, *_) = next(files.kept(key_of(kernel, kinds)), ((), (0,)))

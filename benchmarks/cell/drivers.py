@@ -133,17 +133,7 @@ class Looking:
 
 
 class _Looking:
-    """The command of the driver: the pose of the gripper, period by period.
-
-    Attributes
-    ----------
-    promised
-        See `ThreadingLoop`.
-    busy
-        Seconds of computing that the last call stands for.
-    ahead
-        What the robot is told by the last call of the coming time: stamps, s, and poses; or None.
-    """
+    """The command of the driver: the pose of the gripper, period by period."""
 
     def __init__(self, driver: Looking, task: Task) -> None:
         simulator = DirectSimulator(task.rod, obstacles=[task.sheet])

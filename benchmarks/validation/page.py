@@ -17,16 +17,17 @@ _NAME = 'validation.json'
 
 def load(folder: Path) -> Json:
     """Return what is kept in a folder, an empty dict if nothing is."""
-    path = folder / _NAME
+    path = report.data_of(folder) / _NAME
     found: Json = json.loads(path.read_text()) if path.exists() else {}
     return found
 
 
 def write(folder: Path, found: Json) -> None:
-    """Write the JSON and the tables into a folder, and the page beside it."""
-    (folder / _NAME).write_text(json.dumps(found, indent=1, allow_nan=False) + '\n')
+    """Write the JSON and the tables of a folder, and the page beside it."""
+    kept = report.data_of(folder)
+    (kept / _NAME).write_text(json.dumps(found, indent=1, allow_nan=False) + '\n')
     for name, table in tables(found).items():
-        (folder / f'{name}.md').write_text(f'# {name.capitalize()}\n\n{table}')
+        (kept / f'{name}.md').write_text(f'# {name.capitalize()}\n\n{table}')
     folder.with_suffix('.md').write_text(text(_WORDS.read_text(), folder))
 
 

@@ -4,24 +4,22 @@
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from benchmarks.deform_surrogate import CABLES
+from benchmarks.report import DOCS, RESULTS
 from benchmarks.said import renewed
-
-DOCS = Path(__file__).resolve().parents[2] / 'docs'
 
 
 def _json(name: str) -> dict[str, Any]:
-    """Return what docs/benchmarks/NAME.json holds of the benchmark itself."""
-    found: dict[str, Any] = json.loads((DOCS / 'benchmarks' / f'{name}.json').read_text())[name]
+    """Return what results/benchmarks/NAME.json holds of the benchmark itself."""
+    found: dict[str, Any] = json.loads((RESULTS / 'benchmarks' / f'{name}.json').read_text())[name]
     return found
 
 
 def _cells(name: str) -> list[list[str]]:
-    """Return the rows of the first table of docs/benchmarks/NAME.md, without its head."""
-    first = (DOCS / 'benchmarks' / f'{name}.md').read_text().split('\n\n')[1]
+    """Return the rows of the first table of results/benchmarks/NAME.md, without its head."""
+    first = (RESULTS / 'benchmarks' / f'{name}.md').read_text().split('\n\n')[1]
     return [[cell.strip() for cell in line.strip('|').split('|')]
             for line in first.splitlines()[2:]]
 
@@ -65,7 +63,7 @@ def _slower() -> list[str]:
 
 def _curves(*names: str) -> list[str]:
     """Return deviations from the master curves of the protocols."""
-    scripts = json.loads((DOCS / 'validation' / 'validation.json').read_text())['scripts']
+    scripts = json.loads((RESULTS / 'validation' / 'validation.json').read_text())['scripts']
     measures = {one['what']: one['measured']
                 for one in scripts['master curves of the protocols']['measures']}
     return [f'{measures[name]:.1e}'.replace('e-0', 'e-') for name in names]

@@ -97,27 +97,7 @@ class Plant:
     gravity : array_like, shape (3,), optional
         Gravity in m/s^2.
     course : Course, optional
-        What disturbs it, but for lag and friction, which are the robot's and the obstacles'. If
-        None, nothing does.
-
-    Attributes
-    ----------
-    time
-    measured
-        Pose of the gripper as the robot measures it; where it truly is, Truth and Course say.
-    course
-        Course or None, of what disturbs it.
-    forces
-        (n,) N, sums of the sizes of the contact forces of each obstacle on the DLO, means over the
-        last `move`: as a sensor of that sampling time shows an impact.
-    largest_forces
-        (n,) N, the largest of these so far.
-    frequencies
-        (3,) Hz, slowest vibrations about the shape at the beginning.
-    damping : float
-        Damping ratio of the slowest vibration; least_damping: the least possible one.
-    lag : float
-        The damping in s, in proportion to the stiffness, as the second number of `Rod.damping`.
+        What disturbs it, but for lag and friction, which are the robot's and the obstacles'.
 
     Raises
     ------
@@ -137,13 +117,16 @@ class Plant:
         self._chain = chain_of(rod, self.truth, integer('cells', cells, minimum=4, maximum=200))
         self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3))
         self._step = number('step', step, above=0, maximum=0.01)
-        self.time, self.measured = 0.0, gripper
+        self.time = 0.0
+        self.measured = gripper  # where it truly is, Truth and Course say
         self.course = instance('course', course, Course, optional=True)
         self._turn = Rotation.from_rotvec(self.truth.gripper_turn.copy()).as_matrix()
         self._pushes: dict[int, Floats] = {}
         self._held = self._holding(gripper, 0.0)
         self._settle()
         self._damp(number('damping', damping, minimum=0))
+        # (n,) N, sums of the sizes of each obstacle's contact forces, means over the
+        # last `move`, as a sensor of that sampling time shows an impact; and the largest so far
         self.forces = np.zeros(len(self._obstacles))
         self.largest_forces = self.forces.copy()
 
@@ -271,8 +254,8 @@ class Plant:
                               'touches an obstacle there')
 
     def _damp(self, ratio: float) -> None:
-        """Find the damping that the stiffness brings along, in s."""
-        self.frequencies = self.modes(3)[0]
+        """Find the damping that the stiffness brings along: ratios, and s (`Rod.damping`)."""
+        self.frequencies = self.modes(3)[0]  # (3,) Hz, about the shape at the beginning
         rate = np.pi * self.frequencies[0]
         self.least_damping = rate * 0.5 * self._step
         self.damping = max(ratio, self.least_damping)

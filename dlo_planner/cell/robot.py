@@ -19,19 +19,9 @@ _AT_REST = 0.1  # s after the last of them, from which on they are over
 
 
 class Robot:
-    """The gripper's way, by what is commanded.
+    """The gripper's way, by what is commanded: `pose` is where its encoders see it.
 
-    Attributes
-    ----------
-    pose
-        Pose in which its encoders see it.
-
-    Parameters
-    ----------
-    pose : Pose
-        Pose at which it stands.
-    lag : float, optional
-        Time constant of each of the two stages by which it follows, s; 0: it follows at once.
+    `lag` is the time constant of each of the two stages by which it follows, s; 0: at once.
     """
 
     def __init__(self, pose: Pose, lag: float = _LAG) -> None:

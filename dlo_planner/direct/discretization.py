@@ -15,7 +15,7 @@ from dlo_planner.direct.memory import NO_POINTS, Memory, mapped
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contact, ContactSet
 from dlo_planner.energy.elastic import purely_elastic
-from dlo_planner.energy.grip import GripConstraint
+from dlo_planner.energy.grip import GripConstraint, no_grip
 from dlo_planner.energy.inertia import no_inertia
 from dlo_planner.energy.loads import Load, node_forces, node_masses, node_moments
 from dlo_planner.energy.plastic import (
@@ -186,8 +186,7 @@ class Discretization(Value):
 
     @cached_property
     def _free_end(self) -> GripConstraint:
-        return GripConstraint(np.zeros(3), np.eye(3), np.zeros(3), np.zeros((0, 6)), np.zeros(0),
-                              self.hold_spring, self.hold_spring * self.lever**2)
+        return no_grip(self.hold_spring, self.hold_spring * self.lever**2)
 
     def _grip(self, far_end: FarEnd | None, origin: Floats, force: Floats,
               springs: bool) -> GripConstraint:

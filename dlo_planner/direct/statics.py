@@ -75,7 +75,7 @@ class RotationBound(NamedTuple):
 
 
 THOROUGH, UNBOUNDED = Search(), RotationBound()
-freeze(UNBOUNDED)
+freeze(UNBOUNDED[:2])  # nodes are of the type of others
 
 
 def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats, method: str = 'newton',

@@ -14,7 +14,6 @@ the last two); what it has is called below, by its own name:
     may_act(effect, system, strains, positions, before)  whether it would have a say in a step of a
                                             DLO found without it, see `direct.step`
     constraint_jacobian(effect, rotation, position, out)  what it holds of the far end
-    constraint_value(effect, rotation, position, miss)    and by how much that is missed
     stored(effect, system, strains)         energy that it stores in the DLO, J
     potential(effect, system, positions)    its potential where the nodes are in the world, J
     needs(effect)                           dict: what the solver has to provide, see `Structure`
@@ -48,7 +47,6 @@ from dlo_planner.energy.elastic import add_stiffness as elastic_stiffness
 from dlo_planner.energy.elastic import stored as elastic_stored
 from dlo_planner.energy.grip import add_forces as grip_forces
 from dlo_planner.energy.grip import constraint_jacobian as grip_rows
-from dlo_planner.energy.grip import constraint_value as grip_miss
 from dlo_planner.energy.grip import roundoff as grip_noise
 from dlo_planner.energy.inertia import add_forces as inertia_forces
 from dlo_planner.energy.inertia import roundoff as inertia_noise
@@ -139,12 +137,6 @@ def may_act(effects, system, strains, positions, before):
 def constraint_jacobian(effects, rotation, position, out):
     """Fill out (K, 6): what is held of the free end."""
     grip_rows(effects.hold, rotation, position, out)
-
-
-@kernel
-def constraint_value(effects, rotation, position, miss):
-    """Fill miss (K,) with that by which it is missed, m."""
-    grip_miss(effects.hold, rotation, position, miss)
 
 
 @kernel

@@ -1,49 +1,22 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""From the poses of the grips to the shape of a DLO: one step, many in a loop, many rods.
+"""Shapes of DLOs that hang freely in one compiled loop: in many grippers, or of many rods.
 
-All of it is one kernel: of the time that such a shape takes, most would else be spent between
-kernels. Many shapes in a loop need no Python at all.
+Of the time that such a shape takes, Python between kernels would be a third.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.grip import GripConstraint
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.energy.problem import Problem, with_gripper
-from dlo_planner.energy.terms import KKTBorder, Structure, potential, stored, with_terms
+from dlo_planner.energy.terms import potential, stored
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.geometry.record import Record, copy
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.newton import minimize, new_workspace, next_to, thorough, within
+from dlo_planner.minimize.newton import minimize, new_workspace, thorough
 from dlo_planner.model.arrays import Floats, Ints
-
-
-@kernel
-def solve_free(system: Problem, base: Floats, origin: Floats, strains: Floats, tolerance: float,
-               max_iterations: int, frames: Floats, before: Floats, nodes: Ints,
-               most: float) -> tuple[Floats, Floats, Floats, Floats, float, float, float, float,
-                                     int, int]:
-    """Return the equilibrium that a DLO falls into which hangs freely.
-
-    Args:
-        system: Problem without constraints; its `base` and `origin` are not used
-        base: (3, 3), read-only, rotation of the gripper; origin: (3,), read-only, its position, m
-        strains: (N, 3), read-only, where the descent starts, 1/m
-        tolerance, max_iterations: as `newton`
-        frames, before, nodes, most: how far it may turn, see `newton.within`
-    """
-    work, wrench = new_workspace(system), np.empty(6)
-    turned = with_gripper(system, np.empty((3, 3)), np.empty(3))
-    unknowns_of(turned, strains.copy(), work.start)
-    options = within(thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0),
-                     frames, before, base, nodes, most)
-    state, elastic, energy, residual, stability, iterations, kicks, _ = solve_step(
-        turned, base, origin, options, work, wrench)
-    return (state.strains, state.rotations, state.positions, wrench, elastic, energy, residual,
-            stability, iterations, kicks)
 
 
 @kernel
@@ -179,49 +152,3 @@ def _put_rod(system, rods, k):
             pull[e, i] = rods.pull[k, e, i]
     for i in range(3):
         pull[n, i] = rods.pull[k, n, i]
-
-
-@kernel
-def solve_between_grips(system: Problem, base: Floats, origin: Floats, place: Floats, axes: Floats,
-                        share: Floats, rows: Floats, strains: Floats, force: Floats,
-                        tolerance: float, exact: float) -> tuple[
-                            bool, Floats, Floats, Floats, Floats, Floats, float, float, float,
-                            float, int, float]:
-    """Return the equilibrium between two grips next to given strains, if it is near.
-
-    The grip has no springs: then displacements of what lies beyond an element do not matter, and
-    the Hessian's blocks are 3 wide. What springs would add is zero on what the grip leaves free.
-    Without them the Hessian may be indefinite; its factorization is a congruence nevertheless, and
-    is used only where no pivot is small.
-
-    Args:
-        system: Problem without obstacles, its far end free; its `base` and `origin` are not used
-        base: (3, 3), read-only, rotation of the gripper; origin: (3,), read-only, its position, m
-        place: (3,), read-only, where the far end is held, m; axes: (3, 3), read-only, its frame
-        share: (3,), rows: (K, 6), of the GripConstraint
-        strains: (N, 3), read-only, of the shape before, 1/m
-        force: (K,), read-only, forces of the grip before, N
-        tolerance: of the residual
-        exact: by how much the grip may be missed, m
-    """
-    target, wrenches = np.empty(3), np.empty((2, 6))
-    for i in range(3):
-        target[i] = place[i] - origin[i]
-    hold = GripConstraint(target, axes.copy(), share, rows, force.copy(), 0.0, 0.0)
-    effects, free = system.effects, np.empty((force.size, 0, 3))
-    needs = Structure(system.needs.displaced, system.needs.attached,
-                      KKTBorder(free, free, np.empty((0, 0)), np.zeros(1)))
-    held = Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                   np.empty((3, 3)), np.empty(3),
-                   with_terms(effects, effects.anchor, hold, effects.contact), needs,
-                   system.proximal_point, system.proximal_weight)
-    work = new_workspace(held)
-    unknowns_of(held, strains.copy(), work.start)
-    options = next_to(tolerance, exact, exact > 0.0, exact > 0.0)
-    state, elastic, energy, residual, stability, iterations, _, missed = solve_step(
-        held, base, origin, options, work, wrenches[0])
-    for i in range(3):
-        wrenches[1, i] = -state.attached.tip_force[i]
-        wrenches[1, 3 + i] = -state.attached.tip_moment[i]
-    return (residual < np.inf, state.strains, state.rotations, state.positions, wrenches,
-            hold.multiplier, elastic, energy, residual, stability, iterations, missed)

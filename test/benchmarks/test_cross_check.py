@@ -14,7 +14,7 @@ from benchmarks.cross.scenes import CONTACT, STATIC, scenes
 
 pytestmark = pytest.mark.sweep  # the package has tests of its own
 
-KEPT = Path(__file__).parents[2] / 'docs' / 'validation' / 'cross_check.json'
+KEPT = Path(__file__).parents[2] / 'benchmarks' / 'results' / 'validation' / 'cross_check.json'
 
 
 def scene(words):

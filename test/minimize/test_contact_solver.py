@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from dlo_planner import Capsule, DirectSimulator, Pose, Rod, Sphere
+from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod, Sphere
 
 LEVEL = (0, 0, 0, 1)
 
@@ -88,3 +88,29 @@ def test_friction_is_that_of_the_force_that_is_reported():
     assert len(sliding) > 5
     for contact in sliding:
         assert np.linalg.norm(contact.friction) <= 0.2 * contact.force * (1 + 1e-9)
+
+
+def test_a_row_of_contacts_that_rubs_is_let_go_and_taken_back_within_a_step():
+    wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
+    table = DirectSimulator(wire, basis='local', n_elements=64,
+                            obstacles=[Plane((0, 0, 0), (0, 0, 1), 0.3)])
+    ways = [(0.0, z) for z in np.arange(0.3, 0.045, -0.01)]
+    ways += [(x, 0.05) for x in (0.01, 0.02, 0.03, 0.02, 0.01, 0.0)]
+    shapes = table.track([Pose((x, 0, z), (0, 0, 0, 1)) for x, z in ways])
+    assert all(shape.converged and not shape.jumped for shape in shapes)
+    assert len(shapes[-1].contacts) > 10
+    assert max(shape.iterations for shape in shapes[-12:]) <= 10  # 40 to 54 where sets alternate
+
+
+def test_a_wire_rolls_on_over_a_bar_by_many_elements_in_a_step():
+    radius, thin = 0.1, 5e-4
+    bar = Capsule((0, -0.3, -radius - thin), (0, 0.3, -radius - thin), radius, 0.3)
+    rod = Rod(1.0, 0.0, 5e-3, 5e-3, radius=thin, tip_mass=1 / 9.81)
+    ways = [Pose((-0.3, 0, z), (0, 0, 0, 1)) for z in (0.14, 0.12, 0.10, 0.08)]
+    forces = []
+    for elements in (188, 750):
+        simulator = DirectSimulator(rod, basis='local', n_elements=elements, obstacles=[bar])
+        shapes = simulator.track(ways)
+        assert all(shape.converged and not shape.jumped for shape in shapes)
+        forces.append(sum(one.force for one in shapes[-1].contacts))
+    assert forces[1] == pytest.approx(forces[0], rel=1e-3)

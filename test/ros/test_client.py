@@ -36,7 +36,7 @@ def test_a_plan_is_made_proved_and_executed(inside, node, robot):
     assert proof['report'] == 'held' and float(proof['duration [s]']) > 1
     gripper = Follower(inside.node, inside.planner, pose_from_msg(plan.poses[0].pose))
     try:
-        assert until(lambda: state(node).heard is not None and np.allclose(
+        assert until(lambda: state(node).feedback is not None and np.allclose(
             state(node).pose.matrix, pose_from_msg(plan.poses[0].pose).matrix))
         came = list(robot.execute(plan))
     finally:

@@ -146,7 +146,7 @@ def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker,
     assert until(lambda: int(values(client).get('estimate looks', 0)) >= 10)
     path, _ = client.plan_threading(START, HOLE.pose)
     assert client.proof(path)['report'] == 'held'
-    plan = state(node).made.plan
+    plan = state(node).planned.plan
     answer = client.trigger('execute')
     assert answer.success, answer.message
     assert 'it looks before it goes' in answer.message

@@ -64,13 +64,13 @@ def test_obstacles_that_come_again_unchanged_change_nothing(inside, node):
     inside.send_obstacles([box(1)])
     assert until(lambda: state(node).bodies)
     inside.plan_threading(HERE, GOAL)
-    made = state(node).made
+    made = state(node).planned
     for _ in range(3):
         inside.send_obstacles([box(1)])
     time.sleep(0.2)
-    assert state(node).made is made
+    assert state(node).planned is made
     inside.send_obstacles([box(1, x=3.5)])
-    assert until(lambda: state(node).made is None)
+    assert until(lambda: state(node).planned is None)
     answer = inside.trigger('execute')
     assert not answer.success and 'obstacles changed (cell/1)' in answer.message
     clear(inside, node)
@@ -141,11 +141,11 @@ def test_a_plan_of_a_scene_that_changed_meanwhile_is_refused(inside, node, held_
 
 def test_a_proof_whose_process_is_killed_is_made_again(inside, node):
     inside.plan_threading(HERE, GOAL)
-    made = state(node).made
+    made = state(node).planned
     assert until(lambda: state(node).proof.report is not None)  # the motion is being made
     time.sleep(0.2)
     node._prover._process.kill()
-    assert until(lambda: state(node).made is made and state(node).proof.done)
+    assert until(lambda: state(node).planned is made and state(node).proof.done)
     assert state(node).proof.safe
 
 
@@ -273,9 +273,9 @@ def test_it_moves_only_while_somebody_allows_it(inside, node):
 def test_a_pose_without_a_stamp_is_predicted_but_not_executed_from(inside, node):
     msg = PoseStamped()
     msg.header.frame_id, msg.pose = 'world', pose_msg(HERE)
-    heard = state(node).heard
+    heard = state(node).feedback
     before = state(node).shape
     inside._pose_out.publish(msg)
     assert until(lambda: state(node).shape is not before)
     first(inside.shapes, lambda shape: shape.header.stamp.sec == 0)
-    assert state(node).heard is heard and state(node).pose == HERE
+    assert state(node).feedback is heard and state(node).pose == HERE

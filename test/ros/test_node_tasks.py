@@ -131,7 +131,7 @@ def test_each_task_is_planned_as_the_library_does(inside, node, tell, bar, kind)
     code, message, values = tell(task)
     assert code == 0, message
     assert values['task'] == kind.__name__
-    made, scene = state(node).made, state(node).scene
+    made, scene = state(node).planned, state(node).scene
     known = InverseSimulator(scene.direct, workspace=scene.workspace).plan(task, start=start)
     grippers = made.plan.grippers[-len(known):]
     np.testing.assert_allclose([pose.matrix for pose in grippers],
@@ -207,7 +207,7 @@ def test_cutouts_move_together_and_any_number_is_passed(inside, node, tell):
 
 def test_a_tolerance_is_kept_or_refused(inside, node, tell):
     assert tell(TASKS[ThreadSequence]())[0] == 0
-    worst = float(state(node).made.plan.position_error.max())
+    worst = float(state(node).planned.plan.position_error.max())
     poses, (code, _, _) = ask(inside, 'plan', HERE, tolerance=2 * worst)
     assert code == 0 and poses
     poses, (code, message, values) = ask(inside, 'plan', HERE, tolerance=0.5 * worst, stamp=77)
