@@ -7,6 +7,7 @@ import json
 import os
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -446,6 +447,16 @@ def test_a_plan_that_is_proved_says_so_and_its_deadline_counts():
                    'threading.linear_speed=1e-3', '-o', 'never.csv')
     assert unproved.exit_code == NO_SOLUTION and 'deadline' in unproved.output
     assert not Path('never.csv').exists()
+
+
+def test_a_motion_that_is_not_safe_is_not_written(monkeypatch):
+    def not_safe(*given, **options):
+        return replace(replay(*given, **options), reason='it is too wild')
+
+    monkeypatch.setattr('dlo_planner.cli.commands.replayed', not_safe)
+    refused = run(*STRAIGHT, '--prove', '-o', 'never.csv', '-o', 'never.npz')
+    assert refused.exit_code == NO_SOLUTION and 'nothing was written' in refused.output
+    assert not list(Path().glob('never.*'))
 
 
 def test_a_proof_takes_obstacles_limits_and_tolerance(planned):
