@@ -1,5 +1,5 @@
 # make demo   the main job, done by real ROS 2 processes; pictures in demo_output/
-# make test   checks and tests, five minutes: all that guards safety and right answers; before a commit
+# make test   checks and tests, some minutes: all that guards safety and right answers; before a commit
 # make test-all  in addition: sweeps over cases, wheel and sdist, kernel caches, site; an hour
 # make bench  timings beside a hand-written loop, peers, the paper's figures: docs/benchmarks.md
 # make figures  all figures of the paper, a few minutes; figures_output/ (docs/reproduction.md)
