@@ -145,6 +145,7 @@ def arguments():
         'rotation': np.eye(3), 'matrix': np.eye(4), 'direction': (1.0, 0.0, 0.0), 'other': LEVEL,
         'value': LEVEL, 'point': (0.0, 0.0, 0.0), 'normal': (0.0, 0.0, 1.0), 'center': (0, 0, 0),
         'radius': 0.01, 'start': LEVEL, 'end': (0.0, 0.0, 0.0), 'size': (1.0, 1.0, 1.0),
+        'half_axes': (1.0, 0.5, 0.5),
         'Capsule.start': (1.0, 0.0, 0.0), 'Cylinder.start': (1.0, 0.0, 0.0), 'cutout': hole,
         # simulators
         'at': 0.4, 'gripper': LEVEL, 'grippers': [LEVEL, LEVEL], 'dt': 0.01, 'shape': shape,
@@ -171,7 +172,8 @@ def arguments():
         'replay.friction': None, 'DirectSimulator.with_friction.friction': 0.2,
         'Plane.friction': 0.0, 'Sphere.friction': 0.0, 'Capsule.friction': 0.0,
         'Cylinder.friction': 0.0, 'Insert.friction': 0.2, 'InverseSimulator.insert.friction': 0.2,
-        'Box.friction': 0.0, 'Sheet.friction': 0.0, 'Sheet.around.friction': 0.0,
+        'Box.friction': 0.0, 'Ellipsoid.friction': 0.0, 'Sheet.friction': 0.0,
+        'Sheet.around.friction': 0.0,
         'times': np.zeros(1), 'shapes': [shape], 'velocities': np.zeros((1, 9, 3)),
         'kinetic_energy': np.zeros(1), 'potential_energy': np.zeros(1), 'work': np.zeros(1),
         'losses': np.zeros((1, 3)), 'velocity': None, 'far_ends': None, 'tolerance': 1e-3,

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
@@ -59,7 +58,8 @@ class GripTrajectory(Value):
             return (np.tile(first.rotation, (*many, 1)), np.tile(first.position, many),
                     np.zeros((len(places), 6)))
         values, rates = self._spline(places), self._spline(places, 1) / self.dt
-        rotations, positions = Rotation.from_quat(values[:, 3:]).as_matrix(), values[:, :3].copy()
+        positions = values[:, :3].copy()
+        rotations = scipy.spatial.transform.Rotation.from_quat(values[:, 3:]).as_matrix()
         nearest = np.rint(places).astype(int)
         given = (places == nearest) & (nearest >= 0) & (nearest < len(self.poses))
         for k in np.flatnonzero(given):  # not as the spline rounds them

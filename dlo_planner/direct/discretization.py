@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.memory import NO_POINTS, Memory, mapped
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contact, ContactSet
-from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.grip import GripConstraint, no_grip
 from dlo_planner.energy.inertia import no_inertia
-from dlo_planner.energy.loads import Load, node_forces, node_masses, node_moments
+from dlo_planner.energy.loads import node_forces, node_masses, node_moments
 from dlo_planner.energy.plastic import (
     PlasticSection,
     elastic_part,
@@ -26,7 +25,13 @@ from dlo_planner.energy.plastic import (
 )
 from dlo_planner.energy.problem import Problem, with_gripper
 from dlo_planner.energy.scene import Scene, build_scene, translated
-from dlo_planner.energy.terms import KKTBorder, Structure, Terms, structure_of
+from dlo_planner.energy.terms import (
+    KKTBorder,
+    Structure,
+    free_terms,
+    structure_of,
+    with_terms,
+)
 from dlo_planner.geometry.basis import equidistribute, orthonormal_basis, very_twisted
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import with_contacts
@@ -96,7 +101,7 @@ class Discretization(Value):
         bend = min(rod.stiffness[1:]) / rod.length**2
         for name, stiff, most in _SPRINGS:
             put(self, **{name: min(stiff * (weight + bend), most * bend) / rod.length})
-        effects = Terms(purely_elastic(), None, Load(pull), None, None, None)
+        effects = free_terms(pull)
         put(self, free=Problem(
             lengths, rod.mean_natural_strains(s), stiffness, scale,
             orthonormal_basis(self.basis, self.n_terms, s), np.eye(3), np.zeros(3), effects,
@@ -370,8 +375,8 @@ def placed(system: Problem, base: Floats, origin: Floats, hold: Any, spring: flo
     effects, needs = system.effects, system.needs
     held = Problem(
         system.lengths, system.natural, system.stiffness, system.scale, system.basis, base, origin,
-        Terms(effects.elastic, with_set(effects.plastic, plastic), effects.load, effects.anchor,
-              hold, effects.contact),
+        with_terms(effects, effects.elastic, with_set(effects.plastic, plastic), effects.anchor,
+                   hold, effects.contact),
         Structure(_displaced(needs.displaced, hold), needs.attached,
                   _with_rows(needs.border, hold)),
         system.proximal_point, system.proximal_weight)

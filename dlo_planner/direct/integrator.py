@@ -29,7 +29,7 @@ from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.plastic import add_plastic
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
-from dlo_planner.energy.terms import Structure, Terms, may_act, potential, stored
+from dlo_planner.energy.terms import Structure, may_act, potential, stored, with_terms
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record, copy
 from dlo_planner.kernels import kernel
@@ -356,8 +356,9 @@ def incremental_potential(system: Problem, how: SchemeCoefficients, where: Float
     effects = system.effects
     return Problem(system.lengths, natural, system.stiffness * stiffer, system.scale,
                    system.basis, base, origin,
-                   Terms(Elastic(part, couple), effects.plastic, effects.load,
-                         InertiaTerm(where, how.masses * strength), effects.hold, effects.contact),
+                   with_terms(effects, Elastic(part, couple), effects.plastic,
+                              InertiaTerm(where, how.masses * strength), effects.hold,
+                              effects.contact),
                    Structure(how.masses.size > 0, system.needs.attached, system.needs.border),
                    system.proximal_point, system.proximal_weight)
 

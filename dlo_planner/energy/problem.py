@@ -108,7 +108,9 @@ def with_gripper_and_grip(system, base, hold):
     """Return the same system in a gripper with rotation `base` (3, 3), its far end in `hold`."""
     effects = system.effects
     return Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
-                   base, system.origin, with_terms(effects, effects.anchor, hold, effects.contact),
+                   base, system.origin,
+                   with_terms(effects, effects.elastic, effects.plastic, effects.anchor, hold,
+                              effects.contact),
                    system.needs, system.proximal_point, system.proximal_weight)
 
 

@@ -78,9 +78,18 @@ class Terms(Record):
 
 
 @kernel
-def with_terms(effects, anchor, hold, contact):
-    """Return the same Terms with another Anchor, Hold and Contact."""
-    return Terms(effects.elastic, effects.plastic, effects.load, anchor, hold, contact)
+def with_terms(effects, elastic, plastic, anchor, hold, contact):
+    """Return the same Terms with others of those that change from step to step.
+
+    The one place that makes Terms from Terms: a new term is named here and nowhere else.
+    """
+    return Terms(elastic, plastic, effects.load, anchor, hold, contact)
+
+
+def free_terms(pull: Floats) -> Terms:
+    """Return the Terms of an elastic DLO under forces `pull` (N + 1, 3) alone."""
+    there = {'elastic': elastic.purely_elastic(), 'load': Load(pull)}
+    return Terms(*[there.get(name) for name in Terms.FIELDS])
 
 
 @kernel

@@ -178,14 +178,15 @@ def with_contacts(system, contacts, scene):
     attached = nothing_attached(needs.attached.sprung.size, contacts.element, beside)
     return Problem(system.lengths, system.natural, system.stiffness, system.scale, system.basis,
                    system.base, system.origin,
-                   with_terms(effects, effects.anchor, effects.hold, Contact(scene, contacts)),
+                   with_terms(effects, effects.elastic, effects.plastic, effects.anchor,
+                              effects.hold, Contact(scene, contacts)),
                    Structure(needs.displaced, attached, needs.border), system.proximal_point,
                    system.proximal_weight)
 
 
 @kernel
 def update_friction(system: Problem, contacts: ContactSet, state: Configuration,
-                  previous: Floats) -> ContactSet:
+                    previous: Floats) -> ContactSet:
     """Return the ContactSet with a point of friction for each contact that bears and rubs.
 
     The force of a contact that is new may be anything: its multiplier bounds the limit.

@@ -676,7 +676,7 @@ def test_many_steps_at_once_are_the_same_as_one_by_one(options, integrator, monk
 def test_the_shortest_steps_can_be_halved_for_an_estimate():
     simulator = DirectSimulator(rod(), n_elements=8, n_terms=4)
     motion = simulator.simulate([LEVEL] * 2, 0.01)
-    plan = dynamics.Recipe(2, 'generalized_alpha', np.inf, (dynamics.HALVINGS,) * 4096)
+    plan = dynamics.IntegrationOptions(2, 'generalized_alpha', np.inf, (dynamics.HALVINGS,) * 4096)
     func, (stepper, begun, _, trace) = motion._estimate.func, motion._estimate.args
     estimate = func(stepper, begun, plan, trace._replace(samples=None))
     # a DLO at rest: it is as wrong after 8192 of them as at the beginning
