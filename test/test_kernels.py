@@ -175,7 +175,8 @@ def test_one_signature_for_each_kind_of_dlo(index, signatures):
 def test_a_dlo_that_hangs_freely_compiles_nothing_of_contact_ends_or_plasticity():
     assert DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7)).solve(Pose.identity()).converged
     free = next(kinds for kinds in _descend.for_python.signatures  # whatever others have compiled
-                if all(f"('{term}', none)" in str(kinds[0]) for term in ('plastic', 'hold', 'contact')))
+                if all(f"('{term}', none)" in str(kinds[0])
+                       for term in ('plastic', 'hold', 'contact')))
     waiting, code = [(_descend.for_python, free)], b''
     while waiting:  # all that it consists of
         kernel, kinds = waiting.pop()
