@@ -143,5 +143,3 @@ def forces_after(system: Problem, state: Configuration, origin: Floats, ended: b
             anchor[c, i] += slid[c, i]
     return (contacts.node, contacts.element, contacts.obstacle, contacts.multiplier,
             contacts.fraction, anchor, contacts.normal, shear, slid)
-
-

@@ -673,4 +673,3 @@ def unpack(stored: Mapping[str, Any], prefix: str = '') -> Shape:
     values |= {name: get(name).item() for name in _FILED_NUMBERS}
     return Shape(gripper=Pose(gripper[:3], gripper[3:]), contacts=contacts, far_end=far_end,
                  state=State(history=history, estimate=Constant(estimate)), **values)
-
