@@ -211,9 +211,7 @@ class Box(Value):
 
     def __post_init__(self) -> None:
         instance('Box.pose', self.pose, Pose)
-        size = vector('Box.size', self.size, 3)
-        put(self, size=np.array([number(f'Box.size[{k}]', length, above=0)
-                                 for k, length in enumerate(size)]), friction=_friction(self))
+        put(self, size=_lengths('Box.size', self.size), friction=_friction(self))
         super().__post_init__()
 
     @property
@@ -245,9 +243,8 @@ class Ellipsoid(Value):
 
     def __post_init__(self) -> None:
         instance('Ellipsoid.pose', self.pose, Pose)
-        half = vector('Ellipsoid.half_axes', self.half_axes, 3)
-        put(self, half_axes=np.array([number(f'Ellipsoid.half_axes[{k}]', length, above=0)
-                                      for k, length in enumerate(half)]), friction=_friction(self))
+        put(self, half_axes=_lengths('Ellipsoid.half_axes', self.half_axes),
+            friction=_friction(self))
         super().__post_init__()
 
     @property
@@ -347,3 +344,9 @@ def _check_length(self: Capsule | Cylinder, why: str) -> None:
     if np.linalg.norm(self.end - self.start) <= _NO_LENGTH * size:
         raise InvalidTask(f'{name}.end = {self.end.tolist()}: expected another point than start, '
                           f'apart by more than rounding of their places and the radius ({why})')
+
+
+def _lengths(name: str, value: ArrayLike) -> Floats:
+    """Return (3,) lengths, m, each above 0."""
+    return np.array([number(f'{name}[{k}]', length, above=0)
+                     for k, length in enumerate(vector(name, value, 3))])
