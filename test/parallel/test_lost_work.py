@@ -8,6 +8,7 @@ import threading
 import time
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 
 import pytest
 
@@ -47,7 +48,7 @@ def dies_with_it(task):
 
 def dies_as_it_answers(task):
     if task[0] % 4 == 1 and marked(task):
-        delay = 1e-3 * (task[0] // 4)
+        delay = 4e-3 * (task[0] // 4)  # s; some are killed while they pack it, some while they send
         threading.Thread(target=lambda: (time.sleep(delay), os.kill(os.getpid(), signal.SIGKILL)),
                          daemon=True).start()
         return bytes(LARGE)
@@ -100,6 +101,17 @@ class Broken(ProcessPoolExecutor):
 
 def sleeps(_):
     time.sleep(60)
+
+
+def sends_half(task):
+    if marked(task):
+        Connection._send = lambda self, buf, *_: (os.write(self.fileno(), buf[:len(buf) // 2]),
+                                                  os.kill(os.getpid(), signal.SIGKILL))
+    return bytes(1000)
+
+
+def test_a_worker_that_dies_within_its_answer(tmp_path):
+    assert done(sends_half, [(k, tmp_path) for k in range(2)]) == [bytes(1000)] * 2
 
 
 def test_a_pool_is_made_anew_once_in_a_row():
