@@ -97,8 +97,8 @@ def test_the_commands_of_the_how_to_find_the_cable(tmp_path, monkeypatch):
 
 
 def test_the_code_of_each_equation_exists():
-    text = (DOCS / 'theory.md').read_text().split('## Equations of the paper')[1]
-    named = re.findall(r'`([a-z_.0-9]+)\.(\w+)`', text)
+    told = re.findall(r'Code: (`.*?)\n\n', (DOCS / 'theory.md').read_text(), re.S)
+    named = re.findall(r'`([a-z_.0-9]+)\.(\w+)`', '\n'.join(told))
     assert len(named) > 12
     assert [name for module, name in named
             if not hasattr(import_module(f'dlo_planner.{module}'), name)] == []
