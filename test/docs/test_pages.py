@@ -134,6 +134,28 @@ def test_commands_that_pages_show_are_understood(tmp_path, monkeypatch):
             main.get_command(None, name).make_context(name, arguments)
 
 
+@pytest.mark.sweep
+def test_the_commands_of_the_page_of_the_terminal_run(tmp_path, monkeypatch):
+    pytest.importorskip('matplotlib')
+    monkeypatch.chdir(tmp_path)
+    page = (DOCS / 'terminal.md').read_text().replace('\\\n', ' ')
+    shown = [shlex.split(line) for line in re.findall(r'^ {4}dlo-planner (.*)$', page, re.M)]
+    help_text = CliRunner().invoke(main, ['plan', '--help']).output
+    (tmp_path / 'insert.yaml').write_text(
+        re.search(r'insert\.yaml:\n((?: {4,}.*\n)+)', help_text)[1])
+    points = DirectSimulator(Rod.circular(0.5, 0.006, 1600.0, 2e7, 0.4)).solve(
+        Pose((0, 0, 1), (0, 0, 0, 1))).positions[6::3]
+    np.savetxt(tmp_path / 'seen.csv', points, delimiter=',', header='x,y,z', comments='')
+    shown.sort(key=lambda line: line[0] != 'cable')  # which the others need
+    for line in shown:
+        if line[0] == 'cable':
+            line = ['my_cable.yaml' if word == 'my.yaml' else word for word in line]
+        done = CliRunner().invoke(main, line)
+        assert done.exit_code == 0, (line, done.output)
+        assert all((tmp_path / line[k + 1]).stat().st_size for k in range(len(line) - 1)
+                   if line[k] == '-o')
+
+
 def test_the_first_command_of_the_start_page_runs(tmp_path, monkeypatch):
     pytest.importorskip('matplotlib')
     monkeypatch.chdir(tmp_path)
