@@ -5,6 +5,7 @@
 import re
 import shlex
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -148,12 +149,11 @@ def test_the_commands_of_the_page_of_the_terminal_run(tmp_path, monkeypatch):
     np.savetxt(tmp_path / 'seen.csv', points, delimiter=',', header='x,y,z', comments='')
     shown.sort(key=lambda line: line[0] != 'cable')  # which the others need
     for line in shown:
-        if line[0] == 'cable':
-            line = ['my_cable.yaml' if word == 'my.yaml' else word for word in line]
-        done = CliRunner().invoke(main, line)
-        assert done.exit_code == 0, (line, done.output)
-        assert all((tmp_path / line[k + 1]).stat().st_size for k in range(len(line) - 1)
-                   if line[k] == '-o')
+        words = [word.replace('my.yaml', 'my_cable.yaml') for word in line]
+        done = CliRunner().invoke(main, words)
+        assert done.exit_code == 0, (words, done.output)
+        assert all((tmp_path / name).stat().st_size
+                   for option, name in pairwise(words) if option == '-o')
 
 
 def test_the_first_command_of_the_start_page_runs(tmp_path, monkeypatch):

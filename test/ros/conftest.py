@@ -1,25 +1,31 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS domain for this run, a planner in it, and its client."""
+"""A ROS domain for this run, a planner in it, and its client; a planner in this process."""
 
 import os
 
 import pytest
-from node_inside import HERE, Alive, clear, served_node, state
+from node_inside import HERE, OVERRIDES, Alive, begin_anew, clear, served_node, state
 from planner_process import ROOM, ROOT, connected_client, drain, options, running_planner
+
+from dlo_planner.settings.parameters import PARAMETERS
 
 
 @pytest.fixture(scope='session')
-def domain():
+def coordinator():
+    """Return what reserves ROS domains on this machine."""
+    return pytest.importorskip('domain_coordinator', reason='domain_coordinator is not installed')
+
+
+@pytest.fixture(scope='session')
+def domain(coordinator):
     """Reserve a ROS domain that no other test run on this machine uses."""
-    coordinator = pytest.importorskip('domain_coordinator',
-                                      reason='domain_coordinator is not installed')
     with coordinator.domain_id() as number:
         os.environ['ROS_DOMAIN_ID'] = str(number)
         yield number
 
 
-@pytest.fixture(scope='module')
+@pytest.fixture(scope='session')
 def planner(domain, tmp_path_factory):
     """Yield a planner with the copper wire of the paper, reports ten times a second."""
     with running_planner(tmp_path_factory.mktemp('planner'), '--params-file',
@@ -36,11 +42,27 @@ def client(planner):
         yield connected
 
 
+@pytest.fixture(scope='session')
+def _served(coordinator, domain):
+    """Yield a PlannerNode in this process, the values of its parameters, and a domain of its own.
+
+    Other planners of the same name, each for a while, are in the domain of the tests.
+    """
+    with coordinator.domain_id() as number:
+        os.environ['ROS_DOMAIN_ID'] = str(number)
+        with served_node() as served:
+            os.environ['ROS_DOMAIN_ID'] = str(domain)
+            yield served, {name: served.get_parameter(name).value for name in PARAMETERS}, number
+
+
 @pytest.fixture(scope='module')
-def node(domain):
-    """Yield a PlannerNode in this process."""
-    with served_node() as served:
-        yield served
+def node(request, domain, _served):
+    """Yield the PlannerNode in this process, begun anew with what the module says of parameters."""
+    served, values, number = _served
+    os.environ['ROS_DOMAIN_ID'] = str(number)
+    begin_anew(served, values | getattr(request.module, 'OVERRIDES', OVERRIDES))
+    yield served
+    os.environ['ROS_DOMAIN_ID'] = str(domain)
 
 
 @pytest.fixture(scope='module')
