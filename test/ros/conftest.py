@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ROS domain for this run, a planner in it, and its client; a planner in this process."""
 
+import contextlib
 import os
 
 import pytest
@@ -25,14 +26,46 @@ def domain(coordinator):
         yield number
 
 
+@contextlib.contextmanager
+def in_domain(number):
+    """Let contexts and processes that begin meanwhile be in a ROS domain."""
+    before = os.environ['ROS_DOMAIN_ID']
+    os.environ['ROS_DOMAIN_ID'] = str(number)
+    try:
+        yield
+    finally:
+        os.environ['ROS_DOMAIN_ID'] = before
+
+
+# One planner as a process and one in this process serve all modules, each in a domain of its own:
+# others of the same name, each for a while, are in that of the tests.
+
+
 @pytest.fixture(scope='session')
-def planner(domain, tmp_path_factory):
+def _running(coordinator, domain, tmp_path_factory):
+    with coordinator.domain_id() as number, contextlib.ExitStack() as stack:
+        with in_domain(number):
+            made = stack.enter_context(running_planner(
+                tmp_path_factory.mktemp('planner'), '--params-file',
+                str(ROOT / 'config' / 'copper_wire.yaml'), '-p', 'diagnostics_period:=0.1',
+                '-p', 'rod.diameter:=0.0015', '-p', 'threading.waypoints:=25', *options(ROOM)))
+        yield made, number
+
+
+@pytest.fixture(scope='session')
+def _served(coordinator, domain):
+    with coordinator.domain_id() as number, contextlib.ExitStack() as stack:
+        with in_domain(number):
+            made = stack.enter_context(served_node())
+        yield made, number, {name: made.get_parameter(name).value for name in PARAMETERS}
+
+
+@pytest.fixture(scope='module')
+def planner(_running):
     """Yield a planner with the copper wire of the paper, reports ten times a second."""
-    with running_planner(tmp_path_factory.mktemp('planner'), '--params-file',
-                         str(ROOT / 'config' / 'copper_wire.yaml'),
-                         '-p', 'diagnostics_period:=0.1', '-p', 'rod.diameter:=0.0015',
-                         '-p', 'threading.waypoints:=25', *options(ROOM)) as running:
-        yield running
+    made, number = _running
+    with in_domain(number):
+        yield made
 
 
 @pytest.fixture(scope='module')
@@ -42,27 +75,13 @@ def client(planner):
         yield connected
 
 
-@pytest.fixture(scope='session')
-def _served(coordinator, domain):
-    """Yield a PlannerNode in this process, the values of its parameters, and a domain of its own.
-
-    Other planners of the same name, each for a while, are in the domain of the tests.
-    """
-    with coordinator.domain_id() as number:
-        os.environ['ROS_DOMAIN_ID'] = str(number)
-        with served_node() as served:
-            os.environ['ROS_DOMAIN_ID'] = str(domain)
-            yield served, {name: served.get_parameter(name).value for name in PARAMETERS}, number
-
-
 @pytest.fixture(scope='module')
-def node(request, domain, _served):
+def node(request, _served):
     """Yield the PlannerNode in this process, begun anew with what the module says of parameters."""
-    served, values, number = _served
-    os.environ['ROS_DOMAIN_ID'] = str(number)
-    begin_anew(served, values | getattr(request.module, 'OVERRIDES', OVERRIDES))
-    yield served
-    os.environ['ROS_DOMAIN_ID'] = str(domain)
+    made, number, values = _served
+    begin_anew(made, values | getattr(request.module, 'OVERRIDES', OVERRIDES))
+    with in_domain(number):
+        yield made
 
 
 @pytest.fixture(scope='module')
