@@ -437,9 +437,10 @@ class LookUpdate:
         uncertain = self._uncertain
         kept = np.append(np.arange(self._n), self._n + self._robot.acting)
         columns, numbers = uncertain.columns('camera')
-        for look in looks:
-            by_state = slopes_at(look.s)
-            by_state[:, numbers, columns] += 1.0
+        of_all = slopes_at(np.concatenate([look.s for look in looks]))
+        of_all[:, numbers, columns] += 1.0
+        ends = np.cumsum([look.s.size for look in looks])
+        for look, by_state in zip(looks, np.split(of_all, ends[:-1]), strict=True):
             # a place moves along with the length, a point of known arc length does not
             for column in uncertain.columns('length')[0]:
                 by_state[look.inside, :, column] -= look.tangents[look.inside] * (
