@@ -253,6 +253,11 @@ class Estimate(Reported):
         return self.robot.change(way_between(seen or keyframes[-1].gripper, gripper))
 
     @property
+    def last_shape(self) -> Shape | None:
+        """Shape of the DLO in the last look that could be used; None before the first."""
+        return self._shape
+
+    @property
     def camera_bias(self) -> Floats:
         """Estimated bias (3,) of the camera, seen minus true, m, world axes."""
         return self.uncertain.camera(self.mean)

@@ -333,7 +333,7 @@ class Observing:
         elapsed = max(stamp - self._seen, 0.0) if np.isfinite(self._seen) else 0.0
         after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway, late=late,
                                       bent=bent)
-        nodes = (self._nodes(after, after._shape) if after.agrees else
+        nodes = (self._nodes(after, after.last_shape) if after.agrees else
                  self._nodes(estimate, estimate.shape(gripper)))
         off = np.inf if nodes is None else _median_distance(seen.points, nodes)
         with self._lock:
