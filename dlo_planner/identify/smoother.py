@@ -437,15 +437,15 @@ class LookUpdate:
         uncertain = self._uncertain
         kept = np.append(np.arange(self._n), self._n + self._robot.acting)
         columns, numbers = uncertain.columns('camera')
-        of_all = slopes_at(np.concatenate([look.s for look in looks]))
-        of_all[:, numbers, columns] += 1.0
+        by_state = slopes_at(np.concatenate([look.s for look in looks]))
+        by_state[:, numbers, columns] += 1.0
         ends = np.cumsum([look.s.size for look in looks])
-        for look, by_state in zip(looks, np.split(of_all, ends[:-1]), strict=True):
+        for look, own in zip(looks, np.split(by_state, ends[:-1]), strict=True):
             # a place moves along with the length, a point of known arc length does not
             for column in uncertain.columns('length')[0]:
-                by_state[look.inside, :, column] -= look.tangents[look.inside] * (
+                own[look.inside, :, column] -= look.tangents[look.inside] * (
                     look.s[look.inside] / shape.s[-1])[:, None]
-            yield Information.of(look, look.axes @ by_state[:, :, kept] * self._unit,
+            yield Information.of(look, look.axes @ own[:, :, kept] * self._unit,
                                  self._mixture(look, keyframe, shape))
 
     def _mixture(self, look: Look, keyframe: Keyframe, shape: Shape) -> Mixture:
