@@ -161,18 +161,20 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
         via_points=tuple(tuple((stated, s, normal) for _, s, normal in passes)
                          for passes in through.via_points))
 
-    def bound_in(way: Steered) -> float:
+    def bound_in(way: Steered, lag: float = lag) -> float:
         reached = way.reached(whole.times[-len(through):])
         return bound_of(estimate, commanded, way, reached, 0.0, lag)
 
     tried = []
     for part in _SLOWER if np.isfinite(lag) else _SLOWER[:1]:  # slower is corrected the better
         limits = slowed(task.motion_limits, part)
-        tried.append((bound_in(_steered(Trajectory(whole, limits, tolerance=np.inf), estimate,
-                                        whole.shapes[-1])), limits))
+        quick = _steered(Trajectory(whole, limits, tolerance=np.inf), estimate, whole.shapes[-1])
+        tried.append((bound_in(quick), limits))
         if tried[-1][0] <= _AT_MOST * task.room:
             break
     at_most, limits = min(tried, key=lambda one: one[0])
+    if at_most > most and bound_in(quick, -0.5 * quick.windows.sum()) > most:  # however slow it is
+        return Entry(estimate, at_most, whole, commanded, None)
     tolerance = max(LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
     trajectory = _trajectory(task, whole, tolerance, limits)
     motion = GripperMotion(estimate, trajectory, whole.shapes[-1],
