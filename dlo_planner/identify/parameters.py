@@ -37,6 +37,7 @@ from dlo_planner.model.rod import Rod, of_length
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 from dlo_planner.model.varying import Along, Expanded, Scaled, Shifted, Table, scaled
+from dlo_planner.plan.goals import Through
 
 # Quantities whose x is a logarithm, and what it scales: of GJ, EI_n, EI_b; of the masses spread
 # along the DLO, those at points, that at its tip.
@@ -605,6 +606,17 @@ class UncertainState(Value):
             return out
 
         return at
+
+
+def miss_slopes(goal: Through, shape: Shape,
+                slopes_at: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+    """Return by how much a Shape misses a point, (3,) m, and the slopes (3, k) of that.
+
+    `slopes_at` as `UncertainState.slopes` returns it; the DLO may pass elsewhere along itself.
+    """
+    s, (off, tangent, _) = goal.nearest(shape)
+    slopes = slopes_at(np.array([min(s, shape.s[-1])]))[0]
+    return off, slopes - np.outer(tangent, tangent @ slopes)
 
 
 def stretched(shape: Shape, length: float) -> Shape:
