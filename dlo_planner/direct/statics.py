@@ -343,7 +343,7 @@ def memory_after(mesh: Discretization, end: Outcome, before: Memory,
             force, points = end.forces[0], ContactPoints(*end.forces[1:])
             contacts = contacts_of(mesh.s, end.contacts, end.positions[0])
     return Memory(mesh.s, plastic, lost, end.hold, force, points, end.positions, end.tangents,
-                  mesh.surroundings), contacts
+                  mesh.surroundings, before.set_error), contacts
 
 
 def underway(mesh: Discretization, found: Minimum, gripper: Pose, memory: Memory) -> Memory:
