@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any, cast
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.parameters import UncertainState, miss_slopes
+from dlo_planner.identify.parameters import PointSlopes, UncertainState
 from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of
 from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
@@ -254,6 +254,11 @@ class Estimate(Reported):
         return self.robot.change(way_between(seen or keyframes[-1].gripper, gripper))
 
     @property
+    def last_shape(self) -> Shape | None:
+        """Shape of the DLO in the last look that could be used; None before the first."""
+        return self._shape
+
+    @property
     def camera_bias(self) -> Floats:
         """Estimated bias (3,) of the camera, seen minus true, m, world axes."""
         return self.uncertain.camera(self.mean)
@@ -348,7 +353,7 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
         changed[k] = estimate.robot_change(plan.grippers[index],
                                            None if seen is None else seen[k])
         off[k], rows[k], bound[k] = max(
-            (_miss_at(estimate, slopes, shape, known, changed[k] * robot, goal)
+            (_miss_at(estimate, slopes, known, changed[k] * robot, goal)
              for goal in estimate.passages(plan.via_points[index])), key=lambda found: found[2])
     # what the robot's error changes until one waypoint it has changed until those after it as well,
     # unless it is seen meanwhile, or wanders in time
@@ -361,20 +366,15 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
     return PredictedMiss(np.array(waypoints, dtype=float), off, joint.reshape(3 * count, -1), bound)
 
 
-def _miss_at(estimate: Estimate, slopes_at: Callable[[Floats], Floats], shape: Shape,
-             known: Floats, later: Floats, goal: Through) -> tuple[Floats, Floats, float]:
+def _miss_at(estimate: Estimate, slopes_at: PointSlopes, known: Floats, later: Floats,
+             goal: Through) -> tuple[Floats, Floats, float]:
     """Return the miss (3,) of one goal, its slopes (3, n + 6) and bound, m.
 
-    Shapes: known (n + 6, n + 6), later (6, 6); `slopes_at` as for `miss_slopes`.
+    Shapes: known (n + 6, n + 6), later (6, 6).
     """
+    off, slopes, across = slopes_at.miss(goal)
     columns, number = estimate.uncertain.columns('cutout')
-
-    def from_center(s: Floats) -> Floats:
-        slopes = slopes_at(s)
-        slopes[:, number, columns] -= 1.0
-        return slopes
-
-    off, slopes = miss_slopes(goal, shape, from_center)
+    slopes[:, columns] -= across[:, number]
     robot = slopes[:, estimate.mean.size:]
     covariance = slopes @ known @ slopes.T + robot @ later @ robot.T
     # in the plane of the largest deviations

@@ -24,7 +24,6 @@ from dlo_planner.identify.parameters import (
     VARIATION,
     UncertainState,
     Uncertainty,
-    miss_slopes,
     stretched,
 )
 from dlo_planner.model.arrays import Floats
@@ -198,7 +197,7 @@ def _first_order(uncertain: UncertainState, plan: Plan, progress: Progress) -> F
         progress.check()
         squares, slopes_at = np.zeros((len(passes), len(CAUSES))), uncertain.slopes(stated, shape)
         for square, goal in zip(squares, passages(passes, float(shape.s[-1])), strict=True):
-            off = miss_slopes(goal, shape, slopes_at)[1]
+            off = slopes_at.miss(goal)[1]
             np.add.at(square, causes, (off**2).sum(axis=0) * uncertain.deviations**2)
         out[k] = np.sqrt(squares[np.argmax(squares.sum(axis=1))])
     return out
