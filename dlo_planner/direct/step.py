@@ -80,7 +80,8 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How = 
     if (how.method == 'newton' and mesh.may_hang and past.idle
             and (mesh.hangs or how.far_end is None or initial is not None)):
         shape, kicks = _step(mesh, gripper, initial, how, past, start, culled=True)
-        if mesh.hangs or shape.converged and not _acts(mesh, shape, initial, gripper):
+        if mesh.hangs or (how.most < np.inf if not shape.converged  # then it is made in parts
+                          else not _acts(mesh, shape, initial, gripper)):
             return shape, kicks
     return _step(mesh, gripper, initial, how, past, start, culled=False)
 
