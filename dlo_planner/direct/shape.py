@@ -310,9 +310,11 @@ class Shape(Pictured):
         """Largest distance of a node from the true rod's, m.
 
         From an embedded solution with every element halved and freed from the series (computed
-        when first read; it costs about as much as the solution itself).
+        when first read; it costs about as much as the solution itself). Where a DLO has yielded, at
+        least the largest one of the steps that made its permanent set.
         """
-        return self.state.estimate()
+        history = self.state.history
+        return max(self.state.estimate(), 0.0 if history is None else history.set_error)
 
     def resample(self, n_elements: int) -> Shape:
         """Return the same shape on `n_elements` elements of equal length, for pictures and such.

@@ -224,7 +224,7 @@ def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bo
     tangents = end.frames[:, :, 0].copy()
     tangents.flags.writeable = False
     return Memory(mesh.s, plastic, lost, end.hold, force, points, end.positions, tangents,
-                  mesh.surroundings)
+                  mesh.surroundings, before.set_error)
 
 
 def underway(mesh: Discretization, found: Minimum, gripper: Pose, memory: Memory) -> Memory:

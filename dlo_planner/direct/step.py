@@ -53,7 +53,7 @@ from dlo_planner.minimize.semismooth import correction
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd, held_rows
-from dlo_planner.model.value import freeze
+from dlo_planner.model.value import Constant, freeze
 from dlo_planner.model.varying import scaled
 
 
@@ -76,6 +76,29 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How = 
 
     The search begins with the strains `start` (N, 3), if any, instead of those of `initial`.
     """
+    shape, kicks = _made(mesh, gripper, initial, how, start)
+    return _with_set_error(shape), kicks
+
+
+def _with_set_error(shape: Shape) -> Shape:
+    """Return a Shape whose history knows how exact its permanent set is.
+
+    The set that a step makes is as exact as the step; what comes later tells nothing of it.
+    """
+    before, after = shape.state.before, shape.state.history
+    if before is None or after is None or not (shape.converged and after.lasts):
+        return shape
+    if before.original_set is None and np.array_equal(before.plastic, after.plastic):
+        return shape
+    error = shape.state.estimate()
+    return replace(shape, state=replace(
+        shape.state, history=replace(after, set_error=max(before.set_error, error)),
+        estimate=Constant(error)))
+
+
+def _made(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How,
+          start: Floats | None) -> tuple[Shape, int]:
+    """Return what `step` does; how exact its set is, is not known yet."""
     past = past_of(mesh, initial, how.memory)
     if (how.method == 'newton' and mesh.may_hang and past.idle
             and (mesh.hangs or how.far_end is None or initial is not None)):
