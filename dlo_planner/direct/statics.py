@@ -26,7 +26,7 @@ from dlo_planner.minimize.solve import Solution, outcome, solve_step
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd, distance, spans
-from dlo_planner.model.value import freeze
+from dlo_planner.model.value import freeze, read_only
 
 TOLERANCE = 1e-10      # of the residual; the last step of a quadratic method overshoots it
 EXACT = 1e-10          # of the length: violation of a constraint aimed at
@@ -111,12 +111,11 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
     places, frames, rotation, nodes, most = watch or FREELY
     tangents = NOWHERE
     if memory is not None and not culled:
-        places, tangents = memory.positions, memory.tangents
-    strains.flags.writeable = False
+        places, tangents = read_only(memory.positions), read_only(memory.tangents)
     return Solution(*solve_step(
-        system, full, gripper.rotation, gripper.position, strains, places, tangents, frames,
-        rotation, nodes, most, how.tolerance, how.exact * float(mesh.s[-1]), how.steps, how.check,
-        how.near))
+        system, full, gripper.rotation, gripper.position, read_only(strains), places, tangents,
+        frames, rotation, nodes, most, how.tolerance, how.exact * float(mesh.s[-1]), how.steps,
+        how.check, how.near))
 
 
 def search_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> Search:
