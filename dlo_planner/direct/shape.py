@@ -19,7 +19,7 @@ from dlo_planner.direct.memory import Memory, mapped
 from dlo_planner.direct.modes import Linearized, Modes, modes_of
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
-from dlo_planner.geometry.kinematics import frame_along
+from dlo_planner.geometry.kinematics import frame_along, nearest_between, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
@@ -398,7 +398,9 @@ class Shape(Pictured):
             One is outside [0, L].
         """
         s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
-        return np.array([self.frame_at(value)[1] for value in s]).reshape(-1, 3)
+        found: Floats = positions_along(self.s, self.element_strains, self.frames, self.positions,
+                                        s)
+        return found
 
     def frame_at(self, s: float) -> tuple[Floats, Floats]:
         """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.
@@ -414,6 +416,13 @@ class Shape(Pictured):
             s = min(max(s, 0.0), length)
         found: tuple[Floats, Floats] = frame_along(self.s, self.element_strains, self.frames,
                                                    self.positions, s)
+        return found
+
+    def distance_between(self, point: Floats, low: float, high: float) -> tuple[float, float]:
+        """Return the least distance from a point (3,) between two arc lengths, and where, m."""
+        found: tuple[float, float] = nearest_between(
+            self.s, self.element_strains, self.frames, self.positions, np.array(point), float(low),
+            float(high))
         return found
 
     @cached_property

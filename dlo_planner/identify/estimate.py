@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any, cast
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.parameters import UncertainState
+from dlo_planner.identify.parameters import PointSlopes, UncertainState
 from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of, crossing
 from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
@@ -253,6 +253,11 @@ class Estimate(Reported):
         return self.robot.change(way_between(seen or keyframes[-1].gripper, gripper))
 
     @property
+    def last_shape(self) -> Shape | None:
+        """Shape of the DLO in the last look that could be used; None before the first."""
+        return self._shape
+
+    @property
     def camera_bias(self) -> Floats:
         """Estimated bias (3,) of the camera, seen minus true, m, world axes."""
         return self.uncertain.camera(self.mean)
@@ -355,7 +360,7 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
     return PredictedMiss(np.array(waypoints, dtype=float), off, joint.reshape(3 * count, -1), bound)
 
 
-def _miss_at(estimate: Estimate, slopes_at: Callable[[Floats], Floats], shape: Shape,
+def _miss_at(estimate: Estimate, slopes_at: PointSlopes, shape: Shape,
              known: Floats, later: Floats, center: Floats, s: float,
              normal: Floats | None) -> tuple[Floats, Floats, float]:
     """Return the miss (3,) of one entry of `Plan.via_points`, its slopes (3, n + 6) and bound, m.

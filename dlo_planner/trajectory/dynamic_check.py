@@ -35,7 +35,6 @@ _PER_PERIOD = 25      # instants in a period of the DLO's slowest vibration
 _FEWEST, _MOST = 150, 20_000  # instants of a run
 _AT_ONCE = 1e-9       # of a plan's time
 _PRESSED = 1e-3       # of the force of a contact as planned: with less it is lost
-_NEWTON = 4           # steps to the point of the DLO that is nearest to a center
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -337,28 +336,14 @@ def _misses_between(shape: Shape, passes: Passes, later: Passes) -> Iterator[flo
     for center, s, _ in passes:
         then = arc_length_at(center, later)
         if then is not None:
-            yield _distance(shape, center, min(s, then), max(s, then))[0]
+            yield shape.distance_between(center, min(s, then), max(s, then))[0]
     # a center in one of both alone counts while the free end is beyond it
     for some, others in ((passes, later), (later, passes)):
         for center, s, _ in some:
             if arc_length_at(center, others) is None:
-                away, at = _distance(shape, center, s, shape.s[-1])
+                away, at = shape.distance_between(center, s, shape.s[-1])
                 if at < shape.s[-1]:
                     yield away
-
-
-def _distance(shape: Shape, center: Floats, low: float, high: float) -> tuple[float, float]:
-    """Return the least distance of a DLO from a center between two arc lengths, and where; m."""
-    best = np.inf, low
-    for begin in (low, 0.5 * (low + high), high):
-        s = begin
-        for _ in range(_NEWTON):
-            axes, position = shape.frame_at(s)
-            away = float(np.linalg.norm(position - center))
-            if away < best[0]:
-                best = away, s
-            s = min(max(s + float(axes[:, 0] @ (center - position)), low), high)
-    return best
 
 
 def contact_lost(plan: Plan, u: Floats, shapes: Sequence[Shape]) -> float:
