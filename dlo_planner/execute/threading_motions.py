@@ -31,7 +31,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import build_plan
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, truncate
+from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, moved, truncate
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.trajectory.modal_response import vibrated
@@ -155,11 +155,7 @@ def way_to_standoff(task: Threading, estimate: Estimate, here: Pose) -> GripperM
 def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: float) -> Entry:
     """Return the way from a measured pose at the standoff to the depth."""
     way, through = task.ways(estimate, here, 0.0)
-    whole, stated = concatenate(replace(way, stops=()), through), task.cutout.center
-    commanded = replace(
-        through, grippers=tuple(estimate.commanded(pose) for pose in through.grippers),
-        via_points=tuple(tuple((stated, s, normal) for _, s, normal in passes)
-                         for passes in through.via_points))
+    whole, commanded = concatenate(replace(way, stops=()), through), commanded_of(through, estimate)
 
     def bound_in(way: Steered, lag: float = lag) -> float:
         reached = way.reached(whole.times[-len(through):])
@@ -181,6 +177,12 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
                            swing_of(trajectory, estimate, whole))
     bound = bound_in(motion.steered)
     return Entry(estimate, bound, whole, commanded, None if bound > most else motion)
+
+
+def commanded_of(plan: Plan, estimate: Estimate) -> Plan:
+    """Return a Plan of true poses through an estimated hole, in commanded ones: as stated."""
+    return replace(moved(plan, -estimate.center(np.zeros(3))),
+                   grippers=tuple(estimate.commanded(pose) for pose in plan.grippers))
 
 
 def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose],
