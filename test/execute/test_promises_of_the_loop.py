@@ -19,13 +19,14 @@ from dlo_planner import (
     Trajectory,
     Workspace,
 )
+from dlo_planner.cell.tasks import draw_task
 from dlo_planner.execute import judge, threading_motions
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.judge import aimed_anew
 from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.execute.threading_loop import ThreadingLoop
-from dlo_planner.execute.threading_motions import Threading
+from dlo_planner.execute.threading_motions import Threading, way_back, way_to_standoff
 from dlo_planner.identify import Steered
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
@@ -344,3 +345,20 @@ def test_a_way_back_that_cannot_keep_to_the_way_there_is_refused(ways):
                  np.linspace(0, 3, 200))]
     with pytest.raises(Infeasible, match='leaves the way there'):
         threading_motions.way_back(task(), known, rough, on.shapes[0])
+
+
+def test_motions_stay_clear_of_what_is_around():
+    drawn, estimate = draw_task(0, 'wire 1.5', 5e-3), Observing(DIRECT, Seeing(SPREAD)).estimate
+
+    def among(*obstacles):
+        return Threading(InverseSimulator(DirectSimulator(WIRE, obstacles=obstacles)),
+                         drawn.cutout, np.linspace(0, 0.4, 9), 0.05)
+
+    free = way_to_standoff(among(), estimate, drawn.start).trajectory
+    poses = free.poses(np.linspace(0.0, free.duration, 5))
+    shapes = DIRECT.track(poses)
+    beside = Sphere(drawn.cutout.center + (0.0, 0.0, 2.0), 0.1)
+    back = way_back(among(beside), estimate, poses, shapes[0]).trajectory.motion
+    assert 0.5 < back.clearance < 3.0
+    with pytest.raises(Infeasible, match='in motion|touches what the plan does not'):
+        way_back(among(Sphere(shapes[2].positions[-1], 0.01)), estimate, poses, shapes[0])
