@@ -52,13 +52,13 @@ oldest:
 	$(PYTHON) -m venv build/oldest
 	build/oldest/bin/python -m pip install --quiet --disable-pip-version-check -c .ci/oldest.txt \
 	  '.[figures,cell,view,cluster]' pytest hypothesis
-	build/oldest/bin/pytest $(CORE) test/cell/test_plant.py test/view
+	build/oldest/bin/pytest -m 'not real_time $(QUICK)' $(CORE) test/cell/test_plant.py test/view
 
 newest:
 	$(PYTHON) -m venv build/newest
 	build/newest/bin/python -m pip install --quiet --disable-pip-version-check \
 	  '.[figures,cell,arm,view,cluster]' pytest hypothesis
-	build/newest/bin/pytest $(CORE) test/cell/test_plant.py test/view
+	build/newest/bin/pytest -m 'not real_time $(QUICK)' $(CORE) test/cell/test_plant.py test/view
 
 bench: $(VENV)/compiled $(VENV)/peers
 	$(RUN) -m benchmarks

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small jobs that, together, use every kernel: what is compiled ahead is what they need.
 
-test_exercises.py watches that no kernel is left out.
+test_kernels.py watches that no kernel is left out.
 """
 
 from collections.abc import Iterator

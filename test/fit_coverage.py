@@ -18,7 +18,6 @@ from dlo_planner import DirectSimulator, Pose, Rod, Uncertainty, fit_rod  # noqa
 from dlo_planner.identify import Observation  # noqa: E402
 
 TRUE = Rod(1.0, 0.07, 0.02, 0.015, natural_curvature=(0.3, -0.2))
-GUESS = Rod(1.0, 0.07, 0.03, 0.015)
 TURNS = [0, 0, 0], [0, 0.5, 0.3], [1.2, -0.7, 0.2], [0.5, -1.5, 0]
 S = np.linspace(0.1, 1.0, 10)
 NOISE, POSITION, ROTATION = 1e-3, 2e-3, 0.01

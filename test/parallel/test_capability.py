@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The capability map: each of its entries is what the planner says, however it is computed."""
 
-import os
-import signal
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -144,24 +142,6 @@ def test_fingerprints_go_by_content(inverse):
     assert fingerprint(again, 1.0) == fingerprint(inverse, 1.0)
     assert fingerprint(again, 1.0) != fingerprint(inverse, 1.0 + 1e-15)
     assert len({fingerprint(value) for value in (1, 1.0, '1', (1,), (1, ()), None)}) == 6
-
-
-class _Dying(ProcessPoolExecutor):
-    killed = 0
-
-    def submit(self, function, /, *args, **kwargs):
-        future = super().submit(function, *args, **kwargs)
-        type(self).killed += 1
-        if self.killed == 3:
-            os.kill(next(iter(self._processes)), signal.SIGKILL)
-        return future
-
-
-def test_a_killed_worker_costs_nothing(inverse, serial, tmp_path):
-    _Dying.killed = 0
-    found = capability_map(inverse, GRID, partial(_Dying, 2, mp_context=get_context('fork')),
-                           depths=DEPTHS, folder=tmp_path, chunk=2)
-    assert found == serial and _Dying.killed > 3
 
 
 def test_what_takes_too_long_is_undecided(inverse, tmp_path):
