@@ -17,8 +17,7 @@ from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.problem import Problem
 from dlo_planner.geometry.basis import orthonormal_basis, very_twisted
-from dlo_planner.minimize.solve import Columns as Found
-from dlo_planner.minimize.solve import RodTable, solve_free
+from dlo_planner.minimize.solve import FreeShapes, RodTable, solve_free
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import read_only
@@ -72,7 +71,7 @@ def _filled(system: Problem, rods: RodTable, rod_of: Ints, positions: Floats,
     written = {name: getattr(system, name).copy() for name in (
         'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')}
     solve_free(system._replace(**written), rods, rod_of, read_only(rotations),
-               read_only(positions), TOLERANCE, MAX_ITERATIONS, Found(*arrays, iterations))
+               read_only(positions), TOLERANCE, MAX_ITERATIONS, FreeShapes(*arrays, iterations))
     strains, frames, places, wrenches, energies, proofs = arrays
     residual, stability, truncated = proofs.T
     return {'element_strains': strains, 'frames': frames, 'positions': places,

@@ -298,7 +298,7 @@ class RodTable(Record):
     pull: Floats  # (r, N + 1, 3) derivative of the dead loads' potential by the node positions, N
 
 
-class Columns(Record):
+class FreeShapes(Record):
     """What is found of n DLOs, filled by `solve_free`."""
 
     strains: Floats  # (n, N, 3) 1/m
@@ -312,7 +312,7 @@ class Columns(Record):
 
 @kernel
 def solve_free(system: Problem, rods: RodTable, rod_of: Ints, bases: Floats, origins: Floats,
-               tolerance: float, max_iterations: int, found: Columns) -> None:
+               tolerance: float, max_iterations: int, found: FreeShapes) -> None:
     """Fill the equilibria that DLOs which hang freely fall into from their natural shapes.
 
     Args:
