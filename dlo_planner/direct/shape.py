@@ -19,7 +19,7 @@ from dlo_planner.direct.memory import Memory, mapped
 from dlo_planner.direct.modes import Linearized, Modes, modes_of
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
-from dlo_planner.geometry.kinematics import frame_along, nearest_between, positions_along
+from dlo_planner.geometry.kinematics import frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
@@ -416,13 +416,6 @@ class Shape(Pictured):
             s = min(max(s, 0.0), length)
         found: tuple[Floats, Floats] = frame_along(self.s, self.element_strains, self.frames,
                                                    self.positions, s)
-        return found
-
-    def distance_between(self, point: Floats, low: float, high: float) -> tuple[float, float]:
-        """Return the least distance from a point (3,) between two arc lengths, and where, m."""
-        found: tuple[float, float] = nearest_between(
-            self.s, self.element_strains, self.frames, self.positions, np.array(point), float(low),
-            float(high))
         return found
 
     @cached_property

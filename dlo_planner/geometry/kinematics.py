@@ -357,32 +357,6 @@ def positions_along(nodes: Floats, strains: Floats, rotations: Floats, positions
     return out
 
 
-_NEWTON = 4  # steps to the nearest point
-
-
-@kernel
-def nearest_between(nodes: Floats, strains: Floats, rotations: Floats, positions: Floats,
-                    point: Floats, low: float, high: float) -> tuple[float, float]:
-    """Return the least distance from a point (3,) between two arc lengths, and where, m.
-
-    By Newton's method from both and from the middle; the arrays are those of `frame_along`.
-    """
-    best, at = np.inf, low
-    for k in range(3):
-        s = low + 0.5 * k * (high - low)
-        for _ in range(_NEWTON):
-            rotation, position = frame_along(nodes, strains, rotations, positions, s)
-            square = along = 0.0
-            for i in range(3):
-                away = point[i] - position[i]
-                square += away * away
-                along += rotation[i, 0] * away
-            if square < best:
-                best, at = square, s
-            s = min(max(s + along, low), high)
-    return np.sqrt(best), at
-
-
 # ------------------------------------------------------------------------------------------------
 # Where a DLO, or the straight line on which it would go on, is nearest to a point.
 

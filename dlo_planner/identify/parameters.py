@@ -37,6 +37,7 @@ from dlo_planner.model.rod import Rod, of_length
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 from dlo_planner.model.varying import Along, Expanded, Scaled, Shifted, Table, scaled
+from dlo_planner.plan.goals import Through
 
 # Quantities whose x is a logarithm, and what it scales: of GJ, EI_n, EI_b; of the masses spread
 # along the DLO, those at points, that at its tip.
@@ -620,6 +621,15 @@ class PointSlopes(NamedTuple):
         out[:, :, self.turned] += np.cross(self.about.T[None], arms[:, None]).transpose(0, 2, 1)
         out[:, :, self.placed] += self.along
         return out
+
+    def miss(self, goal: Through) -> tuple[Floats, Floats, Floats]:
+        """Return by how much the Shape misses a point, (3,) m, and derivatives (3, n) of that.
+
+        They are across the DLO, which may pass elsewhere along itself; (3, 3) is what is across.
+        """
+        s, (off, tangent, _) = goal.nearest(self.shape)
+        across = np.eye(3) - np.outer(tangent, tangent)
+        return off, across @ self(np.array([s]))[0], across
 
 
 def stretched(shape: Shape, length: float) -> Shape:

@@ -10,7 +10,7 @@ import pytest
 from closed_loops import Truth
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from node_inside import Alive, served_node, state
+from node_inside import Alive, state
 from planner_process import PATIENCE, ROOM, connected_client, drain, first, until
 from rclpy.exceptions import InvalidHandle
 from sensor_msgs.msg import PointCloud2
@@ -18,7 +18,7 @@ from sensor_msgs.msg import PointCloud2
 from demo.follower import Follower
 from dlo_planner import CutOut, Pose, Rod, Uncertainty
 from dlo_planner.execute.causes import Cause
-from dlo_planner.identify.predicted_miss import crossing
+from dlo_planner.penalties import Through
 from dlo_planner.ros.lifecycle import ALL_LATCHED, LATEST, REQUEST
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.diagnostics import WARN
@@ -39,13 +39,6 @@ OVERRIDES = {'rod.length': 0.3, 'rod.diameter': 1e-3, 'diagnostics_period': 0.1,
              'observe.noise': 3e-4, 'observe.period': 0.05, 'observe.correction_period': 0.2,
              'observe.largest_correction': 0.05,  # the first ones are larger: few looks are behind
              'spread.natural_curvature': 0.3, 'spread.curvature_variation': 0.0}
-
-
-@pytest.fixture(scope='module')
-def node(domain):
-    """Yield a PlannerNode that is served by a thread."""
-    with served_node(OVERRIDES) as planner:
-        yield planner
 
 
 @pytest.fixture(scope='module')
@@ -156,8 +149,8 @@ def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker,
     assert int(values(client)['corrections']) >= 1
     last = state(node).execution.command
     assert until(lambda: np.allclose(robot._pose.matrix, last.matrix, atol=1e-6))
-    center, s, normal = plan.via_points[-1][0]
-    missed = [np.linalg.norm(crossing(truth.shape(gripper), center, normal, s)[0])
+    center, *_ = plan.via_points[-1][0]
+    missed = [np.linalg.norm(Through(center).residuals(truth.shape(gripper)))
               for gripper in (plan.grippers[-1], robot._pose)]
     assert missed[1] < 1e-3 < 0.5 * missed[0]
 
