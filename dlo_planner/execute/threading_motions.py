@@ -46,7 +46,7 @@ _OF_SPARE = 0.6     # part of the room that the bound leaves, which motion may u
 LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the DLO in motion
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _OF_LIMITS = 0.95   # that motions are made for: the rest is for corrections
-_BACK = 12, 24, 48  # poses on the way back to the standoff: as many as keep to the way there
+_BACK = 12, 24, 48, 96, 192  # poses on the way back, as many as keep to the way there
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
 _WINDOW = 0.1       # of the slowest period, of each of three windows that smooth a step
 _PULSES = 10       # steps aside and back again, one after the other
@@ -157,18 +157,20 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
     way, through = task.ways(estimate, here, 0.0)
     whole, commanded = concatenate(replace(way, stops=()), through), commanded_of(through, estimate)
 
-    def bound_in(way: Steered) -> float:
+    def bound_in(way: Steered, lag: float = lag) -> float:
         reached = way.reached(whole.times[-len(through):])
         return bound_of(estimate, commanded, way, reached, 0.0, lag)
 
     tried = []
     for part in _SLOWER if np.isfinite(lag) else _SLOWER[:1]:  # slower is corrected the better
         limits = slowed(task.motion_limits, part)
-        tried.append((bound_in(_steered(Trajectory(whole, limits, tolerance=np.inf), estimate,
-                                        whole.shapes[-1])), limits))
+        quick = _steered(Trajectory(whole, limits, tolerance=np.inf), estimate, whole.shapes[-1])
+        tried.append((bound_in(quick), limits))
         if tried[-1][0] <= _AT_MOST * task.room:
             break
     at_most, limits = min(tried, key=lambda one: one[0])
+    if at_most > most and bound_in(quick, -0.5 * quick.windows.sum()) > most:  # however slow it is
+        return Entry(estimate, at_most, whole, commanded, None)
     tolerance = max(LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
     trajectory = _trajectory(task, whole, tolerance, limits)
     motion = GripperMotion(estimate, trajectory, whole.shapes[-1],
