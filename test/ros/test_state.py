@@ -70,7 +70,7 @@ def test_a_parameter_that_does_not_change_the_dlo_touches_nothing_of_it():
     before = hanging(State(scene(rod__yield_stress=40e6), values(rod__yield_stress=40e6)))
     after = changed(before, rod__yield_stress=40e6, threading__linear_speed=0.05)
     assert after.shape is before.shape and after.gripper == HERE
-    assert after.scene.linear_speed == 0.05
+    assert after.scene.limits.linear_speed == 0.05
     assert changed(before, bodies=BALL, rod__yield_stress=40e6).shape is before.shape
     # and the next shape goes on from it, with its set
     down = Pose.looking_along(HERE.position, (0, 0, -1))
