@@ -148,18 +148,22 @@ class Family(ABC):
                 return f'cut-out {k}', along
         return None
 
+    def too_far(self, before: Passing, after: Passing, step: float) -> float:
+        """Return by how much (m) the gripper moves too far in a step of the depth, m; or 0."""
+        length = self.simulator.rod.length
+        return 0.0 if self.soft else excess(before.gripper, after.gripper, step / length, length)
+
     def follow(self, passing: Passing, depth: float, goal: float,
                route: Rolls | None = None) -> Step:
         """Continue a Passing from one depth to another, in steps that do not leap."""
-        length = passing.shape.s[-1]
+        length = self.simulator.rod.length
         step = longest = self.longest * length
         while True:
             target = depth + min(max(goal - depth, -step), step)
             roll = 0.0 if route is None else route.roll(self, passing, depth, target)
             for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once: later
                 found = self.at(passing, target, share * roll, target == goal)
-                too_far = 0.0 if found is None or self.soft else excess(
-                    passing.gripper, found.gripper, (target - depth) / length, length)
+                too_far = 0.0 if found is None else self.too_far(passing, found, target - depth)
                 if found is not None and not too_far:
                     break
             if found is not None and not too_far:
@@ -171,6 +175,44 @@ class Family(ABC):
                 return Step(None, depth, too_far)
             else:
                 step /= 2
+
+    def refusal(self, builder: PlanBuilder, before: Passing | None,
+                step: Step) -> Infeasible | None:
+        """Return why a Step does not lead to the next waypoint of a PlanBuilder, or None."""
+        passing = step.passing
+        if passing is None and step.leap:
+            return builder.refusal('continuity', step.leap, 'the gripper would have to leap at '
+                                   f'depth {step.depth:.4g} m: the shapes {self.what} turn back '
+                                   'there')
+        if passing is None:
+            return builder.refusal('equilibrium', abs(builder.depth - step.depth), 'no equilibrium '
+                                   f'{self.what} was found beyond depth {step.depth:g} m')
+        stability = passing.shape.stability
+        if stability < -NEUTRAL:
+            return builder.refusal('stability', -stability, 'the DLO would not stay in the shape '
+                                   f'{self.what}; stability {stability:.3g} < 0')
+        against = self.against(passing)
+        if against is not None:
+            return builder.refusal('direction', -against[1], f'the DLO would pass {against[0]} '
+                                   'against its direction')
+        too_far = 0.0 if before is None else self.too_far(before, passing, builder.step)
+        if too_far:
+            return builder.refusal('continuity', too_far, 'the gripper would have to turn or move '
+                                   'too far since the waypoint before; closer waypoints may help')
+        return refusal_for_leap(self.simulator, builder, passing.shape)
+
+    def replayed(self, last: Shape | None, passing: Passing) -> Passing:
+        """Return a Passing as a motion from the last waypoint finds it, on that motion's mesh.
+
+        Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps
+        than the gripper, some backwards. On another one the DLO would miss by the accuracy.
+        """
+        if self.soft or self.simulator.mesh_after(last) is passing.shape.mesh:
+            return passing
+        replayed = self.simulator.track([passing.shape.gripper], initial=last)[0]
+        if not replayed.converged or replayed.jumped:
+            return passing
+        return self.at(passing._replace(shape=replayed), passing.depth, 0.0, True) or passing
 
 
 class Follower:
@@ -199,47 +241,6 @@ class Follower:
         return found
 
 
-def refusal_for(builder: PlanBuilder, family: Family, before: Passing | None,
-                step: Step) -> Infeasible | None:
-    """Return why a Step does not lead to the next waypoint of a PlanBuilder, or None."""
-    passing, length = step.passing, family.simulator.rod.length
-    if passing is None and step.leap:
-        return builder.refusal('continuity', step.leap, 'the gripper would have to leap at depth '
-                               f'{step.depth:.4g} m: the shapes {family.what} turn back there')
-    if passing is None:
-        return builder.refusal('equilibrium', abs(builder.depth - step.depth), 'no equilibrium '
-                               f'{family.what} was found beyond depth {step.depth:g} m')
-    stability = passing.shape.stability
-    if stability < -NEUTRAL:
-        return builder.refusal('stability', -stability, 'the DLO would not stay in the shape '
-                               f'{family.what}; stability {stability:.3g} < 0')
-    against = family.against(passing)
-    if against is not None:
-        return builder.refusal('direction', -against[1], f'the DLO would pass {against[0]} against '
-                               'its direction')
-    too_far = 0.0 if before is None or family.soft else excess(
-        before.gripper, passing.gripper, builder.step / length, length)
-    if too_far:
-        return builder.refusal('continuity', too_far, 'the gripper would have to turn or move too '
-                               'far since the waypoint before; closer waypoints may help')
-    return refusal_for_leap(family.simulator, builder, passing.shape)
-
-
-def as_replayed(family: Family, last: Shape | None, passing: Passing) -> Passing:
-    """Return a Passing as a motion from the waypoint before finds it, on the mesh of that motion.
-
-    Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps than
-    the gripper, some backwards. On another mesh the DLO would miss by as much as the accuracy.
-    """
-    simulator = family.simulator
-    if simulator.mesh_after(last) is passing.shape.mesh:
-        return passing
-    replayed = simulator.track([passing.shape.gripper], initial=last)[0]
-    if not replayed.converged or replayed.jumped:
-        return passing
-    return family.at(passing._replace(shape=replayed), passing.depth, 0.0, True) or passing
-
-
 def continue_family(builder: PlanBuilder, follower: Follower,
                     waypoint: Callable[[Passing], Waypoint], *,
                     may_roll: bool = False) -> tuple[list[Passing], bool]:
@@ -253,7 +254,7 @@ def continue_family(builder: PlanBuilder, follower: Follower,
         builder.check()
         before = follower.passing if passings else None
         step = follower.step(index)
-        refusal = None if step.sure else refusal_for(builder, family, before, step)
+        refusal = None if step.sure else family.refusal(builder, before, step)
         passing = None if refusal is not None else step.passing
         if before is not None and may_roll and (
                 passing is None or passing.shape.stability < DOUBTFUL):
@@ -262,8 +263,7 @@ def continue_family(builder: PlanBuilder, follower: Follower,
         if passing is None:
             assert refusal is not None  # else there is one
             raise refusal
-        if not family.soft:
-            passing = as_replayed(family, builder.last, passing)
+        passing = family.replayed(builder.last, passing)
         follower.passing, follower.depth = passing, passing.depth
         builder.add(waypoint(passing))
         passings.append(passing)
@@ -282,7 +282,7 @@ def _rolled(builder: PlanBuilder, family: Family, before: Passing,
         rolled = family.at(before, target, part * most, True)
         if rolled is None or best is not None and rolled.shape.stability <= best.shape.stability:
             continue
-        if refusal_for(builder, family, before, Step(rolled, target)) is None:
+        if family.refusal(builder, before, Step(rolled, target)) is None:
             best = rolled
             if rolled.shape.stability >= DOUBTFUL:
                 break  # no larger roll than needed: the gripper's path stays smooth

@@ -17,7 +17,7 @@ from dlo_planner import (
     Rod,
     Trajectory,
 )
-from dlo_planner.inverse.contact_family import STABLE, ContactFamily, intervals
+from dlo_planner.inverse.contact_family import STABLE, ContactFamily
 from dlo_planner.inverse.tasks.contact import LEAST_FORCE, MOST_FORCE, PRESSED
 from dlo_planner.plan.clearance import clearance
 
@@ -324,11 +324,3 @@ def test_refusals():
     error = caught.value
     assert error.constraint == 'contact' and 0 < error.amount < 0.05
     assert error.waypoint == 2 and len(error.plan) == 2
-
-
-def test_the_end_of_an_interval_may_be_a_leap_at_a_sample():
-    for x in np.geomspace(1e-2, 1.0, 18)[2:-2]:  # the samples
-        found, = intervals(lambda force, x=x: 1.0 if force < x else -1.0, 1e-2, 1.0)
-        assert x * (1 - 3e-6) < found[-1] < x
-        found, = intervals(lambda force, x=x: 1.0 if force > x else -1.0, 1e-2, 1.0)
-        assert x < found[0] < x * (1 + 3e-6)
