@@ -21,23 +21,32 @@ PYTHON ?= python3
 VENV := .venv
 # the matrices are small: more threads wait for each other, above all on a busy machine
 export OPENBLAS_NUM_THREADS ?= 1
+# each of the many processes that tests start would compile the sources once more
+unexport PYTHONDONTWRITEBYTECODE
 CORE := $(addprefix test/,model geometry energy minimize direct plan trajectory inverse verify identify settings)
 RUN := $(VENV)/bin/python
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
-.PHONY: demo test test-all oldest newest bench figures validation bench-check cell soak docs check lint types imports lock clean
+.PHONY: demo test test-all computed real-time oldest newest bench figures validation bench-check cell soak docs check lint types imports lock clean
 demo: $(VENV)/compiled
 	$(RUN) -m demo
 
-# Tests that compute fill both cores; those in real time have the machine to themselves.
+# All at once: what computes gives way to what runs in real time, which mostly waits. What each of
+# them prints comes when it has ended.
 QUICK := and not sweep
-test: lint types imports $(VENV)/compiled
-	$(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time $(QUICK)'
-	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m 'real_time $(QUICK)' \
-	  -rR --reruns 1 --reruns-delay 5 --max-suite-reruns 5 test/ros test/cell test/view
+test: $(VENV)/compiled
+	@$(MAKE) --no-print-directory --jobs --output-sync=target QUICK='$(QUICK)' \
+	  lint types imports computed real-time
 
 test-all: QUICK :=
 test-all: test
+
+computed:
+	nice -n 19 $(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time $(QUICK)'
+
+real-time:
+	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m 'real_time $(QUICK)' \
+	  -rR --reruns 1 --reruns-delay 5 --max-suite-reruns 5 test/ros test/cell test/view
 
 oldest:
 	$(PYTHON) -m venv build/oldest

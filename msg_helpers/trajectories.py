@@ -13,7 +13,6 @@ from geometry_msgs.msg import Quaternion, Transform, Twist, Vector3
 from nav_msgs.msg import Path
 from numpy.typing import ArrayLike
 from rclpy.serialization import deserialize_message
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from trajectory_msgs.msg import (
@@ -27,7 +26,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, integer, items, number, row
-from dlo_planner.model.pose import Pose
+from dlo_planner.model.pose import Pose, quaternions_of
 from dlo_planner.trajectory.trajectory import Trajectory
 from msg_helpers.poses import (
     duration_msg,
@@ -61,7 +60,7 @@ def shape_bytes(shape: Shape, frame_id: str, stamp: Time) -> bytes:
     gap = -len(top) % 8
     nodes = np.zeros(shape.s.size, [('pose', '<f8', 7), ('top', f'V{len(top) + gap}')])
     nodes['pose'][:, :3] = shape.positions
-    nodes['pose'][:, 3:] = Rotation.from_matrix(np.array(shape.frames)).as_quat()
+    nodes['pose'][:, 3:] = quaternions_of(shape.frames)
     nodes['top'] = np.void(top + bytes(gap))  # of the next pose
     return bytes((0, 1, 0, 0)) + begin + nodes.tobytes()[:-len(top) - gap]
 
@@ -114,7 +113,7 @@ def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: 
     swing = np.cross(spins, arms)
     velocities = speeds[:, :3] + swing
     accelerations = changes[:, :3] + np.cross(turns, arms) + np.cross(spins, swing)
-    quaternions = Rotation.from_matrix([pose.rotation for pose in poses]).as_quat()
+    quaternions = quaternions_of(np.array([pose.rotation for pose in poses]))
     points = [MultiDOFJointTrajectoryPoint(
         transforms=[Transform(translation=_vector(pose.position),
                               rotation=_quaternion(quaternion))],

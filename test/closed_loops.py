@@ -28,8 +28,8 @@ from dlo_planner import (  # noqa: E402
 )
 from dlo_planner.identify import Observation, correct  # noqa: E402
 from dlo_planner.identify.parameters import variation_deviations  # noqa: E402
-from dlo_planner.identify.predicted_miss import crossing  # noqa: E402
 from dlo_planner.model.varying import Expanded  # noqa: E402
+from dlo_planner.penalties import Through  # noqa: E402
 
 SPREAD = Uncertainty(bending_stiffness=0.05, torsional_stiffness=0.05, mass=0.02, length=1e-3,
                 natural_curvature=0.05, curvature_variation=0.03, gripper_position=0.5e-3,
@@ -88,9 +88,8 @@ class Truth:
         return Observation(gripper, points, s if known else None)
 
     def miss(self, plan_pass, gripper):
-        """Return (3,) from the hole to where the DLO passes its plane."""
-        center, s, normal = plan_pass
-        return crossing(self.shape(gripper), center + self.hole, normal, s)[0]
+        """Return (3,) from the hole to where the DLO passes."""
+        return Through(plan_pass[0] + self.hole).residuals(self.shape(gripper))
 
 
 def looked(truth, observer, rng, gripper, looks=30, estimate=None, **how):

@@ -22,7 +22,7 @@ import dlo_planner
 import msg_helpers
 from dlo_planner import DloPlannerError, InvalidRod, InvalidTask, Pose, parallel
 
-SECONDS = 5  # a call that takes longer hangs
+SECONDS = 60  # a call that takes longer hangs, however busy the machine is
 # not known until they are asked for or looked at, or until there are samples: see their docstrings
 MAY_BE_NAN = {'position_error', 'misalignment', 'clearance', 'deviation', 'max_tracking_error',
               'swing', 'arrival',

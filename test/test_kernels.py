@@ -38,7 +38,6 @@ from dlo_planner.direct.sensitivity import (
     node_twists,
     twists_inside,
 )
-from dlo_planner.direct.statics import _descend, _descend_nearby
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import closest_point_in_element, signed_distance
 from dlo_planner.energy.plastic import return_map
@@ -59,7 +58,7 @@ from dlo_planner.minimize.convergence import gradient_noise
 from dlo_planner.minimize.expected_error import discretization_errors
 from dlo_planner.minimize.newton import follow_homotopy, newton_descent
 from dlo_planner.minimize.semismooth import update_multipliers
-from dlo_planner.minimize.solve import solve_free_rods
+from dlo_planner.minimize.solve import solve_free_rods, solve_step
 from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan import clearance, swept, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
@@ -71,7 +70,7 @@ KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_a
            kkt_residual, update_multipliers, gripper_answers, clearance.element_rooms,
            swept._distances, workspace._distances, _strains_by, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free_rods, solve_contact,
-           predictor_corrector, _descend_nearby, discretization_errors, equidistribute, node_twists,
+           predictor_corrector, discretization_errors, equidistribute, node_twists,
            twists_inside, fill_residuals, fill_rows, _nearest_goals]
 
 
@@ -174,10 +173,10 @@ def test_one_signature_for_each_kind_of_dlo(index, signatures):
 
 def test_a_dlo_that_hangs_freely_compiles_nothing_of_contact_ends_or_plasticity():
     assert DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7)).solve(Pose.identity()).converged
-    free = next(kinds for kinds in _descend.for_python.signatures  # whatever others have compiled
+    free = next(kinds for kinds in solve_step.for_python.signatures  # whatever others have compiled
                 if all(f"('{term}', none)" in str(kinds[0])
                        for term in ('plastic', 'hold', 'contact')))
-    waiting, code = [(_descend.for_python, free)], b''
+    waiting, code = [(solve_step.for_python, free)], b''
     while waiting:  # all that it consists of
         kernel, kinds = waiting.pop()
         called, (library, *_) = next(files.kept(key_of(kernel, kinds)), ((), (0,)))

@@ -7,10 +7,11 @@ are chosen by less on the way there: `basis.truncation_error` bounds the error o
 (`surely_within`), and its leading order tells which mesh will be fine enough (`foreseen`).
 
 Beside `truncation_error` the estimate of random DLOs that hang freely, are held at both ends, or
-touch something, was below what is taken as certain here. For DLOs that may yield it was 0.5 times
-(97) as long as they have not, 4.1 times (33) where they had. That chooses their meshes, on which a
-set stays: on another one it is averaged, and nothing tells of that error. Of point loads, more than
-half a turn of natural twist, and what varies along the length it says nothing.
+touch something, was below what is taken as certain here. Of a DLO that has yielded it tells
+nothing, nor of point loads, more than half a turn of natural twist, and what varies along the
+length.
+
+A permanent set is as exact as the mesh on which it was made, and stays there.
 """
 
 from dataclasses import replace
@@ -49,12 +50,13 @@ _TURNED = 0.1  # rad: it is another equilibrium
 _DEFAULT = 1e-3  # of the length
 _SOFT = 27.0      # F L^2 / EI: a DLO that is softer hangs down near the gripper
 _LEAST = 0.15     # of that: one that is held at both ends is not as narrow as it is soft
+_OF_FIRST_SET = 0.25  # part of the accuracy: what is wanted where a DLO begins to yield
 _ENOUGH, _MARGIN = 0.75, 0.5  # parts of the accuracy: what is good, and what is aimed at
 _AIM = 0.6         # the same, where the error is foreseen
 _CLEARLY, _RUBBED = 0.7, 0.35  # the same, of one step on a finer mesh; with friction
 _FINER = 1.2       # times as many elements at least
 _FARTHEST = 20     # and at most: so far one shape tells what another mesh will do
-_FREE, _HELD, _TOUCHING, _YIELDED = 4.0, 1.5, 2.5, 8.0  # times `truncation_error`: less
+_FREE, _HELD, _TOUCHING = 4.0, 1.5, 2.5  # times `truncation_error`: less
 _STABLE = 0.1    # a shape that is less stable magnifies errors
 _BEARS = 5e-4    # of the length: below, where it bears on an obstacle may be off by more than bends
 
@@ -75,7 +77,8 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
     A shape that misses the accuracy on the largest mesh says so: `converged` is False. What is in
     contact may miss it on any: that is for `judged` to say, at the end of a step.
     """
-    (first, fine, accuracy), far_end = wanted, how.far_end
+    (first, fine, wanted_accuracy), far_end = wanted, how.far_end
+    accuracy = wanted_accuracy
     mesh = mesh_to_begin_with(first, fine, accuracy, initial, how.memory)
     if far_end is not None:
         from dlo_planner.direct.taut import bent_mesh  # noqa: PLC0415  (SciPy: a free DLO needs none)
@@ -90,13 +93,19 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
             return replace(shape, converged=False), kicks
         if not shape.converged:
             return shape, kicks
+        if shape.dissipated:
+            lasts = _made_with_a_set(shape)
+            if lasts and (fine == 'local' or initial is not None and mesh is initial.state.mesh):
+                return shape, kicks
+            accuracy = (1.0 if lasts else _OF_FIRST_SET) * wanted_accuracy
         # the first mesh is hardly ever fine enough: then nothing else is computed on it
         new = mesh is first and (initial is None or initial.state.mesh is not mesh)
         better = None
         if new and fine == 'local' and not surely_within(shape, accuracy):
             better = foreseen(shape, accuracy, _DOUBTFUL)
         if better is None:
-            if fine_enough(shape, accuracy):
+            kinked = shape.dissipated and mesh.basis != fine  # no series follows where it yields
+            if not kinked and fine_enough(shape, accuracy):
                 return shape, kicks
             better = foreseen(shape, accuracy) if fine == 'local' else None
         if better is not None:
@@ -104,11 +113,16 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
         else:
             finer = _refined(mesh, fine, shape, accuracy)
             if finer is None:
-                return judged(shape, accuracy), kicks
+                return judged(shape, wanted_accuracy), kicks
             mesh = finer
             start = _smooth_start(mesh, shape) if _hangs_resolved(shape) else None
         if not _way_counts(shape, initial):
             begin = shape  # a better start; else the step is made again
+
+
+def _made_with_a_set(shape: Shape) -> bool:
+    """Whether a DLO was bent for good before the step that made a Shape."""
+    return shape.state.before is not None and shape.state.before.lasts
 
 
 def _way_counts(shape: Shape, initial: Shape | None) -> bool:
@@ -202,7 +216,7 @@ def mesh_to_begin_with(first: Discretization, fine: str, accuracy: float | None,
                        initial: Shape | None, memory: Memory | None) -> Discretization:
     """Return the Discretization to begin with: in these surroundings, on the mesh of `initial`.
 
-    A permanent set stays on its mesh: on another one it would be averaged.
+    A permanent set stays on its mesh.
     """
     if accuracy is None:
         return first
@@ -211,7 +225,11 @@ def mesh_to_begin_with(first: Discretization, fine: str, accuracy: float | None,
         initial = known = None  # the set is the simulator's
     if initial is not None and known is not None and surely_within(initial, accuracy, first):
         return first
+    past = memory if initial is None else initial.state.history
     s = initial.s if initial is not None else None if memory is None else memory.s
+    if (past is not None and past.lasts
+            and (known is None or known.basis not in (first.basis, fine))):
+        return Discretization(around, with_breaks(past.s, around.breaks), fine, first.n_terms)
     if s is None or known is not None and known.basis not in (first.basis, fine):
         return first
     if known is None:  # of a shape from a file, or a set
@@ -246,7 +264,8 @@ def _refined(mesh: Discretization, fine: str, shape: Shape,
     if from_mesh > 0.8 * _MARGIN * accuracy:
         growth = np.clip(np.sqrt(from_mesh / (0.5 * _MARGIN * accuracy)), 1.2, 2.5)
         wanted = min(int(np.ceil(growth * elements)), _MOST_ELEMENTS)
-        s = graded_mesh(s, bent, wanted, around.breaks)
+        if not _made_with_a_set(shape):
+            s = graded_mesh(s, bent, wanted, around.breaks)
     if terms == mesh.n_terms and s.size == mesh.s.size:
         return None
     return Discretization(around, s, fine, terms)
@@ -314,8 +333,7 @@ def _truncation(mesh: Discretization, strains: Floats) -> float:
 def _times(shape: Shape) -> float | None:
     """Return times how many `truncation_error` the error of a Shape surely is below, or None."""
     if shape.dissipated:
-        rod = shape.state.made_on.rod
-        return None if rod.section_model == 'ideal' else _YIELDED
+        return None
     if shape.contacts:
         return _TOUCHING
     return _FREE if shape.far_end is None else _HELD

@@ -21,7 +21,7 @@ from dlo_planner.geometry.basis import orthonormal_basis, very_twisted
 from dlo_planner.minimize.solve import RodTable, solve_free_many, solve_free_rods
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import freeze
+from dlo_planner.model.value import freeze, read_only
 
 if TYPE_CHECKING:
     from dlo_planner.direct.simulator import DirectSimulator
@@ -74,15 +74,6 @@ def _filled(fill: Callable[..., None], n: int, elements: int) -> tuple[Columns, 
         'stability': stability, 'iterations': iterations,
         'converged': hangs_still(residual, stability), 'jumped': np.zeros(n, dtype=bool),
         'dissipated': np.zeros(n), 'violation': np.zeros(n)}, truncated
-
-
-def read_only(given: Floats) -> Floats:
-    """Return an array as the loops take it: they are compiled for arrays that do not change."""
-    array = np.ascontiguousarray(given, dtype=float)
-    if array.flags.writeable:
-        array = array.copy() if array is given else array
-        freeze(array)
-    return array
 
 
 def even(simulator: DirectSimulator, rod: Rod) -> bool:

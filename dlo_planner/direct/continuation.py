@@ -308,7 +308,8 @@ def _each_in(some: dict[tuple[int, bool], list[Floats]],
 def _passes(previous: Shape, shape: Shape) -> bool:
     """Whether a DLO that touches neither before nor after goes through an obstacle in between."""
     mesh = shape.mesh
-    if previous.contacts or shape.contacts or mesh is None or not mesh.obstructed:
+    if (previous.contacts or shape.contacts or mesh is None or not mesh.obstructed
+            or shape.state.culled):  # the step has looked at the way
         return False
     if not mesh.has_nodes(previous.s):
         return False

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -324,10 +325,8 @@ class Discretization(Value):
             return self.start
         known = memory.of is None or same(memory.of, self.surroundings)
         if not known or len(memory.node_force) != len(self.start.node_force):
-            lasting = memory.lasting()
-            memory = Memory(memory.s, lasting.plastic, lasting.dissipated, lasting.hold,
-                            np.zeros((len(self.start.node_force), memory.s.size)), NO_POINTS,
-                            lasting.positions, lasting.tangents, memory.of)
+            bodies = len(self.start.node_force)
+            memory = replace(memory.lasting(), node_force=np.zeros((bodies, memory.s.size)))
         return memory.resampled(self.s)
 
     def _suits(self, memory: Memory) -> bool:

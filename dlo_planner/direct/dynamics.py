@@ -23,7 +23,7 @@ from dlo_planner.direct.integrator import Scheme, credit_renewal
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Boxed, Motion
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import MAX_ITERATIONS, Search, equilibrium, minimum, shape_of
+from dlo_planner.direct.statics import MAX_ITERATIONS, Search, equilibrium
 from dlo_planner.direct.step import past_of
 from dlo_planner.direct.stepper import (
     MOST,
@@ -106,11 +106,10 @@ def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd |
         end = initial.at(float(initial.s[-1]))
         _meets('initial', 'far end', 'far_ends[0]', end, _allowed(far_end, end), length)
     past = past_of(discretization, initial, memory)
-    system = discretization.system(gripper.rotation, gripper.position, past, far_end)
-    q = discretization.unknowns(discretization.strains_from(initial.s, initial.element_strains))
-    found = minimum(discretization, system, gripper, q, past, Search(0, False))
-    # nothing was solved yet that could have failed
-    first = replace(shape_of(discretization, gripper, found, past, far_end), converged=True)
+    strains = discretization.strains_from(initial.s, initial.element_strains)
+    first, _ = equilibrium(discretization, gripper, strains, 'newton', past, far_end,
+                           how=Search(0, False))
+    first = replace(first, converged=True)  # nothing was solved yet that could have failed
     if initial.state.mesh is discretization and _alike(first, initial):
         first = initial
     if first.converged and first.violation > _DEEP * length:

@@ -21,19 +21,29 @@ from typing import Any, Self
 import numpy as np
 
 from dlo_planner.direct.discretization import placed, with_set
-from dlo_planner.direct.statics import is_obstructed, outcome
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.elastic import Elastic
 from dlo_planner.energy.grip import GripConstraint
 from dlo_planner.energy.inertia import InertiaTerm
-from dlo_planner.energy.plastic import add_plastic
+from dlo_planner.energy.plastic import add_plastic, yields
 from dlo_planner.energy.potential import evaluate, unknowns_of
-from dlo_planner.energy.problem import Configuration, Problem, new_configuration
-from dlo_planner.energy.terms import Structure, may_act, potential, stored, with_terms
+from dlo_planner.energy.problem import (
+    Configuration,
+    Problem,
+    new_configuration,
+    unknown_count,
+)
+from dlo_planner.energy.terms import (
+    Structure,
+    may_act,
+    may_forbid,
+    potential,
+    stored,
+    with_terms,
+)
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record, copy
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.contact_solver import COARSER, solve_contact
 from dlo_planner.minimize.convergence import SETTLED, decrement_of
 from dlo_planner.minimize.hessian import (
     LEAST_SHIFT,
@@ -52,6 +62,7 @@ from dlo_planner.minimize.newton import (
     next_to,
     thorough,
 )
+from dlo_planner.minimize.solve import obstructed_minimum, outcome
 from dlo_planner.model.arrays import Bools, Floats, Ints
 
 PAST = 2  # rows before that of now: places of the nodes alone, which tell how exact a step is
@@ -290,7 +301,7 @@ def implicit_step(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, 
         check: whether its stability is looked at
     """
     problem = step_problem(system, how, buffer, row, memory, options)
-    q = np.empty((unknown_rows(system), 3))
+    q = np.empty((unknown_count(system), 3))
     unknowns_of(problem, guess, q)
     if _is_blocked(system.effects.contact, problem, buffer, row, q):
         state = new_configuration(problem)
@@ -302,12 +313,6 @@ def implicit_step(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, 
         system.effects.contact, problem, how, q, buffer, row, memory, options, check)
     return record_step(how, loaded, state, buffer, row, memory, residual, stability, iterations,
                        violation, options)
-
-
-@kernel
-def unknown_rows(system):
-    """Return m, the number of unknowns per strain component."""
-    return system.basis.shape[1] if system.basis.shape[1] else system.lengths.size
 
 
 @kernel
@@ -343,7 +348,7 @@ def incremental_potential(system: Problem, how: SchemeCoefficients, where: Float
     firm = how.viscous * how.velocity_gain
     natural, couple = system.natural.copy(), system.effects.elastic.couple
     part, stiffer = system.effects.elastic.part, 1.0 + firm
-    if firm > 0.0 and _yields(system.effects.plastic):
+    if firm > 0.0 and yields(system.effects.plastic):
         couple = np.zeros_like(natural)
         for e in range(natural.shape[0]):
             for i in range(3):
@@ -361,14 +366,6 @@ def incremental_potential(system: Problem, how: SchemeCoefficients, where: Float
                               effects.contact),
                    Structure(how.masses.size > 0, system.needs.attached, system.needs.border),
                    system.proximal_point, system.proximal_weight)
-
-
-@kernel
-def _yields(plastic):
-    """Whether the DLO may yield."""
-    if plastic is None:
-        return False
-    return plastic.share.shape[0] > 0
 
 
 @kernel
@@ -397,7 +394,7 @@ def _is_blocked(contact, problem, buffer, row, q):
     """Whether an obstacle is between the shape in the row before and the unknowns q (m, 3)."""
     if contact is None:
         return False
-    if not is_obstructed(contact):
+    if contact.scene.kind.size == 0:
         return False
     state, origin = new_configuration(problem), buffer.origins[row]
     state.q[:] = q
@@ -415,15 +412,11 @@ def _minimum(contact, problem, how, q, buffer, row, memory, options, check):
     """Seek the minimum from q (m, 3)."""
     if contact is None:
         return _unobstructed(problem, how, q, buffer, row, memory, options, check)
-    if not is_obstructed(contact):
+    if contact.scene.kind.size == 0:
         return _unobstructed(problem, how, q, buffer, row, memory, options, check)
-    previous, origin = np.empty((buffer.nodes.shape[2], 6)), buffer.origins[row]
-    for k in range(previous.shape[0]):
-        for i in range(3):
-            previous[k, i] = buffer.nodes[0, memory, k, i] - origin[i]
-            previous[k, 3 + i] = buffer.frames[memory, k, i, 0]
-    state, residual, stability, iterations, _, loaded, violation = solve_contact(
-        problem, q, COARSER * options.tolerance, options.ctol, options.maxiter, check, previous)
+    state, residual, stability, iterations, _, loaded, violation = obstructed_minimum(
+        problem, q, options.tolerance, options.ctol, options.maxiter, check,
+        buffer.nodes[0, memory], buffer.frames[memory, :, :, 0])
     return state, residual, stability, iterations, loaded, violation
 
 
@@ -449,7 +442,7 @@ def _unobstructed(problem, how, q, buffer, row, memory, options, check):
                 residual = decrement if decrement < SETTLED else residual
             if residual < SETTLED:
                 break
-    if stability == np.inf and _yields(problem.effects.plastic):
+    if stability == np.inf and yields(problem.effects.plastic):
         stability = _smallest_eigenvalue(problem, state)
     return state, residual, stability, iterations, problem, missed
 
@@ -484,15 +477,15 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
         problem: with the multipliers of its constraints at the end; state: Configuration there
         residual, stability, iterations, violation: of the search
     """
-    (strains, buffer.frames[row], positions, _, buffer.wrenches[row], buffer.end_wrenches[row],
-     hold, plastic, forces, contacts, _, _, lost, missed, inside, stationary) = outcome(
+    (strains, buffer.frames[row], positions, buffer.wrenches[row], buffer.end_wrenches[row], hold,
+     plastic, forces, contacts, _, _, lost, missed, inside, stationary) = outcome(
          problem, state, buffer.origins[row], residual, options.rounding, True)
     copy(positions, buffer.nodes[0, row])
     copy(strains, buffer.bends[0, row])
     _move_on(how, buffer.nodes, row)
     _move_on(how, buffer.bends, row)
     violation = max(violation, inside)
-    bound = buffer.held.shape[1] > 0 or is_obstructed(problem.effects.contact)
+    bound = buffer.held.shape[1] > 0 or may_forbid(problem.effects)
     converged = (stationary and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
                  and violation <= options.kept and missed <= buffer.reach[row])
     if buffer.held.shape[1]:
@@ -502,7 +495,7 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     buffer.energies[row, DISSIPATED] = buffer.energies[memory, DISSIPATED] + lost
     buffer.starts[0, row + 1] = buffer.starts[0, row]
     buffer.starts[1, row + 1] = buffer.starts[1, row]
-    if is_obstructed(problem.effects.contact):
+    if may_forbid(problem.effects):
         _keep_contacts(problem.effects.contact, forces, contacts, buffer, row)
     proof = buffer.proofs[row]
     proof[0], proof[1], proof[3] = residual, stability, violation

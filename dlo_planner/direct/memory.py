@@ -67,6 +67,9 @@ class Memory(Value):
     positions: Floats      # (N + 1, 3) m, of the nodes at its end; (0, 3) without a step so far
     tangents: Floats       # the same
     of: Surroundings | None = field(default=None, compare=False)  # None: not known, as of a file
+    set_error: float = 0.0  # m, how far nodes may be off by what earlier steps did to the set
+    original_set: tuple[Floats, Floats] | None = field(default=None, compare=False)
+    # s, plastic, where that was made on another mesh
 
     @classmethod
     def empty(cls, s: Floats, springs: int, bodies: int, of: Surroundings) -> Memory:
@@ -124,13 +127,18 @@ class Memory(Value):
             force = force @ (np.abs(self.s[:, None] - s) < _SAME_NODE * s[-1])
         else:
             force = np.zeros((0, s.size))
-        return replace(self, s=s, plastic=mapped(self.s, self.plastic, s), node_force=force,
-                       points=self.points.on(self.s, s), positions=positions, tangents=tangents)
+        of_set = self.original_set or (self.s, self.plastic)
+        lasts = self.lasts
+        plastic = set_on(s, *of_set) if lasts else np.zeros((s.size - 1, self.plastic.shape[1]))
+        return replace(self, s=s, plastic=plastic, node_force=force,
+                       points=self.points.on(self.s, s), positions=positions, tangents=tangents,
+                       original_set=of_set if lasts else None)
 
     def packed(self) -> dict[str, Any]:
         """Return its arrays by the names that they have in files."""
         points = {f'point_{name}': array for name, array in self.points._asdict().items()}
-        return {'s': self.s, 'set': self.plastic, 'lost': self.dissipated, 'hold': self.hold,
+        return {'s': self.s, 'set': self.plastic, 'set_error': self.set_error,
+                'lost': self.dissipated, 'hold': self.hold,
                 'node_force': self.node_force, **points, 'positions': self.positions,
                 'tangents': self.tangents}
 
@@ -147,7 +155,8 @@ class Memory(Value):
         count, bodies = np.size(arrays.get('point_element', ())), len(arrays.get('node_force', ()))
         none = np.zeros((count, 3))
         way = len(arrays['positions'])
-        given = {'point_shear': none, 'point_slid': none, 'tangents': frames[:way, :, 0], **arrays}
+        given = {'point_shear': none, 'point_slid': none, 'tangents': frames[:way, :, 0],
+                 'set_error': 0.0, **arrays}
         springs = np.asarray(given.get('set', ()))
         if springs.ndim > 2:  # 0.1.0: layers apart
             springs = springs.reshape(len(springs), -1)
@@ -163,7 +172,8 @@ class Memory(Value):
                    float(_filed(given, 'lost', (), 0.0)),
                    _filed(given, 'hold', (min(np.size(given.get('hold', ())), 6),)),
                    _filed(given, 'node_force', (bodies, s.size)), points,
-                   _filed(given, 'positions', ends), _filed(given, 'tangents', ends))
+                   _filed(given, 'positions', ends), _filed(given, 'tangents', ends),
+                   set_error=float(_filed(given, 'set_error', (), 0.0)))
 
 
 def _filed(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], lowest: float = -np.inf,
@@ -177,6 +187,19 @@ def _filed(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], lowest:
         raise InvalidTask(f'past_{name} = {shown(value.tolist())}: expected finite '
                           f'{"integers" if kind is int else "numbers"} of shape {shape}{limits}')
     return value.astype(kind)
+
+
+def set_on(wanted: Floats, s: Floats, plastic: Floats) -> Floats:
+    """Return the set (n, J) on other elements, of `plastic` (N, J), the means over those of `s`.
+
+    It varies along an element as the moment does that made it. Were it the same in both halves of
+    one, the half that bears more would yield more, the other one would not flow back.
+    """
+    total = np.zeros((s.size, plastic.shape[1]))
+    np.cumsum(plastic * np.diff(s)[:, None], axis=0, out=total[1:])
+    at_nodes = scipy.interpolate.PchipInterpolator(s, total, axis=0)(wanted)
+    result: Floats = np.diff(at_nodes, axis=0) / np.diff(wanted)[:, None]
+    return result
 
 
 def mapped(s: Floats, values: Floats, wanted: Floats) -> Floats:

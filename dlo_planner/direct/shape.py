@@ -19,7 +19,7 @@ from dlo_planner.direct.memory import Memory, mapped
 from dlo_planner.direct.modes import Linearized, Modes, modes_of
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
-from dlo_planner.geometry.kinematics import frame_along
+from dlo_planner.geometry.kinematics import frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
@@ -310,9 +310,11 @@ class Shape(Pictured):
         """Largest distance of a node from the true rod's, m.
 
         From an embedded solution with every element halved and freed from the series (computed
-        when first read; it costs about as much as the solution itself).
+        when first read; it costs about as much as the solution itself). Where a DLO has yielded, at
+        least the largest one of the steps that made its permanent set.
         """
-        return self.state.estimate()
+        history = self.state.history
+        return max(self.state.estimate(), 0.0 if history is None else history.set_error)
 
     def resample(self, n_elements: int) -> Shape:
         """Return the same shape on `n_elements` elements of equal length, for pictures and such.
@@ -396,7 +398,9 @@ class Shape(Pictured):
             One is outside [0, L].
         """
         s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
-        return np.array([self.frame_at(value)[1] for value in s]).reshape(-1, 3)
+        found: Floats = positions_along(self.s, self.element_strains, self.frames, self.positions,
+                                        s)
+        return found
 
     def frame_at(self, s: float) -> tuple[Floats, Floats]:
         """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.

@@ -27,11 +27,11 @@ from dlo_planner.direct.paper import described_equilibrium
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import (
     EXACT,
+    FREELY,
     MAX_ITERATIONS,
     TOLERANCE,
-    UNBOUNDED,
-    RotationBound,
     Search,
+    Watch,
     equilibrium,
     held_nearby,
     minimum,
@@ -53,7 +53,7 @@ from dlo_planner.minimize.semismooth import correction
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd, held_rows
-from dlo_planner.model.value import freeze
+from dlo_planner.model.value import Constant, freeze
 from dlo_planner.model.varying import scaled
 
 
@@ -64,23 +64,47 @@ class How(NamedTuple):
     far_end: FarEnd | None = None
     method: str = 'newton'        # as of `DirectSimulator`, like `strains`
     strains: str = 'components'
-    most: float = np.inf          # rad, the RotationBound of a DLO that hangs freely
+    most: float = np.inf          # rad, by which a DLO that hangs freely may turn, see `Watch`
 
 
-FREELY = How()
+ALONE = How()
 
 
-def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How = FREELY,
+def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How = ALONE,
          start: Floats | None = None) -> tuple[Shape, int]:
     """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks.
 
     The search begins with the strains `start` (N, 3), if any, instead of those of `initial`.
     """
+    shape, kicks = _made(mesh, gripper, initial, how, start)
+    return _with_set_error(shape), kicks
+
+
+def _with_set_error(shape: Shape) -> Shape:
+    """Return a Shape whose history knows how exact its permanent set is.
+
+    The set that a step makes is as exact as the step; what comes later tells nothing of it.
+    """
+    before, after = shape.state.before, shape.state.history
+    if before is None or after is None or not (shape.converged and after.lasts):
+        return shape
+    if before.original_set is None and np.array_equal(before.plastic, after.plastic):
+        return shape
+    error = shape.state.estimate()
+    return replace(shape, state=replace(
+        shape.state, history=replace(after, set_error=max(before.set_error, error)),
+        estimate=Constant(error)))
+
+
+def _made(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How,
+          start: Floats | None) -> tuple[Shape, int]:
+    """Return what `step` does; how exact its set is, is not known yet."""
     past = past_of(mesh, initial, how.memory)
     if (how.method == 'newton' and mesh.may_hang and past.idle
             and (mesh.hangs or how.far_end is None or initial is not None)):
         shape, kicks = _step(mesh, gripper, initial, how, past, start, culled=True)
-        if mesh.hangs or shape.converged and not _acts(mesh, shape, initial, gripper):
+        if mesh.hangs or (shape.state.culled if shape.converged
+                          else how.most < np.inf):  # then it is made in parts
             return shape, kicks
     return _step(mesh, gripper, initial, how, past, start, culled=False)
 
@@ -93,13 +117,13 @@ def _step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How, 
         strains = start
     elif initial is None:
         strains = mesh.stress_free(past)
+    elif mesh.has_nodes(initial.s):
+        strains = initial.element_strains
     else:
         strains = mesh.strains_from(initial.s, initial.element_strains)
+    watch = _watched(mesh, initial, how.most) if culled else None
     if culled and far_end is None:
-        bound = UNBOUNDED
-        if initial is not None and how.most < np.inf and mesh.has_nodes(initial.s):
-            bound = RotationBound(initial.frames, initial.gripper.rotation, mesh.sampled, how.most)
-        return equilibrium(mesh, gripper, strains, 'newton', past, culled=True, bound=bound)
+        return equilibrium(mesh, gripper, strains, 'newton', past, culled=True, watch=watch)
     if how.strains == 'paper':
         return described_equilibrium(mesh, gripper, strains, method, past)
     if method == 'newton' and initial is not None:
@@ -107,7 +131,8 @@ def _step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How, 
         if far_end is None:
             found = _bearing(mesh, gripper, initial, strains, past)
         elif initial.far_end is not None and initial.far_end.grip == far_end.grip:
-            found = _without_kicks(held_nearby(mesh, gripper, strains, past, far_end, culled))
+            found = _without_kicks(held_nearby(mesh, gripper, strains, past, far_end,
+                                               culled, watch))
         if found is not None:
             return found
     gripper = held_by(mesh.surroundings, gripper, initial)
@@ -115,9 +140,10 @@ def _step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How, 
                                               culled)
     found = None
     if initial is None and far_end is not None and method == 'newton':
-        found = _without_kicks(held_nearby(mesh, gripper, strains, past, far_end, culled))
+        found = _without_kicks(held_nearby(mesh, gripper, strains, past, far_end,
+                                               culled, watch))
     shape, kicks = found or equilibrium(mesh, gripper, strains, method, past, far_end,
-                                        culled=culled)
+                                        culled=culled, watch=watch)
     return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
 
 
@@ -160,17 +186,20 @@ def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) 
     return mesh.past(known, memory)
 
 
-def _acts(mesh: Discretization, shape: Shape, before: Shape | None, gripper: Pose) -> bool:
-    """Whether something acts on a Shape, or on its way from `before`, or None: stress-free."""
-    if before is not None and mesh.has_nodes(before.s):
-        there = before.positions
-    else:
-        strains, pose = np.array(mesh.natural), gripper
-        if before is not None:
-            strains, pose = mesh.strains_from(before.s, before.element_strains), before.gripper
-        free = mesh.system(pose.rotation, culled=True)
-        there = configuration_at(free, strains).positions + pose.position
-    return bool(acting(mesh, shape.element_strains[None], shape.positions[None], there[None])[0])
+def _watched(mesh: Discretization, before: Shape | None, most: float) -> Watch:
+    """Return what a step from `before`, or None: stress-free, is watched for; `most` as of How."""
+    if before is None:
+        return FREELY
+    if mesh.has_nodes(before.s):
+        if most == np.inf:
+            return Watch(before.positions)
+        return Watch(before.positions, before.frames, before.gripper.rotation, mesh.sampled, most)
+    if mesh.hangs:
+        return FREELY
+    strains, pose = mesh.strains_from(before.s, before.element_strains), before.gripper
+    places = configuration_at(mesh.system(pose.rotation, culled=True), strains).positions
+    freeze(places := places + pose.position)
+    return FREELY._replace(places=places)
 
 
 def acting(mesh: Discretization, strains: Floats, positions: Floats, before: Floats) -> Bools:
@@ -189,7 +218,8 @@ def _fill_acting(system: Problem, strains: Floats, positions: Floats, before: Fl
                  found: Bools) -> None:
     """Fill found (n,) as `acting`; the arrays are read-only."""
     for k in range(found.size):
-        found[k] = may_act(system.effects, system, strains[k], positions[k], before[k])
+        found[k] = may_act(system.effects, system, strains[k].copy(), positions[k].copy(),
+                           before[k].copy())
 
 
 def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:

@@ -185,7 +185,7 @@ class TimePoint:
                     *(row.points[:, i:i + 3] for i in (2, 5, 8, 11)))
         lost = self.lost_before + float(row.energies[DISSIPATED])
         return Memory(mesh.s, plastic, lost, hold, force, points, row.nodes[0],
-                      row.frames[:, :, 0], mesh.surroundings)
+                      row.frames[:, :, 0], mesh.surroundings, start.set_error)
 
     def _shape(self) -> Shape:
         mesh, (gripper, far_end), row = (self.stepper.discretization,

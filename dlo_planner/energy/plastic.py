@@ -51,9 +51,12 @@ class PlasticSection(Record):
     set: Floats
 
 
-def yields(effect: PlasticSection | None) -> bool:
-    """Whether a DLO with these PlasticSection, or None, yields anywhere."""
-    return effect is not None and effect.share.size > 0
+@kernel
+def yields(effect):
+    """Whether a DLO with this PlasticSection, or None, yields anywhere."""
+    if effect is None:
+        return False
+    return effect.share.size > 0
 
 
 def hinged(effect: PlasticSection, part: float) -> PlasticSection:

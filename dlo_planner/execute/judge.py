@@ -18,8 +18,6 @@ from dlo_planner.identify.steering import Steered
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle, Sheet
-from dlo_planner.model.rod import Surface
-from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.plan import Plan
 from dlo_planner.trajectory.trajectory import Trajectory
 
@@ -59,29 +57,15 @@ def unexplained(observing: Observing, speed: float = 0.0) -> str:
     return ''
 
 
-def doubts(correction: Correction, inverse: InverseSimulator, largest: float) -> str:
-    """Return in words why a Correction must not be executed, '' if it may.
-
-    It is not simulated as a plan is: the gripper has to keep its workspace, and the DLO clear of
-    obstacles, at each waypoint.
-    """
+def doubts(correction: Correction, largest: float) -> str:
+    """Return in words why a Correction must not be executed, '' if it may; see `correct`."""
     if not correction.converged:
         return 'a waypoint has no stable shape for the DLO as it is estimated'
     moved = float(np.linalg.norm(correction.offsets[:, 3:], axis=1).max(initial=0.0))
     if moved > largest:
         return (f'it moves the gripper by {moved:.3g} m: expected observe.largest_correction = '
                 f'{largest:g} m at most')
-    workspace, surface = inverse.workspace, Surface.of(inverse.simulator.rod)
-    if workspace is not None:
-        name, room = min((workspace.min_margin(pose) for pose in correction.grippers),
-                         key=lambda one: one[1])
-        if room < 0:
-            return f'it moves the gripper {-room:.3g} m beyond {name}'
-    for index, body in enumerate(obstacles_around(inverse)):
-        room = min(clearance([body], surface, shape) for shape in correction.shapes)
-        if room < 0:
-            return f'it moves the DLO {-room:.3g} m into {type(body).__name__} {index}'
-    return ''
+    return correction.violation or ''
 
 
 def obstacles_around(inverse: InverseSimulator) -> tuple[Obstacle, ...]:
@@ -166,8 +150,8 @@ def aimed_anew(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: S
     """
     first = int(np.searchsorted(reached, free))
     known = before if before is not None and before.converged else None
-    found = correct(estimate, plan, first, known)
-    return Aimed(found, against or doubts(found, inverse, largest), *(
+    found = correct(estimate, plan, first, known, inverse=inverse)
+    return Aimed(found, against or doubts(found, largest), *(
         bound_of(estimate, plan, one, reached, free, lag)
         for one in (way.corrected(free, found, reached[first:]), way)))
 

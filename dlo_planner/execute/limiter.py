@@ -17,7 +17,9 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
 from dlo_planner.identify.steering import Steered
+from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.requirements import Limits
@@ -48,8 +50,17 @@ def velocities(positions: Floats, rotations: Floats, period: float) -> Floats:
 
     Shapes: positions (n, 3), rotations (n, 3, 3).
     """
-    turns = Rotation.from_matrix(rotations[1:] @ rotations[:-1].swapaxes(1, 2))
-    return np.hstack([np.diff(positions, axis=0), turns.as_rotvec()]) / period
+    return np.hstack([np.diff(positions, axis=0), _turns(rotations)]) / period
+
+
+@kernel
+def _turns(rotations: Floats) -> Floats:
+    """Return (n - 1, 3) the rotation vectors from each of n rotations (n, 3, 3) to the next."""
+    out = np.empty((rotations.shape[0] - 1, 3))
+    for k in range(rotations.shape[0] - 1):
+        put_vector(rotation_vector(times_transposed(matrix(rotations[k + 1]),
+                                                    matrix(rotations[k]))), out[k])
+    return out
 
 
 def frames_of(poses: Sequence[Pose]) -> tuple[Floats, Floats]:

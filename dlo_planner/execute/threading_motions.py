@@ -31,7 +31,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.builder import build_plan
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, truncate
+from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, moved, truncate
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.trajectory.modal_response import vibrated
@@ -155,30 +155,34 @@ def way_to_standoff(task: Threading, estimate: Estimate, here: Pose) -> GripperM
 def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: float) -> Entry:
     """Return the way from a measured pose at the standoff to the depth."""
     way, through = task.ways(estimate, here, 0.0)
-    whole, stated = concatenate(replace(way, stops=()), through), task.cutout.center
-    commanded = replace(
-        through, grippers=tuple(estimate.commanded(pose) for pose in through.grippers),
-        via_points=tuple(tuple((stated, s, normal) for _, s, normal in passes)
-                         for passes in through.via_points))
+    whole, commanded = concatenate(replace(way, stops=()), through), commanded_of(through, estimate)
 
-    def bound_in(way: Steered) -> float:
+    def bound_in(way: Steered, lag: float = lag) -> float:
         reached = way.reached(whole.times[-len(through):])
         return bound_of(estimate, commanded, way, reached, 0.0, lag)
 
     tried = []
     for part in _SLOWER if np.isfinite(lag) else _SLOWER[:1]:  # slower is corrected the better
         limits = slowed(task.motion_limits, part)
-        tried.append((bound_in(_steered(Trajectory(whole, limits, tolerance=np.inf), estimate,
-                                        whole.shapes[-1])), limits))
+        quick = _steered(Trajectory(whole, limits, tolerance=np.inf), estimate, whole.shapes[-1])
+        tried.append((bound_in(quick), limits))
         if tried[-1][0] <= _AT_MOST * task.room:
             break
     at_most, limits = min(tried, key=lambda one: one[0])
+    if at_most > most and bound_in(quick, -0.5 * quick.windows.sum()) > most:  # however slow it is
+        return Entry(estimate, at_most, whole, commanded, None)
     tolerance = max(LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
     trajectory = _trajectory(task, whole, tolerance, limits)
     motion = GripperMotion(estimate, trajectory, whole.shapes[-1],
                            swing_of(trajectory, estimate, whole))
     bound = bound_in(motion.steered)
     return Entry(estimate, bound, whole, commanded, None if bound > most else motion)
+
+
+def commanded_of(plan: Plan, estimate: Estimate) -> Plan:
+    """Return a Plan of true poses through an estimated hole, in commanded ones: as stated."""
+    return replace(moved(plan, -estimate.center(np.zeros(3))),
+                   grippers=tuple(estimate.commanded(pose) for pose in plan.grippers))
 
 
 def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose],

@@ -347,6 +347,16 @@ def frame_along(nodes: Floats, strains: Floats, rotations: Floats, positions: Fl
     return rotation, position
 
 
+@kernel
+def positions_along(nodes: Floats, strains: Floats, rotations: Floats, positions: Floats,
+                    s: Floats) -> Floats:
+    """Return the positions (m, 3) of `frame_along` at arc lengths `s` (m,)."""
+    out = np.empty((s.size, 3))
+    for k in range(s.size):
+        out[k] = frame_along(nodes, strains, rotations, positions, s[k])[1]
+    return out
+
+
 # ------------------------------------------------------------------------------------------------
 # Where a DLO, or the straight line on which it would go on, is nearest to a point.
 

@@ -32,7 +32,7 @@ from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.rod import before as part_before
 from dlo_planner.model.value import Value, brief, put
-from dlo_planner.plan.clearance import hole_clearances
+from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.goal_rows import (
     DIRECTION,
     POSITION,
@@ -42,8 +42,8 @@ from dlo_planner.plan.goal_rows import (
     GoalTable,
 )
 from dlo_planner.plan.goals import DirectionAt, GripperNear, PositionAt, Residuals
-from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.plan.plan import Plan, moved_sheet
+from dlo_planner.plan.waypoint import Waypoint, length_of
 
 _LOOKED_AT = 3   # waypoints at which the miss that remains is predicted
 _STILL = 1e-3    # weight of the planned gripper, which decides only what is left free
@@ -173,22 +173,19 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0, before: Correction |
 def _violation(aim: _Aim, plan: Plan, shapes: dict[int, Shape], grippers: dict[int, Pose],
                inverse: InverseSimulator) -> str:
     """Return the first demand that a corrected waypoint breaks, in words, '' if none."""
+    moved = [(moved_sheet(sheet, aim.shift), normal) for sheet, normal in plan.sheets]
     demands = inverse.demands(plan)
-    sheets = [(replace(sheet, pose=Pose(sheet.pose.position + aim.shift, sheet.pose.quaternion),
-                       cutouts=tuple(aim.estimate.moved_cutout(one) for one in sheet.cutouts)),
-               normal) for sheet, normal in plan.sheets]
-    for k in sorted(grippers):
-        if demands.workspace is not None:  # it is where the robot is told to be
-            name, room = demands.workspace.min_margin(grippers[k])
-            if room < 0:
-                return f'waypoint {k}: the gripper is {-room:.3g} m beyond {name}'
-        if k in shapes:
-            broken = replace(demands, workspace=None).violation(Waypoint(
-                shapes[k], clearances=tuple(hole_clearances(sheet, normal, demands.surface,
-                                                            shapes[k])
-                                            for sheet, normal in sheets)))
-            if broken is not None:
-                return f'waypoint {k}: {broken[2]}'
+    demands = replace(demands, obstacles=tuple(  # the holes are where they are estimated
+        next((now for (sheet, _), (now, _) in zip(plan.sheets, moved, strict=True)
+              if sheet == body), body) for body in demands.obstacles))
+    holes = Bodies(moved, (), demands.surface)
+    for k, commanded in sorted(grippers.items()):
+        shape = shapes.get(k, plan.shapes[k])
+        broken = demands.violation(Waypoint(
+            shape, position_error=aim.missed(k, shape) if k in shapes else 0.0,
+            clearances=tuple(holes.holes(shape)) if k in shapes else ()), commanded)
+        if broken is not None:
+            return f'waypoint {k}: {broken[2]}'
     return ''
 
 
@@ -318,6 +315,11 @@ class _Aim:
         count = len(waypoints)
         return PredictedMiss(np.array(waypoints, dtype=float), np.full((count, 3), np.nan),
                              np.full((3 * count, 3 * count), np.nan), np.full(count, np.nan))
+
+    def missed(self, index: int, shape: Shape) -> float:
+        """Return by how much a Shape misses the places of a waypoint, m."""
+        return max(length_of(goal.residuals(shape))
+                   for goal in self.estimate.passages(self._plan.via_points[index]))
 
     def _mesh(self, planned: Shape) -> Discretization:
         """Return the Discretization of the estimated DLO like that of a planned Shape."""

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any, cast
@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.parameters import UncertainState
-from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of, crossing
+from dlo_planner.identify.parameters import PointSlopes, UncertainState
+from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of
 from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
@@ -35,7 +35,8 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import FrozenDict, Value, brief, put
 from dlo_planner.pictured import Reported
-from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.goals import Through
+from dlo_planner.plan.plan import Passes, Plan, passages
 
 _LEAST_LINK = 1e-3  # of the robot's time or way: links between errors stay regular
 _ROUGH = 2.5      # times the way of a smooth process: then both change alike in that way
@@ -253,6 +254,11 @@ class Estimate(Reported):
         return self.robot.change(way_between(seen or keyframes[-1].gripper, gripper))
 
     @property
+    def last_shape(self) -> Shape | None:
+        """Shape of the DLO in the last look that could be used; None before the first."""
+        return self._shape
+
+    @property
     def camera_bias(self) -> Floats:
         """Estimated bias (3,) of the camera, seen minus true, m, world axes."""
         return self.uncertain.camera(self.mean)
@@ -270,6 +276,11 @@ class Estimate(Reported):
     def center(self, center: ArrayLike) -> Floats:
         """Return the estimated true center (3,) of a cut-out that is stated at `center` (3,), m."""
         return vector('center', center, 3) + self.uncertain.shifted(self.mean)
+
+    def passages(self, passes: Passes) -> tuple[Through, ...]:
+        """Return the goals of the places to be passed, at their estimated true centers."""
+        return passages([(self.center(center), s, normal) for center, s, normal in passes],
+                        self.uncertain.simulator.rod.length)
 
     def moved_cutout(self, cutout: CutOut) -> CutOut:
         """Return a stated CutOut, moved to its estimated true place."""
@@ -342,8 +353,8 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
         changed[k] = estimate.robot_change(plan.grippers[index],
                                            None if seen is None else seen[k])
         off[k], rows[k], bound[k] = max(
-            (_miss_at(estimate, slopes, shape, known, changed[k] * robot, *one)
-             for one in plan.via_points[index]), key=lambda found: found[2])
+            (_miss_at(estimate, slopes, known, changed[k] * robot, goal)
+             for goal in estimate.passages(plan.via_points[index])), key=lambda found: found[2])
     # what the robot's error changes until one waypoint it has changed until those after it as well,
     # unless it is seen meanwhile, or wanders in time
     once = estimate.robot.repeats and seen is None
@@ -355,18 +366,15 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
     return PredictedMiss(np.array(waypoints, dtype=float), off, joint.reshape(3 * count, -1), bound)
 
 
-def _miss_at(estimate: Estimate, slopes_at: Callable[[Floats], Floats], shape: Shape,
-             known: Floats, later: Floats, center: Floats, s: float,
-             normal: Floats | None) -> tuple[Floats, Floats, float]:
-    """Return the miss (3,) of one entry of `Plan.via_points`, its slopes (3, n + 6) and bound, m.
+def _miss_at(estimate: Estimate, slopes_at: PointSlopes, known: Floats, later: Floats,
+             goal: Through) -> tuple[Floats, Floats, float]:
+    """Return the miss (3,) of one goal, its slopes (3, n + 6) and bound, m.
 
-    Shapes: slopes_at(s) (m, 3, n + 6), known (n + 6, n + 6), later (6, 6).
+    Shapes: known (n + 6, n + 6), later (6, 6).
     """
-    off, normal, tangent, s = crossing(shape, estimate.center(center), normal, s)
-    slopes = slopes_at(np.array([s]))[0]
+    off, slopes, across = slopes_at.miss(goal)
     columns, number = estimate.uncertain.columns('cutout')
-    slopes[number, columns] -= 1.0
-    slopes -= np.outer(tangent, normal @ slopes) / (normal @ tangent)  # in the plane
+    slopes[:, columns] -= across[:, number]
     robot = slopes[:, estimate.mean.size:]
     covariance = slopes @ known @ slopes.T + robot @ later @ robot.T
     # in the plane of the largest deviations

@@ -333,7 +333,8 @@ class Observing:
         elapsed = max(stamp - self._seen, 0.0) if np.isfinite(self._seen) else 0.0
         after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway, late=late,
                                       bent=bent)
-        nodes = self._nodes(after if after.agrees else estimate, seen)
+        nodes = (self._nodes(after, after.last_shape) if after.agrees else
+                 self._nodes(estimate, estimate.shape(gripper)))
         off = np.inf if nodes is None else _median_distance(seen.points, nodes)
         with self._lock:
             if self._estimate is not estimate:  # it was reset meanwhile
@@ -349,10 +350,10 @@ class Observing:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
         return self._estimate
 
-    def _nodes(self, estimate: Estimate, seen: Observation) -> Floats | None:
+    @staticmethod
+    def _nodes(estimate: Estimate, shape: Shape | None) -> Floats | None:
         """Return places of the DLO (k, 3) as the camera would see it; None: no shape is found."""
-        shape = estimate.shape(seen.gripper)
-        if not shape.converged:
+        if shape is None or not shape.converged:
             return None
         return shape.positions_at(np.linspace(0, 1, _SAMPLED) * shape.s[-1]) + estimate.camera_bias
 

@@ -9,10 +9,10 @@ and how points of an equilibrium move with x. Fits, estimates and robustness var
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legint, legval
@@ -37,6 +37,7 @@ from dlo_planner.model.rod import Rod, of_length
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 from dlo_planner.model.varying import Along, Expanded, Scaled, Shifted, Table, scaled
+from dlo_planner.plan.goals import Through
 
 # Quantities whose x is a logarithm, and what it scales: of GJ, EI_n, EI_b; of the masses spread
 # along the DLO, those at points, that at its tip.
@@ -573,11 +574,10 @@ class UncertainState(Value):
         """Return (3,) the displacement of the cut-out, true minus stated, m, world axes."""
         return self._part(z, 'cutout')
 
-    def slopes(self, z: Floats, shape: Shape, error: Floats | None = None,
-               ) -> Callable[[Floats], Floats]:
-        """Return a function of s (m,): derivatives (m, 3, n) of the points of `shape` by z.
+    def slopes(self, z: Floats, shape: Shape, error: Floats | None = None) -> PointSlopes:
+        """Return the PointSlopes by z of the equilibrium `shape` at z.
 
-        With an `error` of the robot (6,): (m, 3, n + 6), by that as well, see `offset`.
+        With an `error` of the robot (6,): by that as well, see `offset`.
         """
         sensitivity, n = Sensitivity(shape), self.size
         mesh, x = self.mesh(shape.state.made_on), z[:self.parameters.size]
@@ -595,16 +595,41 @@ class UncertainState(Value):
         if shape.contacts:  # else its shape stays
             strains[placed] = np.moveaxis(sensitivity.strains[:, :, 3:] @ frame[:, places], 2, 0)
         bent = np.flatnonzero(strains.any(axis=(1, 2)) | stretch.any(axis=1))
+        return PointSlopes(shape, len(strains), bent, strains[bent], stretch[bent], turned, about,
+                           placed, frame[:, places])
 
-        def at(s: Floats) -> Floats:
-            out = np.zeros((s.size, 3, len(strains)))
-            out[:, :, bent] = moved_points(shape, s, strains[bent], stretch[bent])
-            arms = shape.positions_at(s) - shape.gripper.position
-            out[:, :, turned] += np.cross(about.T[None], arms[:, None]).transpose(0, 2, 1)
-            out[:, :, placed] += frame[:, places]
-            return out
 
-        return at
+class PointSlopes(NamedTuple):
+    """The derivatives of the points of a Shape by n numbers: a function of s."""
+
+    shape: Shape
+    size: int        # n
+    bent: Ints       # (b,) numbers that change its shape:
+    strains: Floats  # (b, N, 3) its strains by them, 1/m, and
+    stretch: Floats  # (b, N) its elements' lengths, in parts of them
+    turned: Ints     # (t,) numbers that turn it with the gripper:
+    about: Floats    # (3, t) about what, world axes
+    placed: Ints     # (p,) numbers that displace it:
+    along: Floats    # (3, p) along what
+
+    def __call__(self, s: Floats) -> Floats:
+        """Return (m, 3, n) the derivatives at arc lengths s (m,), at most the end; world axes."""
+        s = np.minimum(s, self.shape.s[-1])
+        out = np.zeros((s.size, 3, self.size))
+        out[:, :, self.bent] = moved_points(self.shape, s, self.strains, self.stretch)
+        arms = self.shape.positions_at(s) - self.shape.gripper.position
+        out[:, :, self.turned] += np.cross(self.about.T[None], arms[:, None]).transpose(0, 2, 1)
+        out[:, :, self.placed] += self.along
+        return out
+
+    def miss(self, goal: Through) -> tuple[Floats, Floats, Floats]:
+        """Return by how much the Shape misses a point, (3,) m, and derivatives (3, n) of that.
+
+        They are across the DLO, which may pass elsewhere along itself; (3, 3) is what is across.
+        """
+        s, (off, tangent, _) = goal.nearest(self.shape)
+        across = np.eye(3) - np.outer(tangent, tangent)
+        return off, across @ self(np.array([s]))[0], across
 
 
 def stretched(shape: Shape, length: float) -> Shape:

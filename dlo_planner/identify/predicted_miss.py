@@ -5,18 +5,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import number, results, row
 from dlo_planner.model.value import Value, brief, put
 
-_CROSSINGS = 20   # steps of Newton's method to a plane
-_STILL = 1e-12    # of the length: the last step
 _MOST = 1_000_000  # largest index of a waypoint
 _OTHER = 0.1      # of the length: a shape whose length differs by more is of another DLO
 _SHARE = 0.95     # probability that a bound is kept
@@ -26,7 +22,7 @@ _DRAWN = 4096     # misses at all waypoints together
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedMiss(Value):
-    """Misses at k waypoints of a plan, in the plane of the center that the DLO has to pass.
+    """Misses at k waypoints of a plan: by how much the DLO passes beside a center.
 
     If a waypoint passes several centers, the center with the largest bound counts.
 
@@ -35,12 +31,12 @@ class PredictedMiss(Value):
     waypoints : ndarray, shape (k,)
         Their indices in the plan.
     off : ndarray, shape (k, 3)
-        Vectors in m from the center to where the estimated DLO crosses its plane, world axes; a DLO
+        Vectors in m from the center to where the estimated DLO is nearest to it, world axes; a DLO
         that is too short is extended straight on.
     joint : ndarray, shape (3 k, 3 k)
-        Covariance of all of `off`, m^2: waypoint by waypoint, in each x, y, z.
+        Covariance of all of `off` across the DLO, m^2: waypoint by waypoint, in each x, y, z.
     bound : ndarray, shape (k,)
-        Radii about the center inside which the DLO crosses with a probability of 95 %, m; infinite
+        Radii about the center inside which the DLO passes with a probability of 95 %, m; infinite
         where no shape was found.
     """
 
@@ -83,7 +79,7 @@ class PredictedMiss(Value):
 
     @property
     def together(self) -> float:
-        """Radius inside which the DLO crosses at all waypoints with 95 %, m.
+        """Radius inside which the DLO passes at all waypoints with 95 %, m.
 
         The quantile of the largest miss of 4096 draws from the normal distribution of all, always
         the same; their share of 95 % is right to 0.4 %.
@@ -102,34 +98,6 @@ class PredictedMiss(Value):
         """Return whether every bound is at most `room` (m)."""
         room = number('room', room, minimum=0)
         return bool((self.bound <= room).all())
-
-
-class Crossing(NamedTuple):
-    """Where a DLO crosses a plane."""
-
-    off: Floats      # (3,) from the center to the crossing, m
-    normal: Floats   # (3,) of the plane
-    tangent: Floats  # (3,) of the DLO there
-    s: float         # arc length, m, at most the length
-
-
-def crossing(shape: Shape, center: Floats, normal: Floats | None,
-             s: float) -> Crossing:
-    """Return where a Shape, extended straight on at its end, crosses a plane near `s` (m).
-
-    Shapes: center (3,), normal (3,).
-    """
-    for _ in range(_CROSSINGS):
-        inside = min(max(s, 0.0), shape.s[-1])
-        axes, position = shape.frame_at(float(inside))
-        tangent = axes[:, 0]
-        across = tangent if normal is None else normal
-        position = position + (s - inside) * tangent
-        step = across @ (center - position) / (across @ tangent)
-        s += step
-        if abs(step) < _STILL * shape.s[-1]:
-            break
-    return Crossing(position - center, np.array(across), tangent, inside)
 
 
 def bound_of(off: Floats, covariance: Floats) -> float:

@@ -29,6 +29,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.identify.estimate import Estimate, RobotError, way_between
 from dlo_planner.identify.noise_model import Mixture, mixture, mixture_cost
 from dlo_planner.identify.observation import Observation
+from dlo_planner.identify.parameters import PointSlopes
 from dlo_planner.identify.residuals import from_either_end, point_residuals
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, angle_between
@@ -44,6 +45,7 @@ _HALVINGS = 8
 _SETTLED = 1e-3   # mean square of the last step, in standard deviations of the estimate
 _STEADY = 1.05    # ratio of two successive scales of the residuals that count as equal
 _FARTHEST = 0.15  # of the length: by which one step may move a node
+_HARDLY = 2e-4    # of the length: derivatives of a DLO that moved by less are the same to as much
 _ENOUGH = 1e-4    # part of the decrease predicted for a step that it has to give (Armijo)
 _STILL = 1e-6     # of the noise: a smaller sway counts as none
 _RARE = 1e-4      # part of the looks that exceed a limit of consistency by chance
@@ -126,12 +128,14 @@ class Keyframe:
 
     gripper: Pose     # as measured
     looks: tuple[tuple[Floats, Floats | None], ...]  # points (m, 3), arc lengths (m,) or None
-    shape: Shape      # from which the next search begins
+    shape: Shape      # at the window's `state` and at
+    error: Floats     # (p,) that of the robot, in its deviations
     noise: float      # m, of these looks
     errors: LookErrors
     bent: Floats | None = None  # (k, 3), see `Observer.update`
     link: float = 0.0   # correlation of the robot's error with that of the keyframe before
     lasts: float = 0.0  # s from its first look to its last
+    slopes: PointSlopes | None = None  # of a shape that is hardly another
 
     def takes(self, other: Keyframe) -> bool:
         """Return whether looks of another Keyframe can be added to this one."""
@@ -197,6 +201,7 @@ class LagWindow:
     keyframes: tuple[Keyframe, ...]  # oldest first
     mean: Floats        # (n + p,) by all looks; e at the last keyframe
     covariance: Floats  # (n + p, n + p)
+    state: Floats       # (n + p,) where the last search ended; e at the last one forgotten
     consistency: Consistency = Consistency()
 
     @classmethod
@@ -205,7 +210,7 @@ class LagWindow:
         whole = np.eye(mean.size + p)
         whole[:mean.size, :mean.size] = covariance
         mean = np.append(mean, np.zeros(p))
-        return cls(mean, cast(Floats, np.linalg.inv(whole)), (), mean, whole)
+        return cls(mean, cast(Floats, np.linalg.inv(whole)), (), mean, whole, mean)
 
     def with_linear(self, rows: Floats, right: Floats) -> LagWindow:
         """Return it with k measurements of unit variance: rows (k, n) @ x = right (k,)."""
@@ -229,8 +234,7 @@ class LagWindow:
         old = self.keyframes
         lasts = old[-1].lasts + elapsed if old else 0.0
         if old and lasts <= _CONSTANT * robot.time and old[-1].takes(new):
-            last = replace(old[-1], looks=(*old[-1].looks, *new.looks), shape=new.shape,
-                           lasts=lasts)
+            last = replace(old[-1], looks=(*old[-1].looks, *new.looks), lasts=lasts)
             if len(last.looks) <= _LOOKS:
                 return replace(self, keyframes=(*old[:-1], last)), None
             half, lasts = _LOOKS // 2, 0.5 * lasts
@@ -290,28 +294,28 @@ class LookUpdate:
 
     def estimate(self) -> Estimate | None:
         """Return the Estimate, or None if no equilibrium explains the look."""
-        first = self._first()
+        before = self._window
+        first, error = self._first()
         if not first.converged:
             return None
         s, points = self._observation.s, self._observation.points
         if s is not None:
             s = from_either_end(first, points, s)
-        before = self._window
         window, forgotten = before.with_look(
-            Keyframe(self._observation.gripper, ((points, s),), first, *self._look),
+            Keyframe(self._observation.gripper, ((points, s),), first, error, *self._look),
             self._elapsed, self._robot)
         joined = bool(before.keyframes) and forgotten is None and (
             len(window.keyframes) == len(before.keyframes))
         if forgotten is not None:
-            folded = self._folded(window, forgotten)
-            if folded is None:
-                return None
-            window = folded
+            window = self._folded(window, forgotten)
         self._window = window
+        self._slopes = [keyframe.slopes for keyframe in window.keyframes]
         expected = self._expected(before, joined)
-        y = np.concatenate([self._estimate.mean / self._unit[:self._n]] + (
-            len(window.keyframes) + 1) * [expected[0][self._n:]])
-        here = self._at(y, [keyframe.shape for keyframe in window.keyframes])
+        y = np.concatenate([window.state, *(keyframe.error for keyframe in window.keyframes)])
+        shapes = [keyframe.shape for keyframe in window.keyframes]
+        here: _Evaluated | None = _Evaluated(y, shapes, [
+            self._looks(keyframe, shape, y) for keyframe, shape in zip(window.keyframes, shapes,
+                                                                       strict=True)])
         last = np.inf
         for _ in range(_ITERATIONS):
             if here is None:
@@ -325,20 +329,23 @@ class LookUpdate:
             here, last = self._moved(here, step, slope, scales), scales[-1]
         return None
 
-    def _first(self) -> Shape:
-        """Return the Shape at the gripper's pose of this look, with the state before it."""
-        estimate, simulator = self._estimate, self._uncertain.simulator
-        known, keyframes = estimate._shape, self._window.keyframes
-        if known is not None and keyframes and keyframes[-1].gripper == self._observation.gripper:
-            self._mesh = known.state.made_on
-            return known
-        gripper = estimate.actual(self._observation.gripper)
+    def _first(self) -> tuple[Shape, Floats]:
+        """Return the Shape at the gripper's pose of this look, and the robot's error there (p,)."""
+        window, simulator, gripper = (self._window, self._uncertain.simulator,
+                                      self._observation.gripper)
+        if window.keyframes and window.keyframes[-1].gripper == gripper:
+            last = window.keyframes[-1]
+            self._mesh = last.shape.state.made_on
+            return last.shape, last.error
+        known, error = self._estimate._shape, self._expected(window, False)[0][self._n:]
+        z = window.state[:self._n] * self._unit[:self._n]
+        gripper = gripper.compose(self._uncertain.offset(z, self._robot.twist(error)))
         if known is not None and (simulator.accuracy is None
                                   or surely_within(known, simulator.accuracy)):
             self._mesh = known.state.made_on
         else:
             self._mesh = simulator.discretization(gripper, None)
-        return self._uncertain.equilibrium(estimate.mean, self._mesh, gripper, known)
+        return self._uncertain.equilibrium(z, self._mesh, gripper, known), error
 
     def _expected(self, before: LagWindow, joined: bool) -> tuple[Floats, Floats]:
         """Return mean (n + p,) and covariance of state and robot's error, before the look."""
@@ -365,23 +372,20 @@ class LookUpdate:
         shapes, looks = [], []
         for count, (keyframe, known) in enumerate(zip(self._window.keyframes, before, strict=True),
                                                   1):
-            shape, seen = self._seen(keyframe, *self._state(y, count), known)
+            z, error = self._state(y, count)
+            gripper = keyframe.gripper.compose(self._uncertain.offset(z, error))
+            shape = self._uncertain.equilibrium(z, self._mesh, gripper, known, followed=False)
             if not shape.converged:
                 return None
             shapes.append(shape)
-            looks.append(seen)
+            looks.append(self._looks(keyframe, shape, y))
         return _Evaluated(y, shapes, looks)
 
-    def _seen(self, keyframe: Keyframe, z: Floats, error: Floats,
-              known: Shape) -> tuple[Shape, list[Look]]:
-        """Return the Shape of a keyframe, and its Looks from there."""
-        gripper = keyframe.gripper.compose(self._uncertain.offset(z, error))
-        shape = self._uncertain.equilibrium(z, self._mesh, gripper, known, followed=False)
-        if not shape.converged:
-            return shape, []
-        bias = self._uncertain.camera(z)
-        return shape, [Look.of(shape, points - bias, s, keyframe.errors, keyframe.bent)
-                       for points, s in keyframe.stacked()]
+    def _looks(self, keyframe: Keyframe, shape: Shape, y: Floats) -> list[Look]:
+        """Return the Looks of a keyframe from its Shape at y."""
+        bias = self._uncertain.camera(y[:self._n] * self._unit[:self._n])
+        return [Look.of(shape, points - bias, s, keyframe.errors, keyframe.bent)
+                for points, s in keyframe.stacked()]
 
     def _equations(self, here: _Evaluated) -> _Equations:
         """Return the _Equations of a step from a state."""
@@ -394,7 +398,9 @@ class LookUpdate:
                 window.keyframes, here.shapes, here.looks, strict=True), 1):
             self._link(matrix, down, y, count, keyframe)
             own = np.r_[0:self._n, self._errors(count)]
-            for one in self._information(y, count, keyframe, shape, looks):
+            slopes = self._slopes[count - 1] = self._slopes_at(y, count, shape,
+                                                               self._slopes[count - 1])
+            for one in self._information(slopes, keyframe, shape, looks):
                 matrix[np.ix_(own, own)] += one.matrix
                 down[own] += one.vector
             scales.append(one.scale)
@@ -416,21 +422,30 @@ class LookUpdate:
         down[own] -= off
         down[old] += link * off
 
-    def _information(self, y: Floats, count: int, keyframe: Keyframe, shape: Shape,
+    def _slopes_at(self, y: Floats, count: int, shape: Shape,
+                   known: PointSlopes | None) -> PointSlopes:
+        """Return the PointSlopes of a keyframe's Shape at y, those known of one hardly another."""
+        if known is not None and known.shape.s.size == shape.s.size and (
+                np.abs(known.shape.positions - shape.positions).max() <= _HARDLY * shape.s[-1]):
+            return known
+        z, error = self._state(y, count)
+        return self._uncertain.slopes(z, shape, error if self._p else None)
+
+    def _information(self, slopes_at: PointSlopes, keyframe: Keyframe, shape: Shape,
                      looks: Sequence[Look]) -> Iterator[Information]:
         """Yield the Information of a keyframe's Looks."""
-        (z, error), uncertain = self._state(y, count), self._uncertain
-        slopes_at = uncertain.slopes(z, shape, error if self._p else None)
+        uncertain = self._uncertain
         kept = np.append(np.arange(self._n), self._n + self._robot.acting)
         columns, numbers = uncertain.columns('camera')
-        for look in looks:
-            by_state = slopes_at(look.s)
-            by_state[:, numbers, columns] += 1.0
+        by_state = slopes_at(np.concatenate([look.s for look in looks]))
+        by_state[:, numbers, columns] += 1.0
+        ends = np.cumsum([look.s.size for look in looks])
+        for look, own in zip(looks, np.split(by_state, ends[:-1]), strict=True):
             # a place moves along with the length, a point of known arc length does not
             for column in uncertain.columns('length')[0]:
-                by_state[look.inside, :, column] -= look.tangents[look.inside] * (
+                own[look.inside, :, column] -= look.tangents[look.inside] * (
                     look.s[look.inside] / shape.s[-1])[:, None]
-            yield Information.of(look, look.axes @ by_state[:, :, kept] * self._unit,
+            yield Information.of(look, look.axes @ own[:, :, kept] * self._unit,
                                  self._mixture(look, keyframe, shape))
 
     def _mixture(self, look: Look, keyframe: Keyframe, shape: Shape) -> Mixture:
@@ -464,18 +479,16 @@ class LookUpdate:
                         for look in looks)
         return cost
 
-    def _folded(self, window: LagWindow, keyframe: Keyframe) -> LagWindow | None:
-        """Return the LagWindow with a forgotten Keyframe, linearized; None: no equilibrium."""
-        y = np.append(self._window.mean, self._window.mean[self._n:])  # the state before the look
-        shape, looks = self._seen(keyframe, *self._state(y, 1), keyframe.shape)
-        if not shape.converged:
-            return None
-        size = window.x.size
+    def _folded(self, window: LagWindow, keyframe: Keyframe) -> LagWindow:
+        """Return the LagWindow with a forgotten Keyframe, linearized where it is."""
+        y = np.concatenate([window.state, keyframe.error])
+        size, shape = window.x.size, keyframe.shape
         matrix, vector = np.zeros((y.size, y.size)), np.zeros(y.size)
         matrix[:size, :size], vector[:size] = window.matrix, window.matrix @ window.x
         self._link(matrix, vector, np.zeros(y.size), 1, keyframe)
         own = np.r_[0:self._n, self._errors(1)]
-        for one in self._information(y, 1, keyframe, shape, looks):
+        for one in self._information(self._slopes_at(y, 1, shape, keyframe.slopes), keyframe, shape,
+                                     self._looks(keyframe, shape, y)):
             matrix[np.ix_(own, own)] += one.matrix
             vector[own] += one.matrix @ y[own] + one.vector
         if self._p:  # the error before it is forgotten (Schur complement)
@@ -484,7 +497,7 @@ class LookUpdate:
             vector = vector[own] - across @ vector[old]
             matrix = matrix[np.ix_(own, own)] - across @ matrix[np.ix_(old, own)]
         matrix = symmetric(matrix)
-        return replace(window, x=solved(matrix, vector), matrix=matrix)
+        return replace(window, x=solved(matrix, vector), matrix=matrix, state=y[own])
 
     def _result(self, here: _Evaluated, step: Floats, equations: _Equations,
                 expected: tuple[Floats, Floats]) -> Estimate:
@@ -503,9 +516,12 @@ class LookUpdate:
         most = share + 4 * np.sqrt(share * (1 - share) / len(self._observation.points))
         surprise = max(innovation / _limit(seen), residual / _limit(last.degrees),
                        last.outliers / most)
-        keyframes = tuple(replace(one, shape=shape)
-                          for one, shape in zip(window.keyframes, here.shapes, strict=True))
+        keyframes = tuple(
+            replace(one, shape=shape, error=here.y[self._errors(count)], slopes=slopes)
+            for count, (one, shape, slopes) in enumerate(zip(
+                window.keyframes, here.shapes, self._slopes, strict=True), 1))
         window = replace(window, keyframes=keyframes, mean=mean, covariance=covariance,
+                         state=here.y[:window.x.size],
                          consistency=window.consistency.after(innovation, seen, residual,
                                                               last.degrees))
         return estimate_of(self._estimate, window, looks=self._estimate.looks + 1, converged=True,

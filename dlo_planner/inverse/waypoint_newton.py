@@ -20,7 +20,7 @@ import numpy as np
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import node_twists, twists_inside
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import NO_NODES, TOLERANCE, hanging_shape
+from dlo_planner.direct.statics import FREELY, TOLERANCE, hanging_shape
 from dlo_planner.energy.potential import evaluate, project, unknowns_of
 from dlo_planner.energy.problem import (
     Configuration,
@@ -363,7 +363,7 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
         if not converged or not stability > least:
             break
         after = orthonormal(after)
-        elastic, energy = outputs(here, state, wrenches[k])
+        elastic, energy = outputs(here, state, here.origin, state.positions, wrenches[k])
         at = min(there[0], nodes[nodes.size - 1])
         e = element_at(nodes, at)
         point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
@@ -472,7 +472,7 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     before = begin if earlier is shape else earlier.element_strains
     # of one type for the kernel, whether they may be written or not
     frames = np.array(shape.frames) if mesh.has_nodes(shape.s) else np.zeros((mesh.s.size, 3, 3))
-    watched = np.array(NO_NODES if most is None else mesh.sampled)
+    watched = np.array(FREELY.nodes if most is None else mesh.sampled)
     pair = np.array([earlier.gripper.rotation, shape.gripper.rotation]), np.array([before, begin])
     freeze(pair)
     limits = np.full((3, len(s)), np.inf) if most is None else most

@@ -23,8 +23,8 @@ import numpy as np
 
 from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.problem import Configuration, Problem, bending_energy
+from dlo_planner.energy.terms import may_forbid, row_count
 from dlo_planner.energy.terms import roundoff as noise_of_effects
-from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import attached_forces
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.hessian import assembled_definite, new_hessian, solve
@@ -101,7 +101,7 @@ def is_stationary(system: Problem, state: Configuration, residual: float,
     Args:
         rounding: error of the residual where it is larger than usual: a hundredth of it
     """
-    touching = _count(system.effects.contact) > 0
+    touching = may_forbid(system.effects)
     promised = TOUCHING if touching else CONVERGED
     if has_inertia(system.effects.anchor) and residual < promised:
         return True
@@ -115,14 +115,6 @@ def is_stationary(system: Problem, state: Configuration, residual: float,
 def as_rounded(residual: float, noise: float, promised: float) -> bool:
     """Whether a residual is as small as promised, or as the `noise` that rounding may leave."""
     return residual < max(promised, noise) and noise < _BLURRED
-
-
-@kernel
-def _count(contact):
-    """Return how many obstacles there are."""
-    if contact is None:
-        return 0
-    return contact.scene.kind.size
 
 
 SETTLED = 1e-8  # decrement that is promised

@@ -42,6 +42,7 @@ import numpy as np
 
 from dlo_planner.energy.grip import constraint_value, constraint_violation, moved_grip
 from dlo_planner.energy.inertia import has_inertia
+from dlo_planner.energy.plastic import yields
 from dlo_planner.energy.potential import evaluate, unknowns_of, value_at
 from dlo_planner.energy.problem import (
     Configuration,
@@ -53,7 +54,7 @@ from dlo_planner.energy.problem import (
 )
 from dlo_planner.energy.terms import forbids, may_forbid, row_count
 from dlo_planner.geometry.record import Record, copy, put_sum, scaled_by
-from dlo_planner.geometry.so3 import put_matrix, times, times_transposed
+from dlo_planner.geometry.so3 import matrix, put_matrix, times, times_transposed
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.convergence import (
     Minimum,
@@ -178,17 +179,11 @@ def within(options, frames, before, base, nodes, most):
 @kernel
 def _carried(frames, before, base, nodes):
     """Return the frames (k, 3, 3) of nodes as the gripper carries them from `before` to `base`."""
-    turn = times_transposed(_of(base), _of(before))
+    turn = times_transposed(matrix(base), matrix(before))
     carried = np.empty((nodes.size, 3, 3))
     for k in range(nodes.size):
-        put_matrix(times(turn, _of(frames[nodes[k]])), carried[k])
+        put_matrix(times(turn, matrix(frames[nodes[k]])), carried[k])
     return carried
-
-
-@kernel
-def _of(m):
-    """Return the tuple of a read-only array (3, 3)."""
-    return m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2], m[2, 0], m[2, 1], m[2, 2]
 
 
 @kernel
@@ -599,7 +594,7 @@ def _retract(system, state, step, fraction, turns, out):
 @kernel
 def _spins_freely(system):
     """Return whether a DLO is round and naturally straight, so that turning it costs nothing."""
-    if _yields(system.effects.plastic):
+    if yields(system.effects.plastic):
         return False
     for e in range(system.lengths.size):
         stiffness, natural = system.stiffness[e], system.natural[e]
@@ -607,14 +602,6 @@ def _spins_freely(system):
                 or abs(natural[1]) + abs(natural[2]) > 0.0):
             return False
     return True
-
-
-@kernel
-def _yields(plastic):
-    """Whether the DLO may yield."""
-    if plastic is None:
-        return False
-    return plastic.share.shape[0] > 0
 
 
 @kernel

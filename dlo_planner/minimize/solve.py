@@ -1,26 +1,293 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes of DLOs that hang freely in one compiled loop: in many grippers, or of many rods.
+"""One step in one compiled call, from a Problem to all that a Shape is made of; and many in a loop.
 
-Of the time that such a shape takes, Python between kernels would be a third.
+Python between kernels would take as long as the step itself.
 """
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from dlo_planner.energy.potential import unknowns_of
-from dlo_planner.energy.problem import Problem, with_gripper
-from dlo_planner.energy.terms import potential, stored
+from dlo_planner.energy.contact import trial_traction
+from dlo_planner.energy.gap import penetration_of_point
+from dlo_planner.energy.grip import constraint_violation
+from dlo_planner.energy.plastic import PlasticSection, add_plastic, return_map
+from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
+from dlo_planner.energy.scene import translated
+from dlo_planner.energy.terms import may_act, potential, stored
 from dlo_planner.geometry.basis import truncation_error
+from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import Record, copy
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.newton import minimize, new_workspace, thorough
+from dlo_planner.minimize.contact_solver import COARSER, solve_contact
+from dlo_planner.minimize.contact_table import touching
+from dlo_planner.minimize.convergence import is_stationary
+from dlo_planner.minimize.newton import (
+    is_held,
+    minimize,
+    new_workspace,
+    next_to,
+    thorough,
+    within,
+)
 from dlo_planner.model.arrays import Floats, Ints
 
 
+class Solution(NamedTuple):
+    """All that a Shape and its Memory take from a step."""
+
+    strains: Floats
+    frames: Floats
+    positions: Floats  # (N + 1, 3), world, m
+    wrench: Floats     # (6,) of the gripper on the DLO,
+    far_wrench: Floats  # and of the far end's grip
+    hold: Floats       # (K,) N
+    plastic: Floats
+    forces: Any        # `forces_after`
+    contacts: Any      # `contact_rows`
+    elastic: float     # J, stored
+    energy: float      # J
+    lost: float        # J, to plastic deformation in the step
+    missed: float      # m, by the far end
+    inside: float      # m, how deep the gripper holds the axis in an obstacle
+    stationary: bool
+    residual: float
+    stability: float
+    iterations: int
+    kicks: int
+    violation: float   # m
+    acts: bool         # whether something would have, without which it was found
+
+
 @kernel
-def solve_step(system, base, origin, options, work, wrench):
+def solve_step(system: Problem, watched: Any, base: Floats, origin: Floats, strains: Floats,
+               places: Floats, tangents: Floats, frames: Floats, turned_from: Floats, nodes: Ints,
+               most: float, tolerance: float, exact: float, steps: int, check: bool,
+               near: bool) -> Any:
+    """Return the fields of the Solution of one step. All arrays are read-only, but for `nodes`.
+
+    Args:
+        watched: Problem with all that may act, if it is to be looked at whether something does,
+            else None; base, origin: (3, 3), (3,) of the gripper, m
+        strains: (N, 3) where the search begins, 1/m
+        places, tangents: (N + 1, 3) of the nodes before, m, world; (0, 3) if not known
+        frames, turned_from: (N + 1, 3, 3), (3, 3) of nodes and gripper before, from which no node
+            of `nodes` (k,) is to turn by more than `most`, rad, in the gripper
+        tolerance, exact, steps: largest residual and violation of constraints at the end, m, and
+            Newton steps until then at most
+        check: whether the smallest eigenvalue is found, and a saddle left
+        near: whether only what is near is sought; the residual is infinite where it is not
+    """
+    turned = with_gripper(system, base.copy(), origin.copy())
+    work = new_workspace(turned)
+    unknowns_of(turned, strains.copy(), work.start)
+    if near:
+        options = next_to(tolerance, exact, check, is_held(turned))
+    else:
+        options = within(thorough(tolerance, exact, steps, check, steps < 0), frames, turned_from,
+                         base, nodes, most)
+    state, residual, stability, iterations, kicks, loaded, violation = _minimum(
+        turned.effects.contact, turned, options, work, places, tangents)
+    end = outcome(loaded, state, turned.origin, residual, 0.0, True)
+    acts = residual < np.inf and _acts(watched, turned, end[0], end[2], places)
+    return end + (residual, stability, iterations, kicks, violation, acts)
+
+
+@kernel
+def _minimum(contact, system, options, work, places, tangents):
+    """Return what `solve_contact` does, of a DLO with obstacles or without."""
+    if contact is None:
+        return _unobstructed(system, options, work)
+    if contact.scene.kind.size == 0:
+        return _unobstructed(system, options, work)
+    return obstructed_minimum(system, work.start, options.gtol, options.ctol, options.maxiter,
+                              options.check, places, tangents)
+
+
+@kernel
+def _unobstructed(system, options, work):
+    """Return what `solve_contact` does, where there are no obstacles."""
+    state, residual, stability, iterations, kicks, violation = minimize(system, work.start, options,
+                                                                        work)
+    return state, residual, stability, iterations, kicks, system, violation
+
+
+@kernel
+def obstructed_minimum(system, q, tolerance, exact, steps, check, places, tangents):
+    """Return what `solve_contact` does of a DLO whose nodes were at `places`, world, before."""
+    before = np.empty((places.shape[0], 6))
+    for k in range(places.shape[0]):
+        for i in range(3):
+            before[k, i] = places[k, i] - system.origin[i]
+            before[k, 3 + i] = tangents[k, i]
+    return solve_contact(system, q, COARSER * tolerance, exact, steps, check, before)
+
+
+@kernel
+def _acts(watched, system, strains, positions, places):
+    """Whether something acts at the end of a step or on the straight way to it, see `may_act`.
+
+    The way is from `places`, or from the stress-free shape in the gripper.
+    """
+    if watched is None:
+        return False
+    before = places.copy()
+    if places.shape[0] == 0:
+        natural = new_configuration(system)
+        evaluate(system, natural)
+        before = natural.positions
+        for k in range(before.shape[0]):
+            for i in range(3):
+                before[k, i] += system.origin[i]
+    return may_act(watched.effects, watched, strains, positions, before)
+
+
+@kernel
+def outcome(system: Problem, state: Configuration, origin: Floats, residual: float,
+            rounding: float, ended: bool) -> Any:
+    """Return the fields of a Solution up to `stationary`.
+
+    Args:
+        origin: (3,) position of the gripper, m
+        residual, rounding: as of `is_stationary`
+        ended: whether the step has; before, friction counts from where it began
+    """
+    effects, positions, wrench, far_wrench = (
+        system.effects, np.empty_like(state.positions), np.empty(6), np.zeros(6))
+    elastic, energy = outputs(system, state, origin, positions, wrench)
+    hold, missed = _grip_after(effects.hold, state, far_wrench)
+    plastic, lost, springs = _set_after(effects.plastic, system, state.strains)
+    forces, contacts, inside = _contacts_after(effects.contact, system, state, origin, ended)
+    return (state.strains, state.rotations, positions, wrench, far_wrench, hold, plastic, forces,
+            contacts, elastic + springs, energy + springs, lost, missed, inside,
+            is_stationary(system, state, residual, rounding))
+
+
+@kernel
+def outputs(system, state, origin, positions, wrench):
+    """Fill positions (N + 1, 3), world, and the gripper's wrench (6,) on the DLO.
+
+    Returns elastic and all energy, J, but for springs that yield.
+    """
+    for k in range(positions.shape[0]):
+        for i in range(3):
+            positions[k, i] = origin[i] + state.positions[k, i]
+    for i in range(3):
+        wrench[i], wrench[3 + i] = state.base_force[i], state.base_moment[i]
+    elastic = stored(system.effects, system, state.strains)
+    return elastic, elastic + potential(system.effects, system, positions)
+
+
+@kernel
+def _grip_after(hold: Any, state: Configuration, wrench: Floats) -> Any:
+    """Return the forces (K,) of the far end's grip, its miss in m; fill its wrench (6,)."""
+    if hold is None:
+        return np.zeros(0), 0.0
+    if hold.multiplier.size == 0:
+        return hold.multiplier, 0.0
+    for i in range(3):
+        wrench[i] = -state.attached.tip_force[i]
+        wrench[3 + i] = -state.attached.tip_moment[i]
+    return hold.multiplier, constraint_violation(hold, state.rotations[-1], state.positions[-1])
+
+
+@kernel
+def _set_after(plastic: Any, system: Problem, strains: Floats) -> Any:
+    """Return the plastic strain after a step, the energy lost in it and that in springs, J."""
+    if plastic is None:
+        return np.zeros((system.lengths.size, 0)), 0.0, 0.0
+    if plastic.share.shape[0] == 0:
+        return plastic.set, 0.0, 0.0
+    new, lost = return_map(system.lengths, strains, system.natural, plastic)
+    after = PlasticSection(plastic.direction, plastic.limit, plastic.share, plastic.kind,
+                           plastic.strength, plastic.ellipse, new)
+    return new, lost, add_plastic(system.lengths, strains, system.natural, after,
+                                  np.zeros(strains.shape))
+
+
+@kernel
+def _contacts_after(contact: Any, system: Problem, state: Configuration, origin: Floats,
+                    ended: bool) -> Any:
+    """Return `forces_after`, `contact_rows`, and how deep the gripper is in an obstacle, m.
+
+    No force can push the axis out there. The surface beside it may reach into one, as where a thick
+    DLO leaves a thin gripper.
+    """
+    if contact is None:
+        return None, None, 0.0
+    inside = 0.0
+    if contact.scene.kind.size:
+        inside = penetration_of_point(translated(contact.scene, np.zeros(3)), origin)
+    return (forces_after(system, state, origin, ended), contact_rows(system, state),
+            max(0.0, inside))
+
+
+@kernel
+def contact_rows(system: Problem, state: Configuration) -> Any:
+    """Return of A contacts: obstacle, element, m along it, place, normal, force, friction, gap.
+
+    Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO.
+    """
+    scene, lengths = system.effects.contact.scene, system.lengths
+    table = touching(scene, system.effects.contact.contacts, lengths, state)
+    count = table.gap.size
+    along, places, friction = np.empty(count), np.empty((count, 3)), np.zeros((count, 3))
+    rotation = np.empty((3, 3))
+    for a in range(count):
+        e = table.element[a]
+        along[a] = table.fraction[a] * lengths[e]
+        point_inside(lengths, state.strains, state.rotations, state.positions, e,
+                     table.fraction[a], rotation, places[a])
+        if table.rubbing[a] >= 0:
+            friction[a] -= state.attached.force[table.rubbing[a]]
+    return (scene.source[table.obstacle], table.element, along, places, table.normal, table.force,
+            friction, table.gap)
+
+
+@kernel
+def forces_after(system: Problem, state: Configuration, origin: Floats, ended: bool) -> Any:
+    """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
+
+    What slid sticks from now on to where it has come to; the last array (C, 3) tells by how much.
+
+    Args:
+        origin: (3,) the gripper's position, m
+        ended: whether the step has; before, friction still counts from where it began
+    """
+    contacts = system.effects.contact.contacts
+    anchor, shear, slid = contacts.anchor + origin, contacts.shear.copy(), np.zeros_like(
+        contacts.anchor)
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for c in range(contacts.element.size):
+        if contacts.obstacle[c] >= 0:
+            continue
+        shear[c] = state.attached.force[c]
+        if not ended:
+            continue
+        point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                     contacts.element[c], contacts.fraction[c], rotation, x)
+        sticks = trial_traction(contacts, c, x, trial) <= contacts.multiplier[c]
+        out = 0.0
+        for i in range(3):
+            out += (x[i] - contacts.anchor[c, i]) * contacts.normal[c, i]
+        for i in range(3):
+            away = x[i] - contacts.anchor[c, i]
+            slid[c, i] = out * contacts.normal[c, i] if sticks else away
+            anchor[c, i] += slid[c, i]
+    return (contacts.node, contacts.element, contacts.obstacle, contacts.multiplier,
+            contacts.fraction, anchor, contacts.normal, shear, slid)
+
+
+# ------------------------------------------------------------------------------------------------
+# Many DLOs that hang freely.
+
+
+@kernel
+def solve_free(system, base, origin, options, work, wrench):
     """Descend from `work.start` in a gripper; return the Configuration in the world, and outputs.
 
     That is elastic and all energy, residual, stability, iterations, kicks and violation. `base` and
@@ -32,24 +299,8 @@ def solve_step(system, base, origin, options, work, wrench):
             system.base[i, j] = base[i, j]
     state, residual, stability, iterations, kicks, violation = minimize(system, work.start, options,
                                                                         work)
-    elastic, energy = outputs(system, state, wrench)
+    elastic, energy = outputs(system, state, system.origin, state.positions, wrench)
     return state, elastic, energy, residual, stability, iterations, kicks, violation
-
-
-@kernel
-def outputs(system, state, wrench):
-    """Put a Configuration's positions into the world, fill the gripper's wrench (6,) on the DLO.
-
-    Returns elastic and all energy, J.
-    """
-    positions = state.positions
-    for k in range(positions.shape[0]):
-        for i in range(3):
-            positions[k, i] += system.origin[i]
-    for i in range(3):
-        wrench[i], wrench[3 + i] = state.base_force[i], state.base_moment[i]
-    elastic = stored(system.effects, system, state.strains)
-    return elastic, elastic + potential(system.effects, system, positions)
 
 
 @kernel
@@ -80,8 +331,8 @@ def solve_free_many(system: Problem, bases: Floats, origins: Floats, start: Floa
 @kernel
 def _fill(system, base, origin, options, work, strains, rotations, positions, wrench, energies,
           proof):
-    """Do what `solve_step` does, into arrays of one DLO; return the iterations."""
-    state, energies[0], energies[1], proof[0], proof[1], iterations, _, _ = solve_step(
+    """Do what `solve_free` does, into arrays of one DLO; return the iterations."""
+    state, energies[0], energies[1], proof[0], proof[1], iterations, _, _ = solve_free(
         system, base, origin, options, work, wrench)
     copy(state.strains, strains)
     copy(state.positions, positions)

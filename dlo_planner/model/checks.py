@@ -141,6 +141,8 @@ def array(name: str, value: Any, shape: tuple[int | None, ...],
         raise error(f'{name} has shape {numbers.shape}: expected {expected}')
     with np.errstate(over='ignore'):  # of longer floats
         result = np.array(numbers, dtype=float)
+    if np.abs(result).max(initial=0.0) <= _EXTREME:
+        return result
     if finite is not None and np.isnan(result).any() or finite and not np.isfinite(result).all():
         raise error(f'{name} = {shown(result.tolist())}: expected finite {expected}')
     if (np.abs(result[np.isfinite(result)]) > _EXTREME).any():

@@ -202,6 +202,18 @@ def freeze(content: object) -> None:
             freeze(part)
 
 
+def read_only(given: Any) -> Any:
+    """Return an array of floats as kernels take it from Python, of one kind for all.
+
+    Read-only, in the order of C; what could be written is copied.
+    """
+    array = np.ascontiguousarray(given, dtype=float)
+    if array.flags.writeable:
+        array = array.copy() if array is given else array
+        array.flags.writeable = False
+    return array
+
+
 def same(one: Any, other: Any) -> bool:
     """Whether two contents of fields are equal; nan equals nan."""
     if one is other:

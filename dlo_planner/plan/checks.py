@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +15,9 @@ from dlo_planner.direct.shape import Shape, in_itself
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Surface
-from dlo_planner.plan.clearance import clearance
+from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
@@ -67,11 +69,18 @@ class Judge:
     def _between(self, simulator: DirectSimulator | None) -> DirectSimulator | None:
         return self.simulator if self.simulator is None or simulator is None else simulator
 
-    def margins(self, waypoint: Waypoint) -> Iterator[Margin]:
-        """Yield how much of each demand a Waypoint leaves, in the order in which they refuse."""
+    @cached_property
+    def _bodies(self) -> tuple[Bodies, ...]:
+        return tuple(Bodies((), (obstacle,), self.surface) for obstacle in self.obstacles)
+
+    def margins(self, waypoint: Waypoint, commanded: Pose | None = None) -> Iterator[Margin]:
+        """Yield how much of each demand a Waypoint leaves, in the order in which they refuse.
+
+        `commanded`: where the robot is told to be, if that is not where the gripper is.
+        """
         shape, rod = waypoint.shape, waypoint.shape.rod
         if self.workspace is not None:
-            name, room = self.workspace.min_margin(shape.gripper)
+            name, room = self.workspace.min_margin(commanded or shape.gripper)
             yield Margin(name, room, f'the gripper is {{over:.3g}} m beyond {name}')
         if self.tolerance is not None:
             yield Margin('tolerance', self.tolerance - waypoint.position_error, 'the DLO is '
@@ -80,8 +89,8 @@ class Judge:
         yield Margin('clearance', waypoint.clearance, 'the DLO is {over:.3g} m in the sheet around '
                      'a cut-out (infinite, if no Sheet among the obstacles has this hole): it '
                      'would need as much more room')
-        for index, obstacle in enumerate(self.obstacles):
-            yield Margin('clearance', clearance([obstacle], self.surface, shape),
+        for index, (obstacle, body) in enumerate(zip(self.obstacles, self._bodies, strict=True)):
+            yield Margin('clearance', body.exact(shape),
                          f'the DLO is {{over:.3g}} m in {type(obstacle).__name__} {index}')
         yield Margin('stability', shape.stability - self.stability, 'the DLO would hardly stay in '
                      'this shape: stability {found:.3g}, at least {limit:g} is required',
@@ -103,12 +112,18 @@ class Judge:
             yield Margin('yield', 1 - load, 'the DLO would yield: bent or twisted to {found:.3g} '
                          'times its limits', load)
 
-    def violation(self, waypoint: Waypoint) -> tuple[str, float, str] | None:
+    def violation(self, waypoint: Waypoint,
+                  commanded: Pose | None = None) -> tuple[str, float, str] | None:
         """Return constraint, amount and words of the demand that a Waypoint breaks, or None."""
-        for name, room, words, found, limit in self.margins(waypoint):
-            if not room >= 0:  # nan: it was not looked at
-                return name, -room, words.format(over=-room, found=found, limit=limit)
-        return None
+        return violated(self.margins(waypoint, commanded))
+
+
+def violated(margins: Iterable[Margin]) -> tuple[str, float, str] | None:
+    """Return constraint, amount and words of the first Margin that is broken, None if none is."""
+    for name, room, words, found, limit in margins:
+        if not room >= 0:  # nan: it was not looked at
+            return name, -room, words.format(over=-room, found=found, limit=limit)
+    return None
 
 
 def utilization(shape: Shape, yield_limits: Floats) -> float:

@@ -57,7 +57,10 @@ def sheet_of(cutout: CutOut, length: float, obstacles: Iterable[Obstacle] = ()) 
 
 def clearance(obstacles: Iterable[Obstacle], surface: Surface | float, shape: Shape) -> float:
     """Return the smallest distance in m between a DLO's surface and obstacles (< 0: inside)."""
-    scene = build_scene(obstacles, surface, shape.s, sharp=True)
+    return _clearance(build_scene(obstacles, surface, shape.s, sharp=True), shape)
+
+
+def _clearance(scene: Scene, shape: Shape) -> float:
     return float(_smallest(scene, *kernel_arrays(shape), np.zeros(3), np.inf)[3])
 
 
@@ -99,7 +102,8 @@ class Bodies:
         around = [sheet for sheet, _ in self._sheets]
         self._others = [one for one in obstacles if not any(one is sheet for sheet in around)]
         self._all = [*around, *self._others]
-        self._scenes: dict[bytes, tuple[Scene, list[Scene]]] = {}  # of all, and about each sheet
+        # of all, of what is no sheet, and about each sheet, by mesh
+        self._scenes: dict[bytes, tuple[Scene, Scene, list[Scene]]] = {}
 
     def __bool__(self) -> bool:
         return bool(self._all)
@@ -107,7 +111,7 @@ class Bodies:
     def holes(self, shape: Shape) -> list[Floats]:
         """Return the distances (3,) of `hole_clearances` from each sheet, m."""
         return [hole_clearances(*sheet, self._surface, shape, scene)
-                for sheet, scene in zip(self._sheets, self._known(shape)[1], strict=True)]
+                for sheet, scene in zip(self._sheets, self._known(shape)[2], strict=True)]
 
     def exact(self, shape: Shape, at_sheets: float | None = None) -> float:
         """Return the smallest distance of a Shape in m, negative inside; inf without a body.
@@ -118,7 +122,7 @@ class Bodies:
         rooms = [float(room.min()) for room in self.holes(shape)] if at_sheets is None else [
             at_sheets]
         if self._others:
-            rooms.append(clearance(self._others, self._surface, shape))
+            rooms.append(_clearance(self._known(shape)[1], shape))
         return min(rooms, default=np.inf)
 
     def rooms(self, shape: Shape, least: float = -np.inf) -> Floats:
@@ -138,12 +142,13 @@ class Bodies:
             best = min(best, self.exact(shapes[k]))
         return best
 
-    def _known(self, shape: Shape) -> tuple[Scene, list[Scene]]:
-        """Return the Scene of all bodies, and those about each sheet, for the mesh of a Shape."""
+    def _known(self, shape: Shape) -> tuple[Scene, Scene, list[Scene]]:
+        """Return the Scenes of the bodies for the mesh of a Shape."""
         key = shape.s.tobytes() if self._surface.rod is not None else b''
         if key not in self._scenes:
             self._scenes[key] = (
                 build_scene(self._all, self._surface, shape.s, sharp=True),
+                build_scene(self._others, self._surface, shape.s, sharp=True),
                 [scene_about(sheet, self._surface, shape.s) for sheet, _ in self._sheets])
         return self._scenes[key]
 

@@ -233,14 +233,14 @@ class Through(Goal):
 
     def passage(self, shape: Shape) -> float:
         """Return the arc length nearest to the point, m; beyond L where the DLO ends before it."""
-        return self._nearest(instance('shape', shape, Shape))[0]
+        return self.nearest(instance('shape', shape, Shape))[0]
 
     def _residuals(self, shape: Shape) -> Floats:
-        off: Floats = self._nearest(shape)[1][0]
+        off: Floats = self.nearest(shape)[1][0]
         return off
 
     def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        s, (off, tangent, turn) = self._nearest(shape)
+        s, (off, tangent, turn) = self.nearest(shape)
         beyond = max(s - float(shape.s[-1]), 0.0)
         by_twist = sensitivity.at(s - beyond)
         turned = cross_matrix(tangent) @ by_twist[:3]        # change of the tangent, (3, 6)
@@ -250,8 +250,11 @@ class Through(Goal):
             moved = moved - np.outer(tangent, along)
         return moved
 
-    def _nearest(self, shape: Shape) -> tuple[float, Floats]:
-        """Return the arc length of the passage, and what `nearest_place` fills, (3, 3)."""
+    def nearest(self, shape: Shape) -> tuple[float, Floats]:
+        """Return the arc length of the passage, m; the DLO there less the point, its tangent, turn.
+
+        The latter are rows (3, 3) in m, 1 and 1/m.
+        """
         place = np.empty((3, 3))
         s = nearest_place(shape.s, *kernel_arrays(shape), np.array(self.point), self.after, place)
         return float(s), place

@@ -25,20 +25,18 @@ from dlo_planner.model.obstacles import Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Filmed
-from dlo_planner.plan.goals import DirectionAt, FrameAt, PositionAt, Residuals
+from dlo_planner.plan.goals import DirectionAt, FrameAt, PositionAt, Residuals, Through
 from dlo_planner.plan.path import GripperPath
 
 # An entry of `Plan.via_points`: center (3,), m; arc length, m; normal (3,) or None.
 Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
-
-
-
 
 # fields of a Plan with an entry for each waypoint
 PER_WAYPOINT = ('depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'times',
                 'via_points', 'clearances', 'insertion_force')
 _SAME = 1e-6      # of the length, or of unit vectors: poses that are nearer are one
 _STRAIGHT = np.cos(np.deg2rad(5))
+_NEAR = 0.1       # of the length: how far before the planned arc length the DLO may pass a center
 _ARRAYS = {'depths': 'depths', 'misalignment': 'misalignment', 'miss': 'position_error',
            'times': 'times', 'clearances': 'clearances', 'stops': 'stops',
            'insertion_force': 'insertion_force'}  # in a file: in a Plan
@@ -278,14 +276,32 @@ def _straightening(shape: Shape) -> Floats:
     return result
 
 
-
-
 def truncate(plan: Plan, count: int, status: PlanStatus) -> Plan:
     """Return the first `count` waypoints of a Plan, as a plan with another PlanStatus."""
     part = {name: getattr(plan, name)[:count] for name in PER_WAYPOINT}
     return replace(plan, **part, fraction=1.0 if status is PlanStatus.COMPLETE
                    else plan.fraction * count / len(plan), status=status,
                    stops=tuple(stop for stop in plan.stops if stop < count))
+
+
+def moved(plan: Plan, shift: Floats) -> Plan:
+    """Return a Plan displaced by `shift` (3,), m, with the sheets around its cut-outs."""
+    return replace(
+        plan, grippers=tuple(_shifted(pose, shift) for pose in plan.grippers),
+        shapes=tuple(shape.moved(shift) for shape in plan.shapes),
+        via_points=tuple(tuple((center + shift, s, normal) for center, s, normal in passes)
+                         for passes in plan.via_points),
+        sheets=tuple((moved_sheet(sheet, shift), normal) for sheet, normal in plan.sheets))
+
+
+def moved_sheet(sheet: Sheet, shift: Floats) -> Sheet:
+    """Return a Sheet displaced by `shift` (3,), m, with its cut-outs."""
+    return replace(sheet, pose=_shifted(sheet.pose, shift), cutouts=tuple(
+        replace(cutout, pose=_shifted(cutout.pose, shift)) for cutout in sheet.cutouts))
+
+
+def _shifted(pose: Pose, shift: Floats) -> Pose:
+    return Pose(pose.position + shift, pose.quaternion)
 
 
 def concatenate(one: Plan, other: Plan) -> Plan:
@@ -360,6 +376,15 @@ def pose_at_arc_length(plan: Plan, known: Floats, s: float) -> Pose:
 def means_to_touch(plan: Plan) -> bool:
     """Whether a Plan has contacts, or a bore that holds the DLO."""
     return any(shape.contacts or shape.far_end is not None for shape in plan.shapes)
+
+
+def passages(passes: Passes, length: float) -> tuple[Through, ...]:
+    """Return the goals whose residuals are the misses of a DLO of a length (m) at some centers.
+
+    Which arc length passes a center hardly matters, but where: on the way, of a DLO that differs.
+    """
+    return tuple(Through(center, max(0.0, min(s, length) - _NEAR * length))
+                 for center, s, _ in passes)
 
 
 def arc_length_at(center: Floats | None, passes: Passes) -> float | None:

@@ -4,9 +4,9 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from math import hypot
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped, Quaternion
 from nav_msgs.msg import Goals
 from std_msgs.msg import Header
@@ -147,7 +147,7 @@ def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArr
 
 def _judge_orientation(q: Quaternion, name: str, cause: Cause = Cause.INVALID_POSE) -> None:
     quaternion = [q.x, q.y, q.z, q.w]
-    if abs(np.linalg.norm(quaternion) - 1) > _UNIT:
+    if abs(hypot(*quaternion) - 1) > _UNIT:
         raise Refused(cause, f'{name}.orientation = {quaternion}: expected a quaternion x, y, z, w '
                       f'of length 1, within {_UNIT:g}')
 
@@ -155,7 +155,7 @@ def _judge_orientation(q: Quaternion, name: str, cause: Cause = Cause.INVALID_PO
 def judge_distance(position: Sequence[float] | Floats, scene: Scene, name: str,
                    cause: Cause = Cause.OUT_OF_REACH) -> None:
     """Refuse a position that is farther from the origin than workspace.reach."""
-    if np.linalg.norm(position) > scene.reach:
+    if hypot(*position) > scene.reach:
         raise Refused(cause, f'{name}.position = {[float(x) for x in position]}: expected at most '
                       f'workspace.reach = {scene.reach:g} m from the origin of {scene.frame_id}')
 

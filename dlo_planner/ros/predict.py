@@ -138,15 +138,14 @@ class ShapePredictor(Part):
 
     def _send_wrenches(self, scene: Scene, shape: Shape, stamp: Time) -> None:
         """Publish what the DLO does to the gripper and to what holds its far end."""
-        ends = [(self._wrench_out, scene.tool_frame, shape.gripper.compose(scene.tool.inverse()),
-                 shape.gripper, shape.gripper_wrench)]
-        if shape.far_end is not None:
-            there = Pose.from_rotation(shape.positions[-1], shape.frames[-1])
-            ends.append((self._far_wrench_out, scene.far_frame, shape.far_end.pose, there,
-                         shape.far_wrench))
-        for out, frame_id, sensor, at, wrench in ends:
-            if out.get_subscription_count():
-                out.publish(wrench_msg(wrench_in(sensor, at, -wrench), frame_id, stamp))
+        if self._wrench_out.get_subscription_count():
+            sensor = shape.gripper.compose(scene.tool.inverse())
+            self._wrench_out.publish(wrench_msg(wrench_in(
+                sensor, shape.gripper, -shape.gripper_wrench), scene.tool_frame, stamp))
+        if shape.far_end is not None and self._far_wrench_out.get_subscription_count():
+            end = Pose.from_rotation(shape.positions[-1], shape.frames[-1])
+            self._far_wrench_out.publish(wrench_msg(wrench_in(
+                shape.far_end.pose, end, -shape.far_wrench), scene.far_frame, stamp))
 
     def _on_predict_shape(self, request: GetPlan.Request,
                           response: GetPlan.Response) -> GetPlan.Response:

@@ -184,7 +184,7 @@ class Statistics:
 class Outcome:
     """What is said of a request that is done."""
 
-    stamp: Time  # of the request
+    stamp: Time  # of the request; None where nothing is told of it
     message: str = 'done'
     warning: str = ''  # what is not as one would wish, though it is done
     values: dict[str, Any] = field(default_factory=dict)
@@ -202,7 +202,8 @@ class Status:
     def answering(self, what: str, *, stamp: Time | None = None, answer: Any = None,
                   counter: str | None = None, told: bool = True) -> Iterator[Outcome]:
         """Let no exception out of a callback: refuse with a reason, keep the last good output."""
-        stamp = stamp or self._node.get_clock().now().to_msg()
+        if told and stamp is None:
+            stamp = self._node.get_clock().now().to_msg()
         outcome = Outcome(stamp)
         try:
             yield outcome

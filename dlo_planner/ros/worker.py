@@ -2,18 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """What takes long is computed in a process of its own: shapes and commands never wait for it.
 
-Messages are pickles on the pipes of the process: a deadline and a call in, its result or its error
-out. It ends with its input, so it never outlives the node.
+It is no Process of multiprocessing: that would import the node's main program once more, which
+starts a node where it has no guard.
 """
 
 import os
 import pickle
 import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from select import select
+from multiprocessing.connection import Connection, Pipe
 from subprocess import Popen
 from threading import Lock, Thread
 from time import monotonic, sleep
@@ -26,9 +25,9 @@ T = TypeVar('T')
 
 ATTEMPTS = 4     # at what a process has to compute that ends: the first one, and three more
 _LOOK = 0.05     # s between looks whether an answer is still wanted
-_WATCH = 0.5     # s between looks whether the node still runs
 _PATIENCE = 120.0  # s beyond the deadline that was given, after which the process counts as lost
 _YIELDING = 2.0  # s in which it may leave what is not wanted any more, before it is ended
+_WATCH = 0.5     # s between looks whether the node still runs
 
 
 class ProcessLost(DloPlannerError):
@@ -40,11 +39,12 @@ class _NotWanted(Exception):
 
 
 class Worker:
-    """Starts the process when it is first needed, and again if it has died."""
+    """Starts a process when it is first needed, and again if it has died; it ends with the node."""
 
     def __init__(self, does: str) -> None:
         self._does, self._lock, self._asking = does, Lock(), Lock()
         self._process: Popen[bytes] | None = None
+        self._pipe: Connection[Any, Any] | None = None
         self._closed = False
 
     def result(self, call: Callable[[], T], wanted: Callable[[], bool] = lambda: True,
@@ -65,27 +65,26 @@ class Worker:
 
     def _answer(self, call: Callable[[], T], wanted: Callable[[], bool], deadline: float | None,
                 patience: float) -> T | None:
-        process = self._running()
-        if process is None or process.stdin is None or process.stdout is None:
+        self._start()
+        process, pipe = self._process, self._pipe
+        if process is None or pipe is None:
             return None
         end, unwanted = monotonic() + _PATIENCE + patience, False
-        asked = pickle.dumps((deadline, call), pickle.HIGHEST_PROTOCOL)  # whole, or not at all
         try:
-            process.stdin.write(asked)
-            process.stdin.flush()
-            while not select([process.stdout], [], [], _LOOK)[0]:
+            pipe.send((deadline, call))
+            while not pipe.poll(_LOOK):
                 if not unwanted and not wanted():
                     process.send_signal(signal.SIGINT)
                     unwanted, end = True, monotonic() + _YIELDING
                 if monotonic() > end:
-                    self._end(process)
+                    _kill(process)
                     if unwanted:
                         return None
                     raise ProcessLost(f'the process that {self._does} does not answer')
             result: T | None
-            result, error = pickle.load(process.stdout)
+            result, error = pipe.recv()
         except (OSError, EOFError, pickle.UnpicklingError) as lost:
-            self._end(process)
+            _kill(process)
             if self._closed or unwanted:
                 return None
             raise ProcessLost(f'the process that {self._does} has ended, status '
@@ -96,29 +95,31 @@ class Worker:
             raise error
         return result
 
-    def _running(self) -> Popen[bytes] | None:
+    def _start(self) -> None:
+        """Start the process if it does not run."""
         with self._lock:
             if self._closed:
-                return None
-            if self._process is None or self._process.poll() is not None:
+                self._process = None
+            elif self._process is None or self._process.poll() is not None:
+                self._pipe, theirs = Pipe()
                 # a session of its own: an interrupt from the keyboard is the node's business
-                self._process = subprocess.Popen(
-                    [sys.executable, '-m', __name__], stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE, start_new_session=True,
-                    env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path)),
-                         'OMP_NUM_THREADS': '1'})  # the other cores are the node's
-            return self._process
+                self._process = Popen(
+                    [sys.executable, '-m', __name__, str(theirs.fileno())],
+                    pass_fds=[theirs.fileno()], start_new_session=True,
+                    env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))})
+                theirs.close()
 
     def close(self) -> None:
         """End the process, whatever it does."""
         with self._lock:
-            self._closed = True
-        if self._process is not None:
-            self._end(self._process)
+            self._closed, process = True, self._process
+        if process is not None:
+            _kill(process)
 
-    def _end(self, process: Popen[bytes]) -> None:
-        process.kill()
-        process.wait()
+
+def _kill(process: Popen[bytes]) -> None:
+    process.kill()
+    process.wait()
 
 
 def persistent(attempt: Callable[[], T]) -> T:
@@ -164,30 +165,20 @@ class _Calls:
 
 
 def main() -> None:
-    """Answer until the input ends, or the process that asks."""
-    calls = _Calls()
+    """Answer calls until the pipe, or the process at its other end, ends."""
+    calls, pipe = _Calls(), Connection(int(sys.argv[1]))
     signal.signal(signal.SIGINT, calls.interrupt)
     Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), 'wb')
-    sys.stdout = sys.stderr  # whatever is printed must not get among the answers
-    while True:
-        try:
-            deadline, call = pickle.load(sys.stdin.buffer)
-        except EOFError:
-            return
-        try:
-            answers.write(_pickled(calls.answer(deadline, call)))
-            answers.flush()
-        except BrokenPipeError:  # nobody is there to read it
-            return
-
-
-def _pickled(answer: Any) -> bytes:
-    try:
-        return pickle.dumps(answer, pickle.HIGHEST_PROTOCOL)
-    except Exception as error:
-        return pickle.dumps((None, DloPlannerError(
-            f'the answer cannot be sent: {type(error).__name__}: {error}')))
+    with suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        while True:
+            answer = calls.answer(*pipe.recv())
+            try:
+                pipe.send(answer)
+            except OSError:
+                raise
+            except Exception as error:  # of pickle
+                pipe.send((None, DloPlannerError(
+                    f'the answer cannot be sent: {type(error).__name__}: {error}')))
 
 
 def _end_with(parent: int) -> None:

@@ -136,11 +136,11 @@ class CalmSearch:
 
     @cached_property
     def _simulators(self) -> list[DirectSimulator]:
-        """With the rod's damping, and without any."""
+        """Without any damping, and with the rod's."""
         rod = self.simulator.rod
         if not np.any(rod.damping):
             return [self.simulator]
-        return [self.simulator, self.simulator.with_rod(replace(rod, damping=0.0))]
+        return [self.simulator.with_rod(replace(rod, damping=0.0)), self.simulator]
 
     @cached_property
     def _free(self) -> DirectSimulator:
@@ -255,9 +255,15 @@ class CalmSearch:
         return TimedPath(self.fastest.path, tuple(laws), self.fastest.limits), known
 
     def _moved(self, timed: TimedPath) -> list[InMotion]:
+        """Return the InMotion of each simulator, of none after the first that is not calm."""
         calm = calm_shapes(self._free, self.plan, timed, self._first, self.progress)
-        return [in_motion(simulator, self.plan, timed, self._first, self.obstacles, self.progress,
-                          touched=False, calm=calm) for simulator in self._simulators]
+        motions: list[InMotion] = []
+        for simulator in self._simulators:
+            motions.append(in_motion(simulator, self.plan, timed, self._first, self.obstacles,
+                                     self.progress, touched=False, calm=calm))
+            if self._used(motions[-1])[1] > 1:
+                break
+        return motions
 
     @one_thread()
     def assessed(self, calm: Calm) -> Calm:

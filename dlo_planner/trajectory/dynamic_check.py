@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -21,9 +21,11 @@ from dlo_planner.model.rod import Surface
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart
+from dlo_planner.plan.goals import Through
 from dlo_planner.plan.path import held_after
-from dlo_planner.plan.plan import Passes, Plan, arc_length_at, means_to_touch
+from dlo_planner.plan.plan import Plan, arc_length_at, means_to_touch, passages
 from dlo_planner.plan.swept import least_between
+from dlo_planner.plan.waypoint import length_of
 from dlo_planner.progress import Progress
 from dlo_planner.trajectory.modal_response import slowest_period
 from dlo_planner.trajectory.sliding_end import Feed, Instants, pushed
@@ -35,7 +37,6 @@ _PER_PERIOD = 25      # instants in a period of the DLO's slowest vibration
 _FEWEST, _MOST = 150, 20_000  # instants of a run
 _AT_ONCE = 1e-9       # of a plan's time
 _PRESSED = 1e-3       # of the force of a contact as planned: with less it is lost
-_NEWTON = 4           # steps to the point of the DLO that is nearest to a center
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,10 +50,9 @@ class InMotion(Value):
     converged : bool
         Whether every step was solved.
     position_error : float
-        Distance from the centers to be passed, between all waypoints: of the nearest arc length
-        between those of both waypoints; a center that the free end reaches in between counts from
-        then on; nan if there is none. A DLO in a bore cannot miss it: there the `swing` of the part
-        outside counts.
+        Distance from the centers to be passed, between all waypoints (see `passages` of a plan); a
+        center that the free end reaches in between counts from then on; nan if there is none. A DLO
+        in a bore cannot miss it: there the `swing` of the part outside counts.
     swing : float
         Largest distance of the DLO from its equilibrium in the same gripper.
     arrival : float
@@ -207,8 +207,8 @@ def step_error(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: 
 def _misses(plan: Plan, reached: Floats, shapes: Sequence[Shape]) -> Floats:
     """Return the distances (n,) of shapes at times of a plan from the centers to be passed, m."""
     last = np.clip(np.searchsorted(plan.times, reached, side='right') - 1, 0, len(plan) - 2)
-    return np.array([worst_miss(shape, plan.via_points[k], plan.via_points[k + 1])
-                     for k, shape in zip(last, shapes, strict=True)])
+    goals = [goals_between(plan, k) for k in range(len(plan) - 1)]
+    return np.array([worst_miss(shape, goals[k]) for k, shape in zip(last, shapes, strict=True)])
 
 
 def _of_elements(plan: Plan) -> float:
@@ -327,38 +327,28 @@ def least_clearance(plan: Plan, obstacles: Sequence[Obstacle], surface: Surface,
     return Bodies(plan.sheets, obstacles, surface).least(shapes)
 
 
-def worst_miss(shape: Shape, passes: Passes, later: Passes) -> float:
-    """Return the largest distance in m of a Shape from the centers to be passed, 0 if none is."""
-    return max(_misses_between(shape, passes, later), default=0.0)
+def goals_between(plan: Plan, k: int) -> list[tuple[Through, bool]]:
+    """Return what a Plan's DLO passes between a waypoint and the next.
+
+    And whether at one of both alone: then it counts only while the free end is beyond it.
+    """
+    length, both = float(plan.shapes[k].s[-1]), plan.via_points[k:k + 2]
+    out = []
+    for center in {tuple(center.tolist()): center for passes in both for center, _, _ in passes
+                   }.values():
+        known = [s for s in (arc_length_at(center, passes) for passes in both) if s is not None]
+        out.append((passages([(center, min(known), None)], length)[0], len(known) == 1))
+    return out
 
 
-def _misses_between(shape: Shape, passes: Passes, later: Passes) -> Iterator[float]:
-    """Yield the distances in m of a Shape from the centers to be passed between two waypoints."""
-    for center, s, _ in passes:
-        then = arc_length_at(center, later)
-        if then is not None:
-            yield _distance(shape, center, min(s, then), max(s, then))[0]
-    # a center in one of both alone counts while the free end is beyond it
-    for some, others in ((passes, later), (later, passes)):
-        for center, s, _ in some:
-            if arc_length_at(center, others) is None:
-                away, at = _distance(shape, center, s, shape.s[-1])
-                if at < shape.s[-1]:
-                    yield away
-
-
-def _distance(shape: Shape, center: Floats, low: float, high: float) -> tuple[float, float]:
-    """Return the least distance of a DLO from a center between two arc lengths, and where; m."""
-    best = np.inf, low
-    for begin in (low, 0.5 * (low + high), high):
-        s = begin
-        for _ in range(_NEWTON):
-            axes, position = shape.frame_at(s)
-            away = float(np.linalg.norm(position - center))
-            if away < best[0]:
-                best = away, s
-            s = min(max(s + float(axes[:, 0] @ (center - position)), low), high)
-    return best
+def worst_miss(shape: Shape, goals: Iterable[tuple[Through, bool]]) -> float:
+    """Return the largest residual of `goals_between` in m, 0 if there is none."""
+    worst = 0.0
+    for goal, alone in goals:
+        s, (off, _, _) = goal.nearest(shape)
+        if not alone or s < shape.s[-1]:
+            worst = max(worst, length_of(off))
+    return worst
 
 
 def contact_lost(plan: Plan, u: Floats, shapes: Sequence[Shape]) -> float:

@@ -61,6 +61,23 @@ class Oscillators(NamedTuple):
     rates: Floats  # (t, m) angular frequencies between the instants, 1/s
     damping: Floats  # (t, m) damping ratios
     turns: Floats  # (t, m, m) how the modes turn into one another
+    course: Floats  # (3, t) the parameter between the instants, its first two derivatives by time
+
+
+@kernel
+def interpolated(places: np.ndarray, known: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return (t, k) what is `known` (n, k) at ascending places (n,), `at` (t,), straight between.
+
+    Before the first and after the last it stays as there.
+    """
+    out = np.empty((at.size, known.shape[1]))
+    for t in range(at.size):
+        after = min(max(np.searchsorted(places, at[t]), 1), places.size - 1)
+        begin, end = places[after - 1], places[after]
+        share = min(max((at[t] - begin) / (end - begin), 0.0), 1.0)
+        for k in range(known.shape[1]):
+            out[t, k] = (1.0 - share) * known[after - 1, k] + share * known[after, k]
+    return out
 
 
 @kernel
@@ -208,25 +225,23 @@ class Response:
         periods = law.duration * self.rates.min() / (2 * np.pi)
         count = int(np.clip(periods * _PER_PERIOD, _FEWEST, _MOST))
         times = np.linspace(0, law.duration, count + 1)
-        u, middle = (law.reached(at) for at in (times, 0.5 * (times[1:] + times[:-1])))
-        place = np.clip(np.searchsorted(self.parameters, middle) - 1, 0, len(self.turning) - 1)
-        return Oscillators(times, u, self.between(self.rates, middle),
-                           self.between(self.damping, middle),
-                           turned(self.turning, place, 0.5 * np.diff(u)))
+        u, course = law.reached(times), law.at(0.5 * (times[1:] + times[:-1]), 3)
+        place = np.clip(np.searchsorted(self.parameters, course[0]) - 1, 0, len(self.turning) - 1)
+        return Oscillators(times, u, self.between(self.rates, course[0]),
+                           self.between(self.damping, course[0]),
+                           turned(self.turning, place, 0.5 * np.diff(u)), course)
 
     def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
 
         Shapes: begin (2, m).
         """
-        times, u, rates, damping, turns = self.oscillators(law)
-        middle = 0.5 * (times[1:] + times[:-1])
-        places, rate, change, _ = law.at(middle)
+        times, u, rates, damping, turns, (places, rate, change) = self.oscillators(law)
         force = -(self.between(self.slopes, places) * change[:, None]
                   + self.between(self.bends, places) * (rate**2)[:, None])
         if law.shift is not None:
             force -= np.einsum('tmi,ti->tm', self.between(self.pulls, places),
-                               law.shift.at(middle, 2))
+                               law.shift.at(0.5 * (times[1:] + times[:-1]), 2))
         return times, u, vibrated(times[1], rates, damping, turns, force[None],
                                   begin[:, None])[:, 0]
 
@@ -255,11 +270,9 @@ class Response:
 
     def between(self, known: Floats, u: Floats) -> Floats:
         """Return what is `known` (n, ...) at the parameters, at others u (t,)."""
-        n = self.parameters
-        after = np.clip(np.searchsorted(n, u), 1, n.size - 1)
-        share = np.clip((u - n[after - 1]) / (n[after] - n[after - 1]), 0, 1)
-        share = share.reshape(-1, *np.ones(known.ndim - 1, dtype=int))
-        return (1 - share) * known[after - 1] + share * known[after]
+        rows = np.ascontiguousarray(known.reshape(len(known), -1))
+        found: Floats = interpolated(self.parameters, rows, np.asarray(u, dtype=float))
+        return found.reshape(-1, *known.shape[1:])
 
     def sideways(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the displacements at arc lengths s (n,), m: (n, m, 3) across the DLO there.

@@ -70,9 +70,9 @@ def _answers(case: Case, law: TimeLaw, begin: Floats, basis: BSpline) -> tuple[F
     Shapes: begin (2, m).
     """
     response = case.response
-    times, u, rates, damping, turns = response.oscillators(law)
+    times, u, rates, damping, turns, course = response.oscillators(law)
     middle = 0.5 * (times[1:] + times[:-1])
-    pulled = response.between(response.pulls, law.at(middle)[0])
+    pulled = response.between(response.pulls, course[0])
     force = -np.einsum('tmi,tk->iktm', pulled, basis(middle, 2)).reshape(-1, *pulled.shape[:2])
     places = np.einsum('tk,ij->iktj', basis(times), np.eye(3)).reshape(len(force), -1, 3)
     own = response.excited(law, begin)[2]

@@ -91,13 +91,13 @@ class TimeLaw(Value):
         """Time from rest to rest, s."""
         return float(self._progress.x[-1])
 
-    def at(self, times: Floats) -> Floats:
-        """Return (4, n): u and its first three derivatives by time at times (n,) s.
+    def at(self, times: Floats, orders: int = 4) -> Floats:
+        """Return (orders, n): u and its first derivatives by time, three at most, at times (n,) s.
 
         At rest before 0 and after the duration.
         """
         inside = np.clip(times, 0, self.duration)
-        out = np.stack([self._progress(inside, order) for order in range(4)])
+        out = np.stack([self._progress(inside, order) for order in range(orders)])
         out[0] = np.clip(out[0], *self.parameters[[0, -1]])
         out[1:, times != inside] = 0.0
         return out

@@ -30,11 +30,9 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.value import brief, put, same
 from dlo_planner.pictured import Answer
-from dlo_planner.plan.goals import Through
-from dlo_planner.plan.plan import Passes, Plan
+from dlo_planner.plan.plan import Passes, Plan, passages
 from dlo_planner.progress import OnProgress, Progress
 
-_NEAR = 0.1     # of the length: how far from the planned arc length the DLO may pass a center
 _AT_ONCE = 25   # samples in one piece of work
 
 _Work: TypeAlias = tuple[UncertainState, Sequence[Shape], Sequence[Passes], Floats]
@@ -197,12 +195,10 @@ def _first_order(uncertain: UncertainState, plan: Plan, progress: Progress) -> F
         if not passes or not uncertain.size:
             continue
         progress.check()
-        s = np.minimum([s for _, s, _ in passes], shape.s[-1])
-        squares = np.zeros((len(passes), len(CAUSES)))
-        for j, slopes in enumerate(uncertain.slopes(stated, shape)(s)):
-            tangent = shape.frame_at(float(s[j]))[0][:, 0]
-            off = slopes - np.outer(tangent, tangent @ slopes)  # it passes elsewhere along itself
-            np.add.at(squares[j], causes, (off**2).sum(axis=0) * uncertain.deviations**2)
+        squares, slopes_at = np.zeros((len(passes), len(CAUSES))), uncertain.slopes(stated, shape)
+        for square, goal in zip(squares, passages(passes, float(shape.s[-1])), strict=True):
+            off = slopes_at.miss(goal)[1]
+            np.add.at(square, causes, (off**2).sum(axis=0) * uncertain.deviations**2)
         out[k] = np.sqrt(squares[np.argmax(squares.sum(axis=1))])
     return out
 
@@ -221,13 +217,8 @@ def _sampled(work: _Work) -> Floats:
             start = stretched(shape, drawn.rod.length) if initial is None else initial
             reached = drawn.track([shape.gripper.compose(offset)], initial=start)[0]
             initial = reached if reached.converged else initial
-            out[i, k] = max((np.linalg.norm(_off(reached, center, s))
-                             for center, s, _ in passes[k]), default=0.0)
+            out[i, k] = max((np.linalg.norm(goal.residuals(reached)) for goal in passages(
+                passes[k], float(reached.s[-1]))), default=0.0)
             if not reached.converged:
                 out[i, k] = np.inf
     return out
-
-
-def _off(shape: Shape, center: Floats, s: float) -> Floats:
-    """Return (3,): from a center to where the DLO passes it."""
-    return Through(center, max(0.0, min(s, shape.s[-1]) - _NEAR * shape.s[-1])).residuals(shape)

@@ -24,13 +24,14 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
-from dlo_planner.direct.contact import contact_rows, contacts_of
+from dlo_planner.direct.contact import contacts_of
 from dlo_planner.direct.shape import pack
 from dlo_planner.energy.gap import signed_distance
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.scene import build_scene
+from dlo_planner.minimize.solve import contact_rows
 from dlo_planner.rods import with_plug
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)

@@ -17,6 +17,7 @@ from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod,
 from dlo_planner.direct import step as step_module
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.integrator import Scheme
+from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.stepper import Limits, Stepper
 
 UP = (0, 0, 1)
@@ -56,7 +57,7 @@ def all_acts(monkeypatch):
     """Return a function that makes the call of another with all that may act."""
     def call(function):
         with monkeypatch.context() as patch:
-            patch.setattr(step_module, '_acts', lambda *_: True)
+            patch.setattr(Memory, 'idle', False)
             patch.setattr(Stepper, 'hangs_from', lambda stepper, now: False)
             return function()
     return call

@@ -340,3 +340,41 @@ def test_a_hinge_is_told_on_given_elements():
             sharpest = 1 / shape.bend_radius.min() / np.max(wire.yield_curvature)
             assert (sharpest < 10) == bears == (shape.hinge is None)
             assert ('plastic hinge' in shape.status) != bears
+
+
+def errors_on_the_way(rod, poses, **how):
+    """Return errors of the tip and estimates, (n,) m, beside 640 elements; all steps converge."""
+    exact = DirectSimulator(rod, basis='local', n_elements=640).track(poses)
+    shapes = DirectSimulator(rod, **how).track(poses)
+    assert all(shape.converged for shape in [*shapes, *exact]) and shapes[-1].dissipated > 0
+    away = [np.linalg.norm(one.positions[-1] - other.positions[-1])
+            for one, other in zip(shapes, exact, strict=True)]
+    return np.array(away), np.array([shape.error_estimate for shape in shapes])
+
+
+@pytest.mark.parametrize('how', [{}, {'accuracy': 1e-3}, {'accuracy': 1e-4},
+                                 {'basis': 'local', 'n_elements': 64}])
+def test_the_error_of_a_set_is_known_where_it_yields_no_more(how):
+    wire = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, hardening=0.05, yield_stress=40e6)
+    spring = Rod.rectangular(0.8, 10e-3, 1e-3, 7800.0, 200e9, 0.25, hardening=0.1,
+                             yield_stress=60e6)
+    for rod in (wire, spring):
+        turns = [0.3, 0.0, -0.5, -1.0, -0.5, 0.0, 0.3, 0.8]
+        poses = [Pose((0, 0, 0), Rotation.from_euler('yz', [turn, 0.3 * turn]).as_quat())
+                 for turn in turns]
+        error, estimate = errors_on_the_way(rod, poses, **how)
+        assert (error < 1.6 * estimate).all()
+        assert np.median(error / estimate) > 0.1
+        assert error.max() < how.get('accuracy', 1e-3)
+
+
+def test_the_error_of_a_set_goes_with_it(tmp_path):
+    rod = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34, hardening=0.05, yield_stress=40e6)
+    up = Pose((0, 0, 1), Rotation.from_euler('y', -90, degrees=True).as_quat())
+    coarse = DirectSimulator(rod, basis='local', n_elements=16)
+    loaded = coarse.solve(HERE)
+    loaded.save(tmp_path / 'set.npz')
+    for start in (loaded, type(loaded).load(tmp_path / 'set.npz')):
+        for simulator in (coarse, DirectSimulator(rod, basis='local', n_elements=32)):
+            assert simulator.solve(up, start).error_estimate >= loaded.error_estimate
+        assert not DirectSimulator(rod, accuracy=1e-5).solve(up, start).converged

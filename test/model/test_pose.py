@@ -105,3 +105,12 @@ def test_a_displaced_pose_turns_about_its_own_origin():
     pose = displaced(Pose((1, 2, 3), (0, 0, 0, 1)), np.array([0, 0, np.pi / 2, 0.1, 0, 0]))
     assert np.allclose(pose.position, (1.1, 2, 3), rtol=0, atol=1e-15)
     assert np.allclose(pose.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], rtol=0, atol=1e-15)
+
+
+def test_quaternions_of_axes_are_those_of_scipy():
+    turns = np.concatenate([Rotation.random(200, rng=1).as_rotvec(), np.zeros((1, 3)),
+                            np.pi * np.eye(3), (np.pi - 1e-9) * np.eye(3)])
+    rotations = Rotation.from_rotvec(turns)
+    for quaternion, matrix in zip(rotations.as_quat(), rotations.as_matrix(), strict=True):
+        found = Pose.from_rotation(np.zeros(3), matrix).quaternion
+        assert abs(found @ quaternion) == pytest.approx(1, abs=1e-15)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import InvalidRod, Rod
+from dlo_planner.model.varying import Expanded, resolved, smooth
 
 
 def test_round_section_has_the_textbook_values():
@@ -87,3 +88,67 @@ def test_pairs_may_be_any_row():
 def test_a_function_that_fails_is_named():
     with pytest.raises(InvalidRod, match=r'Rod.natural_twist\(0\).* raised ZeroDivisionError'):
         Rod(1.0, 0.1, 1.0, 0.7, natural_twist=lambda s: 1 / s)
+
+
+# ---- sections: which side of a rectangle is which, in radius, strain and yield --------------
+
+
+WIDTH, THICKNESS = 0.02, 0.001
+STRIP = Rod.rectangular(1.0, WIDTH, THICKNESS, 7850.0, 210e9, 0.3, yield_stress=400e6)
+
+
+def test_the_radius_reaches_the_farthest_side():
+    assert STRIP.radius == WIDTH / 2
+    upright = Rod.rectangular(1.0, THICKNESS, WIDTH, 7850.0, 210e9, 0.3)
+    assert upright.radius == WIDTH / 2
+    assert Rod.tube(1.0, 0.02, 0.012, 1000.0, 1e7, 0.4).radius == 0.01
+
+
+def test_bending_about_n_strains_the_thickness_and_about_b_the_width():
+    curvature = 3.0
+    bend = np.array([[0, curvature, 0], [0, 0, curvature], [0, -curvature, curvature]])
+    axial = STRIP.section.surface_strain(bend)[:, 0]
+    np.testing.assert_allclose(axial, curvature * np.array(
+        [THICKNESS / 2, WIDTH / 2, (THICKNESS + WIDTH) / 2]))
+
+
+def test_a_round_section_has_no_preferred_axis():
+    wire = Rod.circular(1.0, 0.004, 7850.0, 210e9, 0.3)
+    bend = 3.0 * np.array([[0, 1, 0], [0, 0, 1], [0, 0.6, -0.8]])
+    np.testing.assert_allclose(wire.section.surface_strain(bend)[:, 0], 3.0 * 0.002)
+    twisted = wire.section.surface_strain([[-2.0, 0, 0]])
+    np.testing.assert_allclose(twisted, [[0, 2.0 * 0.002]])
+
+
+@pytest.mark.parametrize('axis', [1, 2])
+def test_yield_begins_where_the_surface_reaches_the_stress(axis):
+    bend = np.zeros((1, 3))
+    bend[0, axis] = STRIP.yield_curvature[axis - 1]
+    strain = STRIP.section.surface_strain(bend)[0, 0]
+    assert strain * STRIP.section.youngs_modulus == pytest.approx(400e6)
+
+
+def test_torsion_yields_where_the_shear_does():
+    bend = np.array([[STRIP.yield_torsion, 0, 0]])
+    shear = STRIP.section.surface_strain(bend)[0, 1] * STRIP.section.shear_modulus
+    assert shear == pytest.approx(400e6 / np.sqrt(3))
+
+
+# ---- what is known of a function along a DLO without a look at it is what a look would find -
+
+
+@pytest.mark.parametrize('terms', [1, 6, 10])
+def test_a_series_is_told_as_if_it_had_been_looked_at(rng, terms):
+    for base, parts in (((0.1, -0.2), 2), (0.3, 1)):
+        content = Expanded(base, rng.normal(size=(terms, parts)), 1.003)
+        known, seen = smooth(content, 1.003), resolved('k', content, 1.003)
+        assert known == seen
+
+
+def test_a_long_series_is_looked_at(rng):
+    content = Expanded((0.0, 0.0), 0.1 * rng.normal(size=(24, 2)), 1.0)
+    rod = Rod(1.0, 1e-3, 1e-3, 0.02, natural_curvature=content)
+    s = np.linspace(0, 1, 50)
+    means = rod.natural_strains(s)[:, 1:]
+    assert means == pytest.approx(np.array([content(one) for one in s]), abs=1e-9)
+    assert len(rod._profiles['natural_curvature'].edges) > 257

@@ -4,6 +4,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import concatenate, truncate
 from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.tasks import PlanStatus
-from dlo_planner.trajectory.dynamic_check import worst_miss
+from dlo_planner.trajectory.dynamic_check import goals_between, worst_miss
 
 DIRECT = DirectSimulator(Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2),
                              radius=0.003), n_elements=24)
@@ -322,22 +323,25 @@ def shape():
     return DirectSimulator(Rod(1.0, 0.1, 2.0, 1.5)).solve(Pose((0, 0, 1), (0, 0, 0, 1)))
 
 
-def passed(center, s):
-    return [(np.array(center), s, None)]
+def missed(shape, *passed):
+    """Return the miss between two waypoints, which pass centers: (center, s) of each."""
+    plan = SimpleNamespace(shapes=(shape, shape), via_points=tuple(
+        tuple((np.array(center), s, None) for center, s in some) for some in passed))
+    return worst_miss(shape, goals_between(plan, 0))
 
 
-@pytest.mark.parametrize(('s', 'then'), [(0.4, 0.7), (0.7, 0.4), (0.55, 0.55)])
-def test_any_arc_length_between_may_be_in_the_center(shape, s, then):
+@pytest.mark.parametrize(('s', 'then'), [(0.4, 0.7), (0.7, 0.4), (0.55, 0.55), (0.64, 0.64)])
+def test_any_arc_length_near_those_planned_may_be_in_the_center(shape, s, then):
     frame = shape.at(0.55)
     center = frame.position + 0.003 * frame.rotation[:, 1]
-    assert worst_miss(shape, passed(center, s), passed(center, then)) == pytest.approx(3e-3)
+    assert missed(shape, [(center, s)], [(center, then)]) == pytest.approx(3e-3)
 
 
-def test_no_arc_length_beyond_is(shape):
-    center = shape.positions_at([0.8])[0]
-    away = np.linalg.norm(shape.positions_at([0.7])[0] - center)
-    for s, then in ((0.4, 0.7), (0.7, 0.4)):
-        assert worst_miss(shape, passed(center, s), passed(center, then)) == pytest.approx(away)
+def test_no_arc_length_far_before_is(shape):
+    center = shape.positions_at([0.4])[0]
+    away = np.linalg.norm(shape.positions_at([0.5])[0] - center)
+    for s, then in ((0.6, 0.7), (0.7, 0.6)):
+        assert missed(shape, [(center, s)], [(center, then)]) == pytest.approx(away)
 
 
 def test_a_center_of_one_waypoint_alone_counts_once_the_free_end_is_beyond_it(shape):
@@ -345,6 +349,6 @@ def test_a_center_of_one_waypoint_alone_counts_once_the_free_end_is_beyond_it(sh
     ahead = end.position + 0.05 * end.direction
     reached = shape.positions_at([0.9])[0] + 2e-3 * shape.at(0.9).rotation[:, 1]
     for center, away in ((ahead, 0.0), (reached, 2e-3)):
-        later = [*passed(first, 0.5), *passed(center, 0.85)]
-        for one, other in ((passed(first, 0.5), later), (later, passed(first, 0.5))):
-            assert worst_miss(shape, one, other) == pytest.approx(away, abs=1e-9)
+        later = [(first, 0.5), (center, 0.85)]
+        for one, other in (([(first, 0.5)], later), (later, [(first, 0.5)])):
+            assert missed(shape, one, other) == pytest.approx(away, abs=1e-9)

@@ -25,7 +25,7 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.identify.observing import Observing
-from dlo_planner.identify.predicted_miss import crossing
+from dlo_planner.penalties import Through
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene
@@ -136,8 +136,8 @@ def test_it_looks_goes_looks_again_and_threads_within_its_limits(proved, worker)
     assert cell.health.report()[2]['corrections'] >= 1
     assert cell.state.looking.promised < HOLE.radius
     plan = proved.planned.plan
-    center, s, normal = plan.via_points[-1][0]
-    off = np.linalg.norm(crossing(cell.truth.shape(cell.here), center, normal, s)[0])
+    center, *_ = plan.via_points[-1][0]
+    off = np.linalg.norm(Through(center).residuals(cell.truth.shape(cell.here)))
     assert off < cell.state.looking.promised
     assert cell.state.planned is proved.planned  # it was executed to its end
 

@@ -18,7 +18,7 @@ from sensor_msgs.msg import PointCloud2
 from demo.follower import Follower
 from dlo_planner import CutOut, Pose, Rod, Uncertainty
 from dlo_planner.execute.causes import Cause
-from dlo_planner.identify.predicted_miss import crossing
+from dlo_planner.penalties import Through
 from dlo_planner.ros.lifecycle import ALL_LATCHED, LATEST, REQUEST
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.diagnostics import WARN
@@ -156,8 +156,8 @@ def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker,
     assert int(values(client)['corrections']) >= 1
     last = state(node).execution.command
     assert until(lambda: np.allclose(robot._pose.matrix, last.matrix, atol=1e-6))
-    center, s, normal = plan.via_points[-1][0]
-    missed = [np.linalg.norm(crossing(truth.shape(gripper), center, normal, s)[0])
+    center, *_ = plan.via_points[-1][0]
+    missed = [np.linalg.norm(Through(center).residuals(truth.shape(gripper)))
               for gripper in (plan.grippers[-1], robot._pose)]
     assert missed[1] < 1e-3 < 0.5 * missed[0]
 

@@ -33,7 +33,7 @@ from dlo_planner.progress import Progress
 from dlo_planner.results import ValidationReport
 from dlo_planner.trajectory import calm_search
 from dlo_planner.trajectory.calm_search import CalmSearch, holes_passed
-from dlo_planner.trajectory.dynamic_check import in_motion, worst_miss
+from dlo_planner.trajectory.dynamic_check import goals_between, in_motion, worst_miss
 from dlo_planner.trajectory.modal_response import Case, Response, slowest_period
 from dlo_planner.trajectory.shaping import LegTask, calm_law, compensated, margin, predicted
 from dlo_planner.trajectory.time_law import TimeLaw
@@ -55,7 +55,7 @@ def missed(name, rod, trajectory):
     motion = direct.simulate(grippers, times[1], first)
     assert motion.converged
     last = np.clip(np.searchsorted(plan.times, done, side='right') - 1, 0, len(plan) - 2)
-    return np.array([worst_miss(shape, plan.via_points[k], plan.via_points[k + 1])
+    return np.array([worst_miss(shape, goals_between(plan, k))
                      for k, shape in zip(last, motion.shapes, strict=True)])
 
 
@@ -191,17 +191,6 @@ def test_frequencies_may_be_off_both_ways(wide):
         beyond = [off_by(1 + sign * (part + 0.01)) for sign in (1, -1)]
         assert max(off_by(1 + part), off_by(1 - part)) <= allowed
         assert max(beyond) > allowed
-
-
-def test_what_is_passed_at_one_of_two_waypoints_counts_up_to_the_free_end():
-    shape = DirectSimulator(Rod(1.0, 0.1, 1.0, 0.75), gravity=(0, 0, 0)).solve(Pose.identity())
-    normal = np.array([1.0, 0, 0])
-    beside, ahead = np.array([0.7, 0.02, 0.0]), np.array([1.05, 0.03, 0.0])
-    for center, known in ((beside, 0.02), (ahead, 0.0)):
-        for passes, later in ((((center, 0.5, normal),), ()), ((), ((center, 0.5, normal),))):
-            assert worst_miss(shape, passes, later) == pytest.approx(known, abs=1e-9)
-    passes, later = (((beside, s, normal),) for s in (0.5, 0.6))  # at 0.6 it is the nearest
-    assert worst_miss(shape, passes, later) == pytest.approx(np.hypot(0.1, 0.02))
 
 
 def test_a_center_is_passed_from_its_first_waypoint_to_its_last():

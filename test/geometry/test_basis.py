@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Series along a DLO: orthonormal, and complete."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from dlo_planner.geometry.basis import (
+    add,
+    chebyshev,
+    element_rotation,
+    fourier,
+    fourier_polynomial,
+    from_components,
+    orthonormal_basis,
+    to_components,
+)
+from dlo_planner.geometry.kinematics import forward_kinematics
+
+
+def test_chebyshev_polynomials():
+    x = np.linspace(-1, 1, 7)
+    expected = np.column_stack([np.ones_like(x), x, 2 * x**2 - 1, 4 * x**3 - 3 * x])
+    np.testing.assert_allclose(chebyshev(x, 4), expected, atol=1e-14)
+
+
+def test_fourier_terms():
+    x = np.linspace(-1, 1, 7)
+    y = np.pi * x
+    expected = np.column_stack([np.ones_like(x), np.cos(y), np.sin(y), np.cos(2 * y)])
+    np.testing.assert_allclose(fourier(x, 4), expected, atol=1e-14)
+
+
+@pytest.mark.parametrize('basis', ['chebyshev', 'fourier', 'fourier_polynomial'])
+def test_basis_is_orthonormal_and_spans_the_series(basis, rng):
+    s = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 1.5, 40))])
+    phi = orthonormal_basis(basis, 8, s)
+    h = np.diff(s)
+    np.testing.assert_allclose(phi.T @ (h[:, None] * phi), np.eye(8), atol=1e-12)
+    middle = (s[1:] + s[:-1]) / s[-1] - 1
+    series = {'chebyshev': chebyshev, 'fourier': fourier,
+              'fourier_polynomial': fourier_polynomial}[basis](middle, 8)
+    rest = series - phi @ (phi.T @ (h[:, None] * series))
+    np.testing.assert_allclose(rest, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize('terms', [1, 3, 5, 6, 9])
+def test_polynomials_stand_before_the_waves(terms):
+    x = np.linspace(-1, 1, 7)
+    expected = np.hstack([chebyshev(x, 5), fourier(x, 5)[:, 1:]])[:, :terms]
+    np.testing.assert_allclose(fourier_polynomial(x, terms), expected, atol=1e-14)
+
+
+def test_polynomials_make_a_series_converge():
+    # of a function that differs at its ends; 20 more terms leave a fifth and a thousandth
+    s = np.linspace(0, 1, 2001)
+    values = np.exp(2 * 0.5 * (s[1:] + s[:-1]))
+
+    def left(basis, terms):
+        phi = orthonormal_basis(basis, terms, s)
+        return np.sqrt(np.mean((values - phi @ (phi.T @ (values * np.diff(s))))**2))
+
+    assert left('fourier', 32) > 0.3 * left('fourier', 12)
+    assert left('fourier_polynomial', 32) < 0.01 * left('fourier_polynomial', 12)
+    assert left('fourier_polynomial', 12) < 1e-3 * left('fourier', 12)
+
+
+@pytest.mark.parametrize('basis', ['chebyshev', 'fourier', 'fourier_polynomial'])
+@pytest.mark.parametrize('elements', [2, 7, 8, 40])
+def test_there_are_no_more_terms_than_elements(basis, elements):
+    s = np.linspace(0, 1, elements + 1)
+    phi = orthonormal_basis(basis, elements + 5, s)
+    np.testing.assert_allclose(phi.T @ phi / elements, np.eye(elements), atol=1e-11)
+
+
+def test_local_has_no_basis():
+    assert orthonormal_basis('local', 0, np.linspace(0, 1, 5)).shape == (4, 0)
+
+
+# ---- the strain description of the paper, exact in both directions --------------------------
+
+
+values = st.floats(-20, 20)
+strains = st.tuples(values, values, values).map(lambda row: np.array([row]))
+
+
+@given(strains)
+def test_conversion_is_exact(components):
+    again = to_components(from_components(components))
+    np.testing.assert_allclose(again, components, atol=1e-13)
+
+
+@given(strains, strains)
+def test_deformations_add_as_their_components(one, other):
+    total = add(from_components(one), from_components(other))
+    np.testing.assert_allclose(to_components(total), one + other, atol=1e-6)
+
+
+def test_without_curvature_the_direction_is_zero():
+    np.testing.assert_array_equal(from_components([[3.0, 0.0, 0.0]]), [[0.0, 0.0, 3.0]])
+    opposite = add([[0.3, 2.0, 1.0]], [[0.3 + np.pi, 2.0, 1.0]])
+    np.testing.assert_allclose(opposite[0, 1:], [0.0, 2.0], atol=1e-7)
+
+
+def test_negative_amount_is_the_opposite_direction():
+    np.testing.assert_allclose(to_components([[0.4, -2.0, 1.0]]),
+                               to_components([[0.4 + np.pi, 2.0, 1.0]]), atol=1e-15)
+
+
+def test_equation_16_is_the_exponential_of_small_components():
+    described = np.array([0.7, 2.0, -1.5])
+    components = to_components(described[None])[0]
+    errors = []
+    for length in (0.02, 0.01):
+        exact = Rotation.from_rotvec(length * components).as_matrix()
+        errors.append(np.abs(element_rotation(described, length) - exact).max())
+    assert errors[0] < 1e-3
+    assert errors[0] / errors[1] > 3.8  # the order of the two rotations matters at second order
+
+
+def test_pure_bending_turns_the_tangent_about_the_rotated_normal():
+    # curvature in the direction q_d = 90 degrees is about b: the tangent turns towards n
+    turned = element_rotation((np.pi / 2, 1.0, 0.0), 0.1) @ [1.0, 0.0, 0.0]
+    np.testing.assert_allclose(turned, [np.cos(0.1), np.sin(0.1), 0.0], atol=1e-15)
+
+
+# ---- equations 15 to 17 of the paper as printed, against the exact arcs used here -----------
+
+
+STRAINS = np.array([[2.0, 3.0, -4.0]])  # torsion, curvature about n, about b
+
+
+def printed(steps):
+    """Return the free end: Eq. 16 for the rotation over ds, Eq. 17 and 15 as sums."""
+    (direction, amount, torsion), ds = from_components(STRAINS)[0], 1.0 / steps
+    turn = (Rotation.from_rotvec([direction, 0, 0]) * Rotation.from_rotvec([0, amount * ds, 0])
+            * Rotation.from_rotvec([-direction, 0, 0]) * Rotation.from_rotvec([torsion * ds, 0, 0]))
+    frame, end = np.eye(3), np.zeros(3)
+    for _ in range(steps):
+        end = end + frame[:, 0] * ds
+        frame = frame @ turn.as_matrix()
+    return end
+
+
+def exact():
+    rotations, positions = np.empty((2, 3, 3)), np.empty((2, 3))
+    forward_kinematics(np.ones(1), STRAINS, np.eye(3), rotations, positions, np.empty((1, 7)))
+    return positions[-1]
+
+
+def test_they_are_of_first_order_and_one_exact_arc_is_their_limit():
+    off = [np.linalg.norm(printed(steps) - exact()) for steps in (64, 256, 1024, 4096)]
+    assert off[0] > 0.01
+    np.testing.assert_allclose(np.array(off[:-1]) / off[1:], 4.0, rtol=0.05)
+    extrapolated = (4 * printed(4096) - printed(1024)) / 3
+    assert extrapolated == pytest.approx(exact(), abs=1e-6)
