@@ -26,10 +26,11 @@ from dlo_planner.inverse.nested import nested_alignment
 from dlo_planner.inverse.waypoint_newton import Found, follow, free_axis
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.pose import turned_by
+from dlo_planner.model.pose import Pose, turned_by
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
-from dlo_planner.plan.continuity import excess, largest_turn, without_doubt
+from dlo_planner.plan.continuity import apart, excess, largest_turn, without_doubt
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.waypoint import Waypoint
 
@@ -361,6 +362,54 @@ class Aligned(Family):
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
         s = self.simulator.rod.length - depth
         return crossings(shapes, shapes.at(s)[1], self.normal, s)
+
+
+class GivenPoses(Family):
+    """The shapes as the gripper goes from pose to pose: the depth is the index of the next one.
+
+    Nothing is sought but the equilibrium. The far end is free, or held by `far_end`.
+    """
+
+    what = 'at the pose'
+    longest = shortest = np.inf  # the direct simulation makes its own steps
+    soft = True
+
+    def __init__(self, simulator: DirectSimulator, poses: Sequence[Pose],
+                 far_end: FarEnd | None = None) -> None:
+        self.simulator, self.poses, self.far_end = simulator, poses, far_end
+
+    def first(self, initial: Shape | None) -> Passing:
+        """Return the Passing at the first pose, from a Shape or the natural one."""
+        shape = self._tracked(0, initial)
+        return Passing(shape, shape.gripper.position, depth=0.0)
+
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing at the pose of an index, whether the DLO follows there or not."""
+        del roll, final
+        if depth == before.depth:
+            return before
+        shape = self._tracked(int(depth), before.shape)
+        return Passing(shape, shape.gripper.position, depth=depth)
+
+    def refusal(self, builder: PlanBuilder, before: Passing | None,
+                step: Step) -> Infeasible | None:
+        """Return why the DLO does not follow, or None; the amount is what is left to go, m."""
+        assert step.passing is not None  # each pose has a shape
+        shape = step.passing.shape
+        if not shape.converged:
+            left = [pose.position for pose in self.poses[len(builder.waypoints):]]
+            return builder.refusal('equilibrium', float(np.linalg.norm(
+                np.diff(left, axis=0), axis=1).sum()) if len(left) > 1 else 0.0,
+                'no stable shape is found')
+        if shape.jumped and builder.waypoints:
+            return builder.refusal('continuity', apart(shape, builder.waypoints[-1].shape),
+                                   'the DLO would fall into another shape on the way there')
+        return None
+
+    def _tracked(self, index: int, initial: Shape | None) -> Shape:
+        held = None if self.far_end is None else [self.far_end]
+        return self.simulator.track([self.poses[index]], initial=initial, far_ends=held)[0]
 
 
 class TwoPoints(Family):
