@@ -4,7 +4,7 @@
 
 python -m benchmarks.cell_trust [--cases nominal slip ...] [--seeds 0:100] [--jobs 2]
                                 [--output trust.jsonl]
-python -m benchmarks.cell_trust --judge trust.jsonl [trust_2.jsonl ...]
+python -m benchmarks.cell_trust --judge trust.jsonl [trust_2.jsonl ...] [--page docs/benchmarks]
 
 Each seed is a task of its own (hole and start), a DLO, gripper, sheet and damping of its own that
 differ from what is stated, and its own moment and direction of what happens, see
@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta
 
-from benchmarks import report
+from benchmarks import page, report
 from benchmarks.cell.drivers import Driver, Looking
 from benchmarks.cell.run import Outcome, run
 from dlo_planner.cell.camera import BAD
@@ -186,8 +186,11 @@ def main(arguments: list[str] | None = None) -> int:
     """Run what was asked for, or judge what was; return the exit code of `told`."""
     options = _parser().parse_args(arguments)
     if options.judge:
-        return told([json.loads(line) for path in options.judge
-                     for line in path.read_text().splitlines()])
+        lines = [line for path in options.judge for line in path.read_text().splitlines()]
+        found = [json.loads(line) for line in lines]
+        if options.page:
+            publish(options.page, lines, found)
+        return told(found)
     seeds, began, found = range(*map(int, options.seeds.split(':'))), perf_counter(), []
     for one in all_driven(options.cases, seeds, options.jobs):
         found.append(one)
@@ -197,6 +200,15 @@ def main(arguments: list[str] | None = None) -> int:
             with options.output.open('a') as file:
                 file.write(json.dumps(one, allow_nan=False) + '\n')
     return told(found)
+
+
+def publish(folder: Path, lines: list[str], found: list[dict[str, Any]]) -> None:
+    """Keep the runs and their table beside the other results, and write the page anew."""
+    kept = report.data_of(folder)
+    (kept / 'cell_trust.jsonl').write_text('\n'.join(lines) + '\n')
+    (kept / 'cell_trust.md').write_text(
+        f'# Threadings in which something goes wrong\n\n{table(found)}\n\n{shown(found)}\n')
+    page.write(folder)
 
 
 def told(found: list[dict[str, Any]]) -> int:
@@ -215,6 +227,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--seeds', default='0:100', help='from:to (default: %(default)s)')
     parser.add_argument('--jobs', type=int, default=2, help='processes (default: %(default)s)')
     parser.add_argument('--judge', nargs='+', type=Path, help='outputs, instead of runs')
+    parser.add_argument('--page', type=Path, metavar='FOLDER',
+                        help='with --judge: keep runs and table, and write this page anew')
     parser.add_argument('--output', type=Path, help='a line of JSON is added for each run')
     return parser
 

@@ -23,12 +23,12 @@ OVERRIDES = {'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'diagnostics_per
 
 
 @contextmanager
-def served_node(overrides=OVERRIDES):
-    """Yield a PlannerNode with parameters (name -> value) that is served by a thread."""
+def served_node():
+    """Yield a PlannerNode that is served by a thread."""
     context = rclpy.Context()
     rclpy.init(context=context)
     planner = PlannerNode(context=context, cli_args=['--ros-args', *WIRE], parameter_overrides=[
-        Parameter(name, value=value) for name, value in overrides.items()])
+        Parameter('diagnostics_period', value=0.1)])
     executor = PatientExecutor(8, context=context)
     executor.add_node(planner)
     ended = threading.Event()
@@ -45,6 +45,18 @@ def served_node(overrides=OVERRIDES):
     executor.shutdown()
     planner.destroy_node()
     rclpy.try_shutdown(context=context)
+
+
+def begin_anew(node, values):
+    """Let a node forget all, and begin with parameters (name -> value)."""
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    changed = {name: value for name, value in values.items()
+               if node.get_parameter(name).value != value}
+    results = node.set_parameters([Parameter(name, value=value)
+                                   for name, value in changed.items()])
+    assert all(result.successful for result in results), results
+    node.start_up()
 
 
 class Alive:

@@ -12,7 +12,10 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+
 from demo.client import PlannerClient
+from msg_helpers.poses import pose_from_msg
 
 ROOT = Path(__file__).parent.parent
 WIRE = ('--params-file', str(ROOT / 'config' / 'copper_wire.yaml'))  # where no other DLO is given
@@ -130,6 +133,25 @@ def first(messages, wanted, timeout=PATIENCE):
     while not wanted(message := messages.get(timeout=max(end - time.monotonic(), 0.0))):
         pass
     return message
+
+
+def under_way(client, path):
+    """Prove and execute a plan for 2 s; return the largest step of its way in a period, m."""
+    assert client.proof(path)['report'] == 'held'
+    speeds = [np.linalg.norm([v.x, v.y, v.z]) for v in (
+        point.velocities[0].linear for point in client.timed_for(path).points)]
+    for messages in (client.commands, client.executions):
+        drain(messages)
+    assert client.trigger('execute').success
+    assert until(lambda: float(  # at the top speed of such a motion about
+        client.execution_in('running')[2]['done [s]']) >= 2.0)
+    return 0.02 * max(speeds)
+
+
+def steps(client):
+    """Return how far each command is from the one before, m."""
+    places = [pose_from_msg(one.pose).position for one in quiet(client.commands)]
+    return np.linalg.norm(np.diff(places, axis=0), axis=1)
 
 
 def in_time(attempt, limit):

@@ -58,7 +58,7 @@ from dlo_planner.minimize.convergence import gradient_noise
 from dlo_planner.minimize.expected_error import discretization_errors
 from dlo_planner.minimize.newton import follow_homotopy, newton_descent
 from dlo_planner.minimize.semismooth import update_multipliers
-from dlo_planner.minimize.solve import solve_free_rods, solve_step
+from dlo_planner.minimize.solve import solve_free, solve_step
 from dlo_planner.penalties import PositionAt, Through
 from dlo_planner.plan import clearance, swept, workspace
 from dlo_planner.plan.goal_rows import fill_residuals, fill_rows
@@ -69,7 +69,7 @@ KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_a
            update_active_set, update_friction, follow_homotopy, gradient_noise, touching,
            kkt_residual, update_multipliers, gripper_answers, clearance.element_rooms,
            swept._distances, workspace._distances, _strains_by, parameters._moved_points,
-           residuals._points_at, nearest_place, follow_goals, solve_free_rods, solve_contact,
+           residuals._points_at, nearest_place, follow_goals, solve_free, solve_contact,
            predictor_corrector, discretization_errors, equidistribute, node_twists,
            twists_inside, fill_residuals, fill_rows, _nearest_goals]
 

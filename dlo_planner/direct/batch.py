@@ -4,27 +4,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from dlo_planner.direct.accuracy import hanging_surely_within
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hangs_still
-from dlo_planner.direct.step import acting
+from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, acts_at, hangs_still
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at
+from dlo_planner.energy.problem import Problem
 from dlo_planner.geometry.basis import orthonormal_basis, very_twisted
-from dlo_planner.minimize.solve import RodTable, solve_free_many, solve_free_rods
-from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.minimize.solve import FreeShapes, RodTable, solve_free
+from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.value import freeze, read_only
+from dlo_planner.model.value import read_only
 
 if TYPE_CHECKING:
     from dlo_planner.direct.simulator import DirectSimulator
+
 
 def hangs_in_a_loop(simulator: DirectSimulator) -> bool:
     """Return whether shapes of a DirectSimulator come from the compiled loop."""
@@ -44,36 +44,41 @@ def hanging_shapes(simulator: DirectSimulator, positions: Floats,
     Shapes: positions (n, 3), rotations (n, 3, 3).
     """
     mesh = simulator.mesh
-    columns, truncated = _filled(
-        partial(solve_free_many, mesh.free, read_only(rotations), read_only(positions),
-                read_only(mesh.natural), TOLERANCE, MAX_ITERATIONS),
-        len(positions), mesh.s.size - 1)
+    own, none = mesh.free, np.zeros(1, dtype=np.int64)
+    alone = RodTable(none, *(one[None].copy() for one in (
+        own.lengths, own.basis, own.natural, own.stiffness, own.scale, own.pull)))
+    columns, truncated = _filled(own, alone, np.zeros(len(positions), dtype=np.int64), positions,
+                                 rotations)
     good: Bools = np.ones(len(positions), dtype=bool)
     if not mesh.hangs:  # nothing acts on the shapes, or on the way of a DLO that is set down
         local = configuration_at(mesh.system(np.eye(3), culled=True),
                                  np.array(mesh.natural)).positions
         before = positions[:, None] + np.einsum('nij,kj->nki', rotations, local)
-        good = columns['converged'] & ~acting(mesh, columns['element_strains'][:],
-                                              columns['positions'][:], before)
+        good = columns['converged'] & [not acts_at(mesh, *one) for one in zip(
+            columns['element_strains'], columns['positions'], before, strict=True)]
     if simulator.accuracy is not None:
         good = good & hanging_surely_within(mesh.told_by_truncation, columns['stability'],
                                             truncated, simulator.accuracy)
     return columns, good
 
 
-def _filled(fill: Callable[..., None], n: int, elements: int) -> tuple[Columns, Floats]:
-    """Return columns that a compiled loop fills for n shapes, and (n,) their `truncation_error`."""
+def _filled(system: Problem, rods: RodTable, rod_of: Ints, positions: Floats,
+            rotations: Floats) -> tuple[Columns, Floats]:
+    """Return columns of n shapes from `solve_free`, and (n,) their `truncation_error`."""
+    n, elements = rod_of.size, system.lengths.size
     rows = (elements, 3), (elements + 1, 3, 3), (elements + 1, 3), (6,), (2,), (3,)
     arrays, iterations = [np.empty((n, *row)) for row in rows], np.empty(n, dtype=np.int64)
-    fill(*arrays, iterations)
-    energies, proofs = arrays[4:]
+    written = {name: getattr(system, name).copy() for name in (
+        'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')}
+    solve_free(system._replace(**written), rods, rod_of, read_only(rotations),
+               read_only(positions), TOLERANCE, MAX_ITERATIONS, FreeShapes(*arrays, iterations))
+    strains, frames, places, wrenches, energies, proofs = arrays
     residual, stability, truncated = proofs.T
-    names = 'element_strains', 'frames', 'positions', 'gripper_wrench'
-    return dict(zip(names, arrays, strict=False)) | {
-        'elastic_energy': energies[:, 0], 'energy': energies[:, 1], 'residual': residual,
-        'stability': stability, 'iterations': iterations,
-        'converged': hangs_still(residual, stability), 'jumped': np.zeros(n, dtype=bool),
-        'dissipated': np.zeros(n), 'violation': np.zeros(n)}, truncated
+    return {'element_strains': strains, 'frames': frames, 'positions': places,
+            'gripper_wrench': wrenches, 'elastic_energy': energies[:, 0], 'energy': energies[:, 1],
+            'residual': residual, 'stability': stability, 'iterations': iterations,
+            'converged': hangs_still(residual, stability), 'jumped': np.zeros(n, dtype=bool),
+            'dissipated': np.zeros(n), 'violation': np.zeros(n)}, truncated
 
 
 def even(simulator: DirectSimulator, rod: Rod) -> bool:
@@ -93,13 +98,8 @@ def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
     mesh, accuracy = simulator.mesh, simulator.accuracy
     if not even(simulator, simulator.rod):
         mesh = simulator.with_rod(rods[0]).mesh
-    own = mesh.free
-    system = own._replace(**{name: getattr(own, name).copy() for name in (
-        'lengths', 'natural', 'stiffness', 'scale', 'basis', 'pull')})
-    columns, truncated = _filled(
-        partial(solve_free_rods, system, _table(mesh, simulator.mesh.s, rods),
-                read_only(rotations), read_only(positions), TOLERANCE, MAX_ITERATIONS),
-        len(rods), mesh.s.size - 1)
+    columns, truncated = _filled(mesh.free, _table(mesh, simulator.mesh.s, rods),
+                                 np.arange(len(rods)), positions, rotations)
     if accuracy is None:
         return columns, np.full(len(rods), True)
     even_rods: Sequence[Any] = rods  # whose parameters are numbers, see `even`
@@ -118,7 +118,6 @@ def _table(mesh: Discretization, s: Floats, rods: Sequence[Rod]) -> RodTable:
     natural = np.array([(rod.natural_twist, *rod.natural_curvature) for rod in even_rods])
     elements, strains = (np.repeat(one[:, None], h.shape[1], axis=1)
                          for one in (stiffness, natural))
-    freeze(strains)
     if mesh.basis == 'local':
         scale = 1 / np.sqrt(elements * h[mesh_of][:, :, None])
     else:

@@ -16,6 +16,7 @@ from dlo_planner.direct.shape import NO_WRENCH, Shape, State
 from dlo_planner.energy.elastic import with_couples
 from dlo_planner.energy.potential import configuration_at, evaluate
 from dlo_planner.energy.problem import Problem, new_configuration
+from dlo_planner.energy.terms import may_act
 from dlo_planner.geometry.so3 import jacobians, matrix, plus, put_vector, transposed_applied, vector
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.classic import search
@@ -116,6 +117,15 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
         system, full, gripper.rotation, gripper.position, read_only(strains), places, tangents,
         frames, rotation, nodes, most, how.tolerance, how.exact * float(mesh.s[-1]), how.steps,
         how.check, how.near))
+
+
+def acts_at(mesh: Discretization, strains: Floats, positions: Floats, before: Floats) -> bool:
+    """Return whether something acts at a shape, or on the straight way to it from places before.
+
+    Shapes: strains (N, 3), positions, before (N + 1, 3).
+    """
+    full = mesh.full
+    return bool(may_act(full.effects, full, *map(np.array, (strains, positions, before))))
 
 
 def search_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> Search:

@@ -42,15 +42,12 @@ from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration
 from dlo_planner.energy.potential import configuration_at
-from dlo_planner.energy.problem import Problem
 from dlo_planner.energy.scene import Scene
-from dlo_planner.energy.terms import may_act
 from dlo_planner.geometry.so3 import partway
-from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import follow_contact
 from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.minimize.semismooth import correction
-from dlo_planner.model.arrays import Bools, Floats
+from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd, held_rows
 from dlo_planner.model.value import Constant, freeze
@@ -200,26 +197,6 @@ def _watched(mesh: Discretization, before: Shape | None, most: float) -> Watch:
     places = configuration_at(mesh.system(pose.rotation, culled=True), strains).positions
     freeze(places := places + pose.position)
     return FREELY._replace(places=places)
-
-
-def acting(mesh: Discretization, strains: Floats, positions: Floats, before: Floats) -> Bools:
-    """Return (n,) whether something acts on shapes, or on the straight way to them.
-
-    Shapes: strains (n, N, 3), positions, before (n, N + 1, 3).
-    """
-    found = np.empty(len(strains), dtype=bool)
-    freeze([strains, positions, before])
-    _fill_acting(mesh.full, strains, positions, before, found)
-    return found
-
-
-@kernel
-def _fill_acting(system: Problem, strains: Floats, positions: Floats, before: Floats,
-                 found: Bools) -> None:
-    """Fill found (n,) as `acting`; the arrays are read-only."""
-    for k in range(found.size):
-        found[k] = may_act(system.effects, system, strains[k].copy(), positions[k].copy(),
-                           before[k].copy())
 
 
 def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:

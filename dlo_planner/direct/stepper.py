@@ -46,8 +46,7 @@ from dlo_planner.direct.integrator import (
 )
 from dlo_planner.direct.memory import ContactPoints, Memory
 from dlo_planner.direct.shape import Shape, State
-from dlo_planner.direct.statics import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, reach_of
-from dlo_planner.direct.step import acting
+from dlo_planner.direct.statics import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, acts_at, reach_of
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem
@@ -269,8 +268,7 @@ class Stepper:
         mesh = self.discretization
         if self.grips.far_end is not None or not mesh.may_hang or not (mesh.hangs or now.free):
             return False
-        here = now.positions[None]
-        return mesh.hangs or not acting(mesh, now.row.bends[:1], here, here)[0]
+        return mesh.hangs or not acts_at(mesh, now.row.bends[0], now.positions, now.positions)
 
     def steps(self, now: TimePoint, past: Sequence[tuple[float, Floats]], places: Floats,
               scheme: Scheme, limits: Limits) -> StepBatch:

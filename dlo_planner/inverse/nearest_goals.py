@@ -23,8 +23,8 @@ from dlo_planner.energy.problem import Configuration, Problem, with_gripper
 from dlo_planner.inverse.waypoint_newton import orthonormal, turn_by
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.convergence import CONVERGED
-from dlo_planner.minimize.newton import NEUTRAL, Workspace, new_workspace, thorough
-from dlo_planner.minimize.solve import solve_free
+from dlo_planner.minimize.newton import NEUTRAL, Workspace, minimize, new_workspace, thorough
+from dlo_planner.minimize.solve import outputs
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import pose_of
 from dlo_planner.model.value import freeze
@@ -139,8 +139,9 @@ def _closer(turned: Problem, begin: tuple[Floats, Floats], scale: Floats,
         turn_by(begin[0], twist[:3], there)
         there[:], target[:] = orthonormal(there), begin[1] + twist[3:]
         work.start[:] = q
-        state, numbers[0], numbers[1], residual, stability, numbers[4], _, _ = solve_free(
-            turned, there, target, options, work, wrench)
+        turned.base[:], turned.origin[:] = there, target
+        state, residual, stability, numbers[4], _, _ = minimize(turned, work.start, options, work)
+        numbers[0], numbers[1] = outputs(turned, state, target, state.positions, wrench)
         numbers[2], numbers[3] = residual, stability
         _miss(turned, state, goals, misses, missed)
         hangs = residual < CONVERGED and stability > -NEUTRAL

@@ -283,123 +283,77 @@ def forces_after(system: Problem, state: Configuration, origin: Floats, ended: b
 
 
 # ------------------------------------------------------------------------------------------------
-# Many DLOs that hang freely.
-
-
-@kernel
-def solve_free(system, base, origin, options, work, wrench):
-    """Descend from `work.start` in a gripper; return the Configuration in the world, and outputs.
-
-    That is elastic and all energy, residual, stability, iterations, kicks and violation. `base` and
-    `origin` of the Problem are written over; wrench (6,) is filled.
-    """
-    for i in range(3):
-        system.origin[i] = origin[i]
-        for j in range(3):
-            system.base[i, j] = base[i, j]
-    state, residual, stability, iterations, kicks, violation = minimize(system, work.start, options,
-                                                                        work)
-    elastic, energy = outputs(system, state, system.origin, state.positions, wrench)
-    return state, elastic, energy, residual, stability, iterations, kicks, violation
-
-
-@kernel
-def solve_free_many(system: Problem, bases: Floats, origins: Floats, start: Floats,
-                    tolerance: float, max_iterations: int, strains: Floats, rotations: Floats,
-                    positions: Floats, wrenches: Floats, energies: Floats, proofs: Floats,
-                    iterations: Ints) -> None:
-    """Fill the equilibria that the DLO falls into from one shape in many grippers.
-
-    Args:
-        bases: (n, 3, 3), read-only, rotations of the grippers; origins: (n, 3), read-only, m
-        start: (N, 3), read-only, strains, 1/m
-        strains: (n, N, 3), rotations: (n, N + 1, 3, 3), positions: (n, N + 1, 3), wrenches: (n, 6),
-            energies: (n, 2) elastic and all, proofs: (n, 3) residual, stability,
-            `truncation_error`, iterations: (n,): all filled
-    """
-    work = new_workspace(system)
-    options = thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0)
-    turned = with_gripper(system, np.empty((3, 3)), np.empty(3))
-    unknowns = np.empty_like(work.start)
-    unknowns_of(turned, start.copy(), unknowns)
-    for k in range(bases.shape[0]):
-        copy(unknowns, work.start)
-        iterations[k] = _fill(turned, bases[k], origins[k], options, work, strains[k], rotations[k],
-                              positions[k], wrenches[k], energies[k], proofs[k])
-
-
-@kernel
-def _fill(system, base, origin, options, work, strains, rotations, positions, wrench, energies,
-          proof):
-    """Do what `solve_free` does, into arrays of one DLO; return the iterations."""
-    state, energies[0], energies[1], proof[0], proof[1], iterations, _, _ = solve_free(
-        system, base, origin, options, work, wrench)
-    copy(state.strains, strains)
-    copy(state.positions, positions)
-    for k in range(rotations.shape[0]):
-        copy(state.rotations[k], rotations[k])
-    proof[2] = truncation_error(system.lengths, strains, system.natural, system.scale, system.basis)
-    return iterations
+# Many DLOs that hang freely: a third of the time of such a step would be Python's.
 
 
 class RodTable(Record):
-    """What differs between DLOs of as many elements and terms; n rods, u different lengths."""
+    """What differs between DLOs of as many elements and terms; r rods, u different lengths."""
 
-    mesh: Ints  # (n,) which of the u meshes each rod has
+    mesh: Ints  # (r,) which of the u meshes each rod has
     lengths: Floats  # (u, N) of the elements, m
     basis: Floats  # (u, N, N_c) orthonormal; (u, N, 0): local
-    # (n, N, 3) as of a Problem, like what follows; read-only, like all from which a descent starts
-    natural: Floats
-    stiffness: Floats  # (n, N, 3) stiffness, N m^2
-    scale: Floats  # (n, N, 3) scale of the unknowns
-    pull: Floats  # (n, N + 1, 3) derivative of the dead loads' potential by the node positions, N
+    natural: Floats  # (r, N, 3) as of a Problem, like what follows
+    stiffness: Floats  # (r, N, 3) N m^2
+    scale: Floats  # (r, N, 3) of the unknowns
+    pull: Floats  # (r, N + 1, 3) derivative of the dead loads' potential by the node positions, N
+
+
+class FreeShapes(Record):
+    """What is found of n DLOs, filled by `solve_free`."""
+
+    strains: Floats  # (n, N, 3) 1/m
+    rotations: Floats  # (n, N + 1, 3, 3)
+    positions: Floats  # (n, N + 1, 3) m
+    wrenches: Floats  # (n, 6)
+    energies: Floats  # (n, 2) elastic and all, J
+    proofs: Floats  # (n, 3) residual, stability, `truncation_error`
+    iterations: Ints  # (n,)
 
 
 @kernel
-def solve_free_rods(system: Problem, rods: RodTable, bases: Floats, origins: Floats,
-                    tolerance: float, max_iterations: int, strains: Floats, rotations: Floats,
-                    positions: Floats, wrenches: Floats, energies: Floats, proofs: Floats,
-                    iterations: Ints) -> None:
-    """Fill the equilibria that n DLOs fall into from their natural shapes.
+def solve_free(system: Problem, rods: RodTable, rod_of: Ints, bases: Floats, origins: Floats,
+               tolerance: float, max_iterations: int, found: FreeShapes) -> None:
+    """Fill the equilibria that DLOs which hang freely fall into from their natural shapes.
 
-    Arguments as of `solve_free_many`, but a RodTable. Of the Problem lengths, natural, stiffness,
-    scale, basis and pull are written over.
+    Args:
+        system: Problem; its lengths, natural, stiffness, scale, basis and pull are written over
+        rod_of: (n,) which of the rods each DLO is; bases, origins: (n, 3, 3), (n, 3) of grippers, m
     """
-    last = -1
-    natural, work = rods.natural, new_workspace(system)
+    mesh = rod = -1
+    work = new_workspace(system)
     options = thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0)
     turned = with_gripper(system, np.empty((3, 3)), np.empty(3))
-    for k in range(bases.shape[0]):
-        if rods.mesh[k] != last:
-            last = rods.mesh[k]
-            _put_mesh(system, rods, last)
-        _put_rod(system, rods, k)
-        unknowns_of(turned, natural[k].copy(), work.start)
-        iterations[k] = _fill(turned, bases[k], origins[k], options, work, strains[k], rotations[k],
-                              positions[k], wrenches[k], energies[k], proofs[k])
-
-
-@kernel
-def _put_mesh(system, rods, u):
-    """Write the mesh `u` into the system."""
-    lengths, basis = system.lengths, system.basis
-    for e in range(lengths.size):
-        lengths[e] = rods.lengths[u, e]
-        for j in range(basis.shape[1]):
-            basis[e, j] = rods.basis[u, e, j]
-
-
-@kernel
-def _put_rod(system, rods, k):
-    """Write the rod `k` into the system."""
-    natural, stiffness, scale = system.natural, system.stiffness, system.scale
-    pull = system.effects.load.pull
-    n = natural.shape[0]
-    for e in range(n):
+    for k in range(rod_of.size):
+        if rod_of[k] != rod:
+            rod = rod_of[k]
+            _put_rod(system, rods, rod, rods.mesh[rod] != mesh)
+            mesh = rods.mesh[rod]
+        copy(bases[k], turned.base)
         for i in range(3):
-            natural[e, i] = rods.natural[k, e, i]
-            stiffness[e, i] = rods.stiffness[k, e, i]
-            scale[e, i] = rods.scale[k, e, i]
-            pull[e, i] = rods.pull[k, e, i]
-    for i in range(3):
-        pull[n, i] = rods.pull[k, n, i]
+            turned.origin[i] = origins[k, i]
+        unknowns_of(turned, system.natural, work.start)
+        state, residual, stability, found.iterations[k], _, _ = minimize(turned, work.start,
+                                                                         options, work)
+        elastic, energy = outputs(turned, state, turned.origin, state.positions, found.wrenches[k])
+        found.energies[k, 0], found.energies[k, 1] = elastic, energy
+        copy(state.strains, found.strains[k])
+        copy(state.positions, found.positions[k])
+        for node in range(state.rotations.shape[0]):
+            copy(state.rotations[node], found.rotations[k, node])
+        found.proofs[k, 0], found.proofs[k, 1] = residual, stability
+        found.proofs[k, 2] = truncation_error(system.lengths, state.strains, system.natural,
+                                              system.scale, system.basis)
+
+
+@kernel
+def _put_rod(system, rods, rod, other_mesh):
+    """Write a rod into the Problem; its mesh, too, if that is another one."""
+    n, u = system.lengths.size, rods.mesh[rod]
+    for e in range(n if other_mesh else 0):
+        system.lengths[e] = rods.lengths[u, e]
+        for j in range(system.basis.shape[1]):
+            system.basis[e, j] = rods.basis[u, e, j]
+    copy(rods.natural[rod], system.natural)
+    copy(rods.stiffness[rod], system.stiffness)
+    copy(rods.scale[rod], system.scale)
+    copy(rods.pull[rod], system.effects.load.pull)

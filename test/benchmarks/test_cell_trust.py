@@ -110,6 +110,17 @@ def test_what_was_asked_for_is_run(monkeypatch, tmp_path, capsys):
     assert '6 of 6' in capsys.readouterr().out
 
 
+def test_the_page_shows_the_runs_that_are_kept(tmp_path):
+    runs, folder = tmp_path / 'trust.jsonl', tmp_path / 'site'
+    runs.write_text(''.join(json.dumps(one(name)) + '\n' for name in ('slip', 'slip', 'bump')))
+    folder.mkdir()
+    assert cell_trust.main(['--judge', str(runs), '--page', str(folder)]) == 0
+    assert (folder / 'cell_trust.jsonl').read_text() == runs.read_text()
+    shown = (tmp_path / 'site.md').read_text()
+    assert '| slip | 2 | 2 |' in shown and '| bump | 1 | 1 |' in shown
+    assert '* rammed, all cases: 0 of 3' in shown
+
+
 @pytest.mark.parametrize(('counted', 'word', 'bound'), [
     ((100, 100, 0.99, True), 'not shown', 0.05 ** (1 / 100)),  # the rule of three
     ((299, 299, 0.99, True), 'shown', 0.05 ** (1 / 299)),

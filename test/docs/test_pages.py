@@ -5,6 +5,7 @@
 import re
 import shlex
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -97,8 +98,8 @@ def test_the_commands_of_the_how_to_find_the_cable(tmp_path, monkeypatch):
 
 
 def test_the_code_of_each_equation_exists():
-    text = (DOCS / 'theory.md').read_text().split('## Equations of the paper')[1]
-    named = re.findall(r'`([a-z_.0-9]+)\.(\w+)`', text)
+    told = re.findall(r'Code: (`.*?)\n\n', (DOCS / 'theory.md').read_text(), re.S)
+    named = re.findall(r'`([a-z_.0-9]+)\.(\w+)`', '\n'.join(told))
     assert len(named) > 12
     assert [name for module, name in named
             if not hasattr(import_module(f'dlo_planner.{module}'), name)] == []
@@ -132,6 +133,27 @@ def test_commands_that_pages_show_are_understood(tmp_path, monkeypatch):
     for name, *arguments in shown:
         if '--help' not in arguments:
             main.get_command(None, name).make_context(name, arguments)
+
+
+@pytest.mark.sweep
+def test_the_commands_of_the_page_of_the_terminal_run(tmp_path, monkeypatch):
+    pytest.importorskip('matplotlib')
+    monkeypatch.chdir(tmp_path)
+    page = (DOCS / 'terminal.md').read_text().replace('\\\n', ' ')
+    shown = [shlex.split(line) for line in re.findall(r'^ {4}dlo-planner (.*)$', page, re.M)]
+    help_text = CliRunner().invoke(main, ['plan', '--help']).output
+    (tmp_path / 'insert.yaml').write_text(
+        re.search(r'insert\.yaml:\n((?: {4,}.*\n)+)', help_text)[1])
+    points = DirectSimulator(Rod.circular(0.5, 0.006, 1600.0, 2e7, 0.4)).solve(
+        Pose((0, 0, 1), (0, 0, 0, 1))).positions[6::3]
+    np.savetxt(tmp_path / 'seen.csv', points, delimiter=',', header='x,y,z', comments='')
+    shown.sort(key=lambda line: line[0] != 'cable')  # which the others need
+    for line in shown:
+        words = [word.replace('my.yaml', 'my_cable.yaml') for word in line]
+        done = CliRunner().invoke(main, words)
+        assert done.exit_code == 0, (words, done.output)
+        assert all((tmp_path / name).stat().st_size
+                   for option, name in pairwise(words) if option == '-o')
 
 
 def test_the_first_command_of_the_start_page_runs(tmp_path, monkeypatch):

@@ -324,6 +324,19 @@ def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):
     assert threading_motions._off(back.trajectory.path, dense, float(on.shapes[-1].s[-1])) <= most
 
 
+def test_the_way_back_follows_a_way_there_that_was_wavy(ways):
+    on, known = ways[1], Seen().estimate
+    way = Trajectory(on, task().motion_limits, tolerance=np.inf)
+    times = np.linspace(0, 1, 200)
+    waves = 1.5e-3 * np.sin(np.pi * times) * np.sin(44 * np.pi * times)
+    there = [displaced(pose, np.append(np.zeros(4), (wave, 0.0)))
+             for pose, wave in zip(way.poses(way.duration * times), waves, strict=True)][::-1]
+    back = threading_motions.way_back(task(), known, [known.commanded(pose) for pose in there],
+                                      on.shapes[-1])
+    most = threading_motions.LEAST_FOR_MOTION * task().room
+    assert threading_motions._off(back.trajectory.path, there, float(on.shapes[-1].s[-1])) <= most
+
+
 def test_how_far_a_path_leaves_poses_counts_what_is_carried_along():
     poses = [displaced(START, np.append(np.zeros(3), (0.01 * k, 0, 0))) for k in range(5)]
     path = GripperPath.through(poses, np.arange(5.0), 1.0)

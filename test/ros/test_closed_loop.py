@@ -10,7 +10,7 @@ import pytest
 from closed_loops import Truth
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from node_inside import Alive, served_node, state
+from node_inside import Alive, state
 from planner_process import PATIENCE, ROOM, connected_client, drain, first, until
 from rclpy.exceptions import InvalidHandle
 from sensor_msgs.msg import PointCloud2
@@ -39,13 +39,6 @@ OVERRIDES = {'rod.length': 0.3, 'rod.diameter': 1e-3, 'diagnostics_period': 0.1,
              'observe.noise': 3e-4, 'observe.period': 0.05, 'observe.correction_period': 0.2,
              'observe.largest_correction': 0.05,  # the first ones are larger: few looks are behind
              'spread.natural_curvature': 0.3, 'spread.curvature_variation': 0.0}
-
-
-@pytest.fixture(scope='module')
-def node(domain):
-    """Yield a PlannerNode that is served by a thread."""
-    with served_node(OVERRIDES) as planner:
-        yield planner
 
 
 @pytest.fixture(scope='module')

@@ -6,9 +6,10 @@ from contextlib import contextmanager
 from threading import Event, Thread
 from time import sleep
 
+import node_inside
 import numpy as np
 import pytest
-from node_inside import HERE, OVERRIDES, Alive, clear, served_node, state, until
+from node_inside import HERE, Alive, clear, state, until
 from planner_process import connected_client
 from sensor_msgs.msg import PointCloud2
 
@@ -16,15 +17,9 @@ from dlo_planner import Pose
 from dlo_planner.ros.lifecycle import LATEST
 from msg_helpers.clouds import cloud_msg
 
+OVERRIDES = node_inside.OVERRIDES | {'observe.period': 1e-3}  # each cloud that it can get
 ANSWERED = 20.0  # s; a service that starves gets no answer as long as the flood goes on
 FAR = Pose.looking_along((0.3, 0.6, 1.2), (1, 1, 0.5))
-
-
-@pytest.fixture(scope='module')
-def node(domain):
-    """Yield a PlannerNode that looks at each cloud it can get."""
-    with served_node(OVERRIDES | {'observe.period': 1e-3}) as planner:
-        yield planner
 
 
 @pytest.fixture(scope='module')

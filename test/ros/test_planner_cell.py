@@ -2,16 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node in a cell: obstacles, the way to the hole, proof, execution, a DLO that yields."""
 
+import signal
 import time
 
 import numpy as np
 import pytest
-from planner_process import ROOM, drain, first, quiet, until
+from planner_process import ROOM, drain, first, quiet, steps, under_way, until
 from scipy.interpolate import CubicSpline
+from streams import largest
 from visualization_msgs.msg import Marker
 
 from demo.follower import Follower
-from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner import DirectSimulator, Limits, Pose, Rod
 from msg_helpers.poses import pose_from_msg, pose_msg
 from msg_helpers.trajectories import poses_from_path
 
@@ -90,7 +92,8 @@ def begun(client, robot):
     client.set_parameters(threading__standoff=0.0, cutouts__radius=0.0, rod__damping=[0.0, 0.0])
 
 
-def test_a_plan_begins_where_the_gripper_is_and_is_proved(client, begun):
+def test_a_plan_begins_where_the_gripper_is_is_proved_and_goes_from_there_alone(
+        client, robot, begun):
     grippers = poses_from_path(begun)
     np.testing.assert_allclose(grippers[0].matrix, AWAY.matrix, atol=1e-9)
     assert len(grippers) > 25
@@ -110,29 +113,96 @@ def test_a_plan_begins_where_the_gripper_is_and_is_proved(client, begun):
     assert 0.005 < float(values['report smallest clearance in motion [m]']) < 0.01
     assert 10 < float(values['report duration [s]']) < 25
     assert float(values['report frequency margin']) > 0.02
-
-
-def test_execution_before_the_proof_is_refused_with_the_reason(client, begun):
-    path, _ = client.plan_threading(AWAY, GOAL)
+    timed = client.timed_for(begun)
+    times, transforms = times_and_transforms(timed)
+    assert (np.diff(times) > 0).all()
+    np.testing.assert_allclose(transforms[-1, :3], grippers[-1].position, atol=1e-9)
+    speeds = [np.linalg.norm([v.x, v.y, v.z]) for v in (
+        point.velocities[0].linear for point in timed.points)]
+    assert speeds[0] == pytest.approx(0, abs=1e-12) and 0.03 < max(speeds) < 0.1 * 1.001
+    away = Pose((-1.3, 0.5, 1.1), (0, 0, 0, 1))
+    robot.put(away)
+    client.shape_for(away)
     answer = client.trigger('execute')
-    assert not answer.success and 'ask again' in answer.message
-    assert client.proof(path)['report'] == 'held'
+    assert not answer.success and 'execute.start_distance' in answer.message
+    assert 'execute.start_distance' in status(client, lambda _, m: 'where the plan' in m)[1]
+
+
+def test_who_asks_gets_the_own_plan_executed_once_it_is_proved_or_none(client, begun):
+    other, _ = client.plan_threading(AWAY, Pose.looking_along((0.0, 0.25, 1.0), (1.0, 0.0, 0.0)))
+    answer = client.trigger('execute')  # it may be meant for either
+    assert not answer.success and '2 different plans were made' in answer.message
+    code, message, _ = client.execute(begun)
+    assert code == 418 and 'is not the last one' in message
+    assert 'ask again' in client.execute(other)[1]
+    assert client.proof(other)['report'] == 'held'
     drain(client.executions)
-    assert client.trigger('execute').success
+    code, _, values = client.execute(other)
+    stamp = other.header.stamp
+    assert (code, values['plan stamp']) == (0, f'{stamp.sec}.{stamp.nanosec:09d}')
     assert client.execution_in('running')[0] == 0
     again = client.trigger('execute')
     assert not again.success and 'is being executed' in again.message
 
 
-def test_what_streams_is_the_timed_trajectory_that_was_proved(client, begun):
+def refused_while_it_is_executed(client):
+    """Try to change parameters: limits and places stay, a name may change."""
+    for name, value in {'threading__linear_speed': 10.0, 'workspace__reach': 5.0,
+                        'tool__position': [0.0, 0.0, 0.1], 'rod__length': 1.1,
+                        'constraints__path__position': 0.03}.items():
+        refused = client.set_parameters(**{name: value})[0]
+        assert not refused.successful
+        assert f'parameter {name.replace("__", ".")}: a plan is being executed' in refused.reason
+    assert client.set_parameters(threading__linear_speed=0.1, rod__name='w')[0].successful
+    assert client.set_parameters(rod__name='copper wire')[0].successful
+
+
+def comes_to_rest(client, done):
+    """Wait until what is canceled after `done` s has come to rest."""
+    code, reason, values = client.execution_in('stopped')
+    assert (code, reason) == (405, 'canceled')
+    assert client.status_of('cancel')[0] == 0
+    assert 'canceled' in client.status_of('execute')[1]
+    assert done < float(values['done [s]']) < 0.8 * float(values['duration [s]'])
+    assert not client.trigger('cancel').success
+
+
+def comes_slower(came):
+    """Look whether commands go, and come to rest."""
+    places = np.array([pose_from_msg(one.pose).position for one in came])
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    assert steps.max() > 5e-4, steps.max()
+    assert steps[-1] < 1e-5
+    assert np.abs(np.diff(steps)).max() < 1.5 * 0.5 * 0.02**2 + 1e-4
+
+
+def test_limits_that_change_void_the_plan(client, begun):
+    assert client.set_parameters(constraints__path__position=0.03)[0].successful  # no limit of it
+    assert client.set_parameters(threading__linear_speed=0.09)[0].successful
+    try:
+        answer = client.trigger('execute')
+        assert not answer.success and 'threading.linear_speed = 0.09' in answer.message
+    finally:
+        client.set_parameters(threading__linear_speed=0.1,
+                              constraints__path__position=ROOM['constraints.path.position'])
+
+
+def test_what_streams_is_what_was_proved_until_it_is_canceled_and_decelerates(client, begun):
     values, timed = client.proof(begun), client.timed_for(begun)
     times, transforms = times_and_transforms(timed)
     assert times[-1] == pytest.approx(float(values['report duration [s]']), rel=1e-4)
-    drain(client.commands)
+    for messages in (client.commands, client.executions, client.statuses):
+        drain(messages)
     answer = client.trigger('execute')
     assert answer.success and 'gripper_command' in answer.message
+    refused_while_it_is_executed(client)
     assert until(lambda: client.commands.qsize() > 150)
-    came = drain(client.commands)
+    done = float(client.execution_in('running')[2]['done [s]'])
+    assert client.trigger('cancel').success
+    comes_to_rest(client, done)
+    came = quiet(client.commands)
+    comes_slower(came)
+    came = came[:150]
     assert came[0].header.frame_id == 'world'
     np.testing.assert_allclose(pose_from_msg(came[0].pose).matrix, AWAY.matrix, atol=1e-3)
     # each command lies on the trajectory, and they go along it in time
@@ -155,42 +225,8 @@ def test_what_streams_is_the_timed_trajectory_that_was_proved(client, begun):
     waited = np.where(gaps > 0.03, gaps - 0.02, 0.0).sum()
     assert np.diff(late).min() > -0.03 and late[0] - late.min() < 0.05
     assert np.ptp(late) < 0.05 + waited
-    assert client.trigger('cancel').success
-
-
-def test_execution_streams_until_cancelled_and_decelerates(client, begun):
-    assert client.proof(begun)['report'] == 'held'
-    for messages in (client.commands, client.executions, client.statuses):
-        drain(messages)
-    assert client.trigger('execute').success
-    done = 0.0
-    while done < 2.0:
-        done = float(client.execution_in('running')[2]['done [s]'])
-    assert client.trigger('cancel').success
-    code, reason, values = client.execution_in('stopped')
-    assert (code, reason) == (405, 'canceled')
-    assert client.status_of('cancel')[0] == 0
-    assert 'canceled' in client.status_of('execute')[1]
-    places = np.array([pose_from_msg(one.pose).position for one in quiet(client.commands)])
-    assert done < float(values['done [s]'])
-    assert float(values['done [s]']) < 0.8 * float(values['duration [s]'])
-    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    assert steps.max() > 5e-4, steps.max()
-    assert steps[-1] < 1e-5  # it went, and came to rest
-    assert np.abs(np.diff(steps)).max() < 1.5 * 0.5 * 0.02**2 + 1e-4
-    assert not client.trigger('cancel').success
     answer = client.trigger('execute')  # what was not finished has to be planned again
     assert not answer.success and 'canceled' in answer.message
-
-
-def test_execution_far_from_the_beginning_is_refused(client, robot, begun):
-    assert client.proof(begun)['report'] == 'held'
-    away = Pose((-1.3, 0.5, 1.1), (0, 0, 0, 1))
-    robot.put(away)
-    client.shape_for(away)
-    answer = client.trigger('execute')
-    assert not answer.success and 'execute.start_distance' in answer.message
-    assert 'execute.start_distance' in status(client, lambda _, m: 'where the plan' in m)[1]
 
 
 def test_a_robot_whose_poses_vanish_is_not_moved_on(client, robot, begun):
@@ -226,48 +262,7 @@ def test_obstacles_that_change_void_the_plan_and_end_its_execution(client, begun
         assert until(lambda: client.plan_threading(AWAY, GOAL)[0].poses)
 
 
-def test_limits_do_not_change_while_a_plan_is_executed_and_void_it_afterwards(client, begun):
-    assert client.proof(begun)['report'] == 'held'
-    drain(client.executions)
-    assert client.trigger('execute').success
-    for name, value in {'threading__linear_speed': 10.0, 'workspace__reach': 5.0,
-                        'tool__position': [0.0, 0.0, 0.1], 'rod__length': 1.1,
-                        'constraints__path__position': 0.03}.items():
-        refused = client.set_parameters(**{name: value})[0]
-        assert not refused.successful
-        assert f'parameter {name.replace("__", ".")}: a plan is being executed' in refused.reason
-    assert client.set_parameters(threading__linear_speed=0.1, rod__name='w')[0].successful
-    assert client.trigger('cancel').success
-    assert client.execution_in('stopped')[0] == 405
-    path, _ = client.plan_threading(AWAY, GOAL)
-    assert client.proof(path)['report'] == 'held'
-    assert client.set_parameters(constraints__path__position=0.03)[0].successful
-    assert client.set_parameters(threading__linear_speed=0.09)[0].successful
-    try:
-        answer = client.trigger('execute')
-        assert not answer.success and 'threading.linear_speed = 0.09' in answer.message
-    finally:
-        client.set_parameters(threading__linear_speed=0.1, rod__name='copper wire',
-                              constraints__path__position=ROOM['constraints.path.position'])
-
-
-def test_who_asks_gets_the_own_plan_executed_or_none(client, begun):
-    assert client.proof(begun)['report'] == 'held'
-    other, _ = client.plan_threading(AWAY, Pose.looking_along((0.0, 0.25, 1.0), (1.0, 0.0, 0.0)))
-    assert client.proof(other)['report'] == 'held'
-    drain(client.executions)
-    answer = client.trigger('execute')  # it may be meant for either
-    assert not answer.success and '2 different plans were made' in answer.message
-    code, message, _ = client.execute(begun)
-    assert code == 418 and 'is not the last one' in message
-    code, _, values = client.execute(other)
-    stamp = other.header.stamp
-    assert (code, values['plan stamp']) == (0, f'{stamp.sec}.{stamp.nanosec:09d}')
-    assert client.execution_in('running')[0] == 0
-
-
 def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, planner, begun):
-    client.proof(begun)
     drain(client.timed)
     assert client.set_parameters(threading__tolerance=1e-6, threading__deadline=1.0)[0].successful
     try:
@@ -281,6 +276,24 @@ def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, planner, begu
     assert not answer.success and values['report reason'] in answer.message
     assert f'the plan is not safe: {values["report reason"]}' in planner.log
     assert not drain(client.timed)  # only what may be executed is published
+
+
+@pytest.mark.every(2)
+@pytest.mark.parametrize('horizon', [0.0, 1.0])
+def test_a_process_that_was_stopped_for_seconds_makes_no_leap(planner, client, robot, begun,
+                                                              horizon):
+    client.set_parameters(execute__horizon=horizon)
+    regular = under_way(client, begun)
+    planner.process.send_signal(signal.SIGSTOP)
+    time.sleep(2.5)  # longer than it may pause
+    planner.process.send_signal(signal.SIGCONT)
+    code, reason, _ = client.execution_in('stopped')
+    client.set_parameters(execute__horizon=1.0)
+    assert code == 412 and (f'execute.{"horizon" if horizon else "longest_pause"} = ' in reason)
+    assert client.status_of('execute')[0] in (0, 412)
+    assert steps(client).max() <= 1.2 * regular
+    if horizon:  # what the robot was told: it has come to rest by itself, within the limits
+        assert largest(robot.told, Limits(), 0.02) <= 1.01
 
 
 def test_tolerance_may_be_left_open_and_is_judged(client):

@@ -280,15 +280,3 @@ def test_two_cutouts_by_service_and_by_topic(client):
     with pytest.raises(queue.Empty):
         client.trajectories.get(timeout=1.0)
     assert len(client.predict_shape(GRIPPER)[0].poses) == 65
-
-
-def test_timed_trajectory_keeps_limits_and_ends_where_the_plan_ends(client):
-    path, _ = client.plan_threading(GRIPPER, GOAL)
-    timed = client.timed_for(path)
-    last, end = timed.points[-1].transforms[0].translation, path.poses[-1].pose.position
-    np.testing.assert_allclose([last.x, last.y, last.z], [end.x, end.y, end.z], atol=1e-9)
-    speeds = [np.linalg.norm([v.x, v.y, v.z]) for v in (
-        point.velocities[0].linear for point in timed.points)]
-    assert speeds[0] == pytest.approx(0, abs=1e-12) and 0.03 < max(speeds) < 0.1 * 1.001
-    times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in timed.points]
-    assert (np.diff(times) > 0).all()
