@@ -70,7 +70,7 @@ TASKS = {
     Approach: approach, HoldContact: lambda: HoldContact(ON_BAR, 0.5),
     SlideContact: lambda: SlideContact(ON_BAR, np.linspace(0.45, 0.55, 4)),
     Minimize: lambda: Minimize(PositionAt(1.0, (0.8, 0.0, 0.8))),
-    MoveTo: lambda: MoveTo([START, HERE])}
+    MoveTo: lambda: MoveTo([Pose(HERE.position + np.array([0.0, 0.0, 0.15]), HERE.quaternion)])}
 
 
 @pytest.fixture
