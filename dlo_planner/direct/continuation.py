@@ -245,11 +245,7 @@ def _work(one: Floats, other: Floats, begin: Floats, end: Floats, before: Floats
     """Return the work in J of a grip on a straight way, its force changing evenly; and its spread.
 
     It is larger or smaller by up to the spread if all of the change is at one end of the way.
-
-    Args:
-        one, other: (3, 3), read-only, rotations of the grip at both ends of the way
-        begin, end: (3,), read-only, its positions there, m
-        before, after: (6,), read-only, its force and moment on the DLO there, N, N m
+    Rotations, positions and wrenches on the DLO are those at both ends.
     """
     turn = rotation_vector(times_transposed(matrix(other), matrix(one)))
     work = spread = 0.0

@@ -159,16 +159,12 @@ def integrate(system: Problem, full: Problem, culled: bool, how: SchemeCoefficie
     The row after that, if there is one, is of a step that is not, unless the buffer says `stopped`.
 
     Args:
-        system: Problem of the DLO at rest
-        full: the same with all that may act; culled: whether `system` is without, and steps end
-            where something acts
-        how, impact: of the scheme, and of an implicit Euler's with the same steps: once the DLO has
-            touched an obstacle its forces may be impulses, of which a scheme that carries
-            accelerations along would make energy
-        buffer: StepBuffer
+        system, full: Problem of the DLO at rest, and with all that may act; culled: whether
+            `system` is without, and steps end where something acts
+        how, impact: of the scheme, and of an implicit Euler's: once the DLO has touched an obstacle
+            forces may be impulses, of which a scheme that carries accelerations would make energy
         budget: (5,) of the motion so far: least balance, least and most potential energy, most
             kinetic energy, last balance, J; renewed
-        options: StepOptions
         guess: (N, 3) strains with which the first search begins, 1/m; (0, 3): extrapolated
     """
     for row in range(PAST + 1, buffer.times.size):
@@ -246,13 +242,8 @@ def lost(energies: Floats) -> float:
 def within_energy_budget(budget: Floats, energies: Floats, part: float, noise: float) -> bool:
     """Whether an instant has no more energy than there can be; if so, `budget` (5,) has it.
 
-    A step may use up half of what the motion may still gain: were it all, no later one could go on,
-    however short it is.
-
-    Args:
-        budget: as of `integrate`; renewed
-        energies: (9,) of the instant, as of a StepBuffer
-        part, noise: of the energy that has moved which may be gained, and J in addition
+    A step may use up half of what the motion may still gain, a `part` of the energy that has moved
+    and `noise`, J: were it all, no later one could go on, however short it is.
     """
     balance = (energies[KINETIC] + energies[STATIC] - energies[WORK] - energies[PUSHED]
                + lost(energies))
@@ -295,10 +286,7 @@ def implicit_step(system: Problem, how: SchemeCoefficients, buffer: StepBuffer, 
                   memory: int, guess: Floats, options: StepOptions, check: bool) -> bool:
     """Fill a row with the DLO at the end of a step; return whether it is an equilibrium.
 
-    Args:
-        memory: row of what steps before have left
-        guess: (N, 3) strains where the search begins, 1/m
-        check: whether its stability is looked at
+    What steps before have left is in row `memory`; `check`: whether its stability is looked at.
     """
     problem = step_problem(system, how, buffer, row, memory, options)
     q = np.empty((unknown_count(system), 3))
@@ -472,10 +460,6 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     """Fill a row with a minimum, how the DLO moves there, and what it leaves to the next step.
 
     Returns whether it is a stable or neutral equilibrium that keeps all constraints.
-
-    Args:
-        problem: with the multipliers of its constraints at the end; state: Configuration there
-        residual, stability, iterations, violation: of the search
     """
     (strains, buffer.frames[row], positions, buffer.wrenches[row], buffer.end_wrenches[row], hold,
      plastic, forces, contacts, _, _, lost, missed, inside, stationary) = outcome(
@@ -540,11 +524,7 @@ def _keep_contacts(contact, forces, contacts, buffer, row):
 
 @kernel
 def account(system, how, outer, buffer, row, options):
-    """Fill a row with its energies and the local error of the step there.
-
-    Args:
-        how: of the scheme of the step; outer: of that by which its error is judged
-    """
+    """Fill a row with its energies, and the local error of the step by the scheme `outer`."""
     nodes, bends, energies = buffer.nodes, buffer.bends, buffer.energies
     power = _power(buffer, row, row, options)
     # the forces of a step of first order are the same all the step long
@@ -646,11 +626,7 @@ def _contact_work(system, buffer, row):
 
 @kernel
 def third_difference(times: Floats, places: Floats, row: int) -> Any:
-    """Return the largest divided difference of four places of a node, m/s^3.
-
-    Args:
-        times: (r,) s; places: (r, N + 1, 3), m, of which those up to `row` count
-    """
+    """Return the largest divided difference of a node's places in four rows up to `row`, m/s^3."""
     t0, t1, t2, t3 = times[row - 3], times[row - 2], times[row - 1], times[row]
     a = -1 / ((t1 - t0) * (t2 - t0) * (t3 - t0))
     b = 1 / ((t1 - t0) * (t2 - t1) * (t3 - t1))
@@ -670,14 +646,9 @@ def third_difference(times: Floats, places: Floats, row: int) -> Any:
 @kernel
 def stability_at(system: Problem, how: SchemeCoefficients, base: Floats, origin: Floats,
                  nodes: Floats, bends: Floats) -> float:
-    """Return the smallest eigenvalue of the Hessian that a step had at its end.
+    """Return the smallest eigenvalue of the Hessian that a step of a hanging DLO had at its end.
 
     How the DLO moves there tells what the step drew it to.
-
-    Args:
-        system, how: as of `integrate`, of a DLO that hangs freely
-        base: (3, 3), origin: (3,) of the gripper, read-only
-        nodes: (4, N + 1, 3), bends: (4, N, 3) of a row of a StepBuffer
     """
     where, calm = np.empty_like(nodes[0]), np.empty_like(bends[0])
     strength = how.stiffness + how.slow * how.velocity_gain
@@ -706,14 +677,8 @@ def consistent_rates(system: Problem, calm: SchemeCoefficients, how: SchemeCoeff
                      buffer: StepBuffer, going: bool, options: StepOptions) -> None:
     """Fill row PAST of a StepBuffer with how a DLO moves that grips and forces let go from there.
 
-    Done there: velocities, accelerations, energies. Rows beyond are of very short steps, ahead and
-    back; the grips are given in rows PAST to PAST + 3, the last one back in time.
-
-    Args:
-        system: Problem of the DLO at rest; buffer: StepBuffer of PAST + 4 rows
-        calm, how: of the short steps, without damping, with that of the rod
-        going: whether velocities are to be made those that the grips allow
-        options: StepOptions
+    Rows PAST + 1 to PAST + 3 are of very short steps, the last one back in time, without damping
+    (`calm`) and with it (`how`); `going`: whether velocities are made those that the grips allow.
     """
     now, ahead, again, back = PAST, PAST + 1, PAST + 2, PAST + 3
     check = options.tolerance < 0.0  # False; a literal would be compiled for by itself

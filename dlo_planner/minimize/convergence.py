@@ -96,10 +96,8 @@ def is_stationary(system: Problem, state: Configuration, residual: float,
     """Whether a residual is as small as is promised, or, with constraints, as rounding leaves it.
 
     Forces that rounding errors hide, of a DLO that is nearly taut, are no answer; of one in motion
-    inertia tells where it is, however large these errors are.
-
-    Args:
-        rounding: error of the residual where it is larger than usual: a hundredth of it
+    inertia tells where it is, however large these errors are. `rounding`: a hundredth of the error
+    of the residual, where that is larger than usual.
     """
     touching = may_forbid(system.effects)
     promised = TOUCHING if touching else CONVERGED

@@ -189,13 +189,7 @@ def _carried(frames, before, base, nodes):
 @kernel
 def largest_turn_between(frames: Floats, others: Floats, base: Floats, other_base: Floats,
                          nodes: Ints) -> float:
-    """Return the largest rotation in rad, in the gripper, of a DLO's nodes between two shapes.
-
-    Args:
-        frames, others: (N + 1, 3, 3), read-only, of the nodes in both
-        base, other_base: (3, 3), read-only, of the grippers
-        nodes: (k,) which are looked at
-    """
+    """Return the largest rotation in rad, in the gripper, of some nodes (k,) between two shapes."""
     carried = _carried(frames, base, other_base, nodes)
     least = 3.0
     for k in range(nodes.size):
@@ -227,14 +221,14 @@ def _left(options, rotations):
 class Workspace(Record):
     """Arrays that a descent refills; what it returns are some of them. K rows are held."""
 
-    state: Configuration  # where it is, and where it looks
-    trial: Configuration  # where it is, and where it looks
-    hessian: Hessian  # the Hessian at `state`
-    start: Floats  # (m, 3) unknowns where it begins, and changes of them
-    step: Floats  # (m, 3) unknowns where it begins, and changes of them
-    correction: Floats  # (m, 3) unknowns where it begins, and changes of them
-    miss: Floats  # (K,) by how much a grip is missed, m, and the change of its forces, N
-    reaction: Floats  # (K,) by how much a grip is missed, m, and the change of its forces, N
+    state: Configuration  # where it is,
+    trial: Configuration  # and where it looks
+    hessian: Hessian      # at `state`
+    start: Floats         # (m, 3) unknowns where it begins,
+    step: Floats          # and changes of them
+    correction: Floats
+    miss: Floats          # (K,) by how much a grip is missed, m
+    reaction: Floats      # (K,) change of its forces, N
 
 
 @kernel
@@ -763,10 +757,7 @@ def follow_homotopy(system: Problem, q: Floats, bases: Floats, targets: Floats, 
         rows: Floats) -> tuple[Floats, int]:
     """Return unknowns (m, 3) where both grips have gone a way of n parts, and the parts gone.
 
-    Args:
-        q: (m, 3) where the way begins; the Problem's multipliers are moved
-        bases: (n, 3, 3) rotation of the gripper at the end of each part
-        targets: (n, 3), axes: (n, 3, 3), rows: (n, K, 6) of the grip there, see `Hold`
+    The Problem's multipliers are moved; `bases` of the gripper, the others of a GripConstraint.
     """
     length = np.sum(system.lengths)
     options = thorough(_ROUGH, _ROUGH * length, _PER_PART, length < 0.0, length < 0.0)

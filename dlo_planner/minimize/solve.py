@@ -149,12 +149,9 @@ def _acts(watched, system, strains, positions, places):
 @kernel
 def outcome(system: Problem, state: Configuration, origin: Floats, residual: float,
             rounding: float, ended: bool) -> Any:
-    """Return the fields of a Solution up to `stationary`.
+    """Return the fields of a Solution up to `stationary`; residual, rounding: `is_stationary`.
 
-    Args:
-        origin: (3,) position of the gripper, m
-        residual, rounding: as of `is_stationary`
-        ended: whether the step has; before, friction counts from where it began
+    Until a step has `ended`, friction counts from where it began.
     """
     effects, positions, wrench, far_wrench = (
         system.effects, np.empty_like(state.positions), np.empty(6), np.zeros(6))
@@ -252,11 +249,8 @@ def contact_rows(system: Problem, state: Configuration) -> Any:
 def forces_after(system: Problem, state: Configuration, origin: Floats, ended: bool) -> Any:
     """Return the forces on nodes (M, N + 1), N, and the points inside elements and of friction.
 
-    What slid sticks from now on to where it has come to; the last array (C, 3) tells by how much.
-
-    Args:
-        origin: (3,) the gripper's position, m
-        ended: whether the step has; before, friction still counts from where it began
+    What slid sticks from now on to where it has come to, if the step has `ended`; the last array
+    (C, 3) tells by how much.
     """
     contacts = system.effects.contact.contacts
     anchor, shear, slid = contacts.anchor + origin, contacts.shear.copy(), np.zeros_like(
