@@ -145,7 +145,7 @@ def search_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> Se
 
 
 def reach_of(mesh: Discretization, spanned: float) -> float:
-    """Return by how much a grip may be missed at a distance that is spanned, m; -1: out of reach."""
+    """Return by how much a grip may be missed where so much is spanned, m; -1: out of reach."""
     length = float(mesh.s[-1])
     if not spans(spanned, length, mesh.loaded):
         return -1.0
