@@ -71,11 +71,10 @@ def main():
           'samples pass without touching the rim')
 
     figure = plt.figure(figsize=(13, 5))
-    cell_view = figure.add_axes((0.0, 0.0, 0.52, 1.0), projection='3d')
+    cell_view = figure.add_axes((0.0, 0.02, 0.5, 0.9), projection='3d')
     concatenate(way, plan).plot(ax=cell_view, obstacles=[post])
-    cell_view.set_title('past a post that the gripper keeps away from, through the sheet',
-                        fontsize=10, y=0.88)
-    off.plot(ax=figure.add_axes((0.59, 0.12, 0.39, 0.76)))
+    cell_view.set_title('past a post, through a hole of 12 mm radius', fontsize=10)
+    off.plot(ax=figure.add_axes((0.6, 0.12, 0.38, 0.78)))
     figure.axes[-1].set_title(f'what uncertainty makes of it: {off.success:.0%} get through',
                               fontsize=10)
     figure.savefig(folder / 'cell.png', dpi=100)

@@ -9,9 +9,8 @@ single ones may be behind, and one after the other it would leap.
 
 import numpy as np
 
-from dlo_planner.geometry.so3 import partway
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.pose import Pose, pose_of
+from dlo_planner.model.pose import Pose
 
 _LAG = 0.03     # s, of each of two stages by which the node's robot follows
 _KEPT = 2.0     # s before the newest commands that are kept: the plant may be late
@@ -97,5 +96,12 @@ class Timetable:
 
 def nearer(one: Pose, other: Pose, share: float) -> Pose:
     """Return the Pose that is by a share of the way from one to another, evenly turned."""
-    return pose_of(one.position + share * (other.position - one.position),
-                   partway(one.rotation, other.rotation, share))
+    begin, end = one.quaternion, other.quaternion
+    end = end if begin @ end >= 0 else -end
+    along = begin @ end
+    across = end - along * begin
+    size = float(np.sqrt(across @ across))
+    angle = float(np.arctan2(size, along))
+    quaternion = begin if not size else (
+        np.cos(share * angle) * begin + np.sin(share * angle) / size * across)
+    return Pose(one.position + share * (other.position - one.position), quaternion)

@@ -137,11 +137,9 @@ class Motion(Filmed):
 
         The error estimate is written if it was read before; else it will be nan, not known.
         """
-        arrays = {name: getattr(self, name) for name in (*_ARRAYS, *_FIGURES)}
-        arrays['error_estimate'] = self.__dict__.get('error_estimate', np.full(len(self), np.nan))
-        for k, shape in enumerate(self.shapes):
-            arrays |= pack(shape, f'{k}/')
-        save(path, arrays, 'Motion')
+        tree = {name: getattr(self, name) for name in (*_ARRAYS, *_FIGURES)}
+        tree['error_estimate'] = self.__dict__.get('error_estimate', np.full(len(self), np.nan))
+        save(path, tree | {str(k): pack(shape) for k, shape in enumerate(self.shapes)}, 'Motion')
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> 'Motion':
@@ -155,16 +153,11 @@ class Motion(Filmed):
         return load(path, cls._read, 'Motion')
 
     @classmethod
-    def _read(cls, arrays: Mapping[str, Any]) -> 'Motion':
-        shapes = []
-        for k in range(len(arrays['times'])):
-            mark = f'{k}/'
-            own = {key[len(mark):]: value for key, value in arrays.items()
-                   if key.startswith(mark)}
-            shapes.append(unpack(own))
-        return cls(shapes=tuple(shapes), **{name: arrays[name] for name in _ARRAYS},
-                   **{name: arrays[name].item() for name in _FIGURES},
-                   _estimate=Constant(arrays['error_estimate']))
+    def _read(cls, tree: Mapping[str, Any]) -> 'Motion':
+        shapes = tuple(unpack(tree[str(k)]) for k in range(len(tree['times'])))
+        return cls(shapes=shapes, **{name: tree[name] for name in _ARRAYS},
+                   **{name: tree[name].item() for name in _FIGURES},
+                   _estimate=Constant(tree['error_estimate']))
 
     def __len__(self) -> int:
         boxed = self.__dict__.get('_boxed')

@@ -11,13 +11,13 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory, mapped
 from dlo_planner.direct.modes import Linearized, Modes, modes_of
-from dlo_planner.direct.storage import load, save
+from dlo_planner.direct.storage import load, pose_of, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
@@ -641,39 +641,31 @@ _FILED_NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iteratio
             'jumped', 'evaluations', 'violation', 'dissipated')
 
 
-def pack(shape: Shape, prefix: str = '') -> dict[str, NDArray[Any]]:
-    """Return a dict of arrays that hold all of a Shape but the rod and its surroundings."""
+def pack(shape: Shape) -> dict[str, Any]:
+    """Return a tree (see `direct.storage`) of all of a Shape but the rod and its surroundings."""
     packed = {name: getattr(shape, name) for name in _FILED_ARRAYS + _FILED_NUMBERS}
-    packed['gripper'] = np.concatenate([shape.gripper.position, shape.gripper.quaternion])
+    packed['gripper'] = pose_row(shape.gripper)
     packed['error_estimate'] = shape.error_estimate
     if shape.far_end is not None:
-        end = shape.far_end
-        packed['far_end'] = np.concatenate([end.pose.position, end.pose.quaternion])
-        packed['far_grip'] = end.grip
+        packed |= {'far_end': pose_row(shape.far_end.pose), 'far_grip': shape.far_end.grip}
     packed['contacts'] = np.array([[c.obstacle, c.s, *c.position, *c.normal, c.force, *c.friction,
                                     c.penetration] for c in shape.contacts]).reshape(-1, 13)
     if shape.state.history is not None:
         packed |= {_PAST + name: array for name, array in shape.state.history.packed().items()}
-    return {prefix + key: np.asarray(value) for key, value in packed.items()}
+    return packed
 
 
-def unpack(stored: Mapping[str, Any], prefix: str = '') -> Shape:
-    """Return the Shape whose arrays are in the mapping `stored` under `prefix`."""
-    def get(name: str) -> Any:
-        return stored[prefix + name]
-
-    gripper = get('gripper')
-    far_end = None
-    if prefix + 'far_end' in stored:
-        end = get('far_end')
-        far_end = FarEnd(Pose(end[:3], end[3:]), str(get('far_grip')))
+def unpack(stored: Mapping[str, Any]) -> Shape:
+    """Return the Shape of the tree of `pack`."""
+    far_end = FarEnd(pose_of(stored['far_end']), str(stored['far_grip'])) if (
+        'far_end' in stored) else None
     contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
-                     for row in get('contacts'))
-    mark = prefix + _PAST
-    past = {key[len(mark):]: stored[key] for key in stored if key.startswith(mark)}
-    history = Memory.unpacked(past, get('frames'), float(get('s')[-1])) if past else None
-    estimate = float(get('error_estimate'))
-    values = {name: get(name) for name in _FILED_ARRAYS}
-    values |= {name: get(name).item() for name in _FILED_NUMBERS}
-    return Shape(gripper=Pose(gripper[:3], gripper[3:]), contacts=contacts, far_end=far_end,
-                 state=State(history=history, estimate=Constant(estimate)), **values)
+                     for row in stored['contacts'])
+    past = {name.removeprefix(_PAST): array for name, array in stored.items()
+            if name.startswith(_PAST)}
+    history = Memory.unpacked(past, stored['frames'], float(stored['s'][-1])) if past else None
+    values = {name: stored[name] for name in _FILED_ARRAYS}
+    values |= {name: stored[name].item() for name in _FILED_NUMBERS}
+    return Shape(gripper=pose_of(stored['gripper']), contacts=contacts, far_end=far_end,
+                 state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
+                 **values)

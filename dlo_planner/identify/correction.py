@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -30,6 +31,7 @@ from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
+from dlo_planner.model.rod import Rod
 from dlo_planner.model.rod import before as part_before
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.clearance import Bodies
@@ -48,7 +50,7 @@ from dlo_planner.plan.waypoint import Waypoint, length_of
 _LOOKED_AT = 3   # waypoints at which the miss that remains is predicted
 _STILL = 1e-3    # weight of the planned gripper, which decides only what is left free
 _IN_CONTACT = 12  # steps of Gauss and Newton
-_THERE = 1e-9    # rad, and of the length: the last of them
+_THERE = 1e-5    # rad, and of the length: the last of them, which leaves about its square
 _TURN = 0.5      # rad, and of the length: how far the gripper may go to more than two places
 _SAME = 1e-12    # of the length: a rod that is as long is the whole one
 _OTHER = 0.1     # of the length: a DLO whose length differs by more is another one
@@ -206,6 +208,8 @@ class _Aim:
         self.estimate, self._plan, self._offset = estimate, plan, estimate.gripper_offset
         self.shift = estimate.center(np.zeros(3))
         self._meshes: dict[int, Discretization] = {}
+        self._simulators: dict[int, DirectSimulator] = {}
+        self._twist = np.zeros(6)  # from the planned gripper, of the last waypoint in contact
         length = estimate.uncertain.simulator.rod.length
         for shape in plan.shapes:
             s = shape.s[-1] / length - 1
@@ -216,7 +220,7 @@ class _Aim:
         """Return the Shape that passes the places of a waypoint, or None."""
         planned = self._plan.shapes[index]
         if planned.contacts:
-            shape = self._in_contact(index)
+            shape = self._in_contact(index, guess)
         else:
             mesh, (goals, free) = self._mesh(planned), self._goals(index)
             many = np.sum(goals.kind == THROUGH) > 1  # first two, then all
@@ -270,36 +274,39 @@ class _Aim:
         return GoalTable(np.array(kinds), np.full(len(kinds), first), np.array(targets),
                          np.tile(rotation, (len(kinds), 1, 1)), np.array(weights)), free
 
-    def _in_contact(self, index: int) -> Shape | None:
+    def _in_contact(self, index: int, guess: Shape) -> Shape | None:
         """Return the Shape that touches where the planned one does, by Gauss and Newton."""
         planned, (_, s, _) = self._plan.shapes[index], self._plan.via_points[index][0]
         axes, place = planned.frame_at(s)
         length = float(planned.s[-1])
         goals: list[Residuals] = [PositionAt(s, place, 1 / length), DirectionAt(s, axes[:, 0]),
                  GripperNear(planned.gripper, _STILL / length)]
-        simulator = self._touching(planned)
-        shape = simulator.solve(planned.gripper, stretched(planned, simulator.rod.length))
+        simulator, scale = self._touching(planned), np.array([1.0] * 3 + [length] * 3)
+        begin = displaced(guess.gripper, self._twist) if guess is planned else guess.gripper
+        shape = simulator.solve(begin, stretched(guess, simulator.rod.length))
         for _ in range(_IN_CONTACT):
             if not shape.converged:
                 return None
             sensitivity = Sensitivity(shape)
             rows = np.vstack([goal.slopes(shape, sensitivity) for goal in goals])
             missed = np.concatenate([goal.residuals(shape) for goal in goals])
-            scale = np.array([1.0] * 3 + [length] * 3)
             step = np.linalg.lstsq(rows * scale, -missed, rcond=None)[0]
             shape = simulator.solve(displaced(shape.gripper, step * scale), shape)
             if np.abs(step).max() < _THERE:
+                self._twist = _offsets([planned.gripper], [shape.gripper])[0]
                 return shape if shape.converged and shape.contacts else None
         return None
 
     def _touching(self, planned: Shape) -> DirectSimulator:
         """Return a simulator of the estimated DLO among what surrounds a planned Shape."""
-        mesh, around = planned.state.made_on, planned.state.made_on.surroundings
-        return DirectSimulator(self.estimate.rod, obstacles=around.obstacles,
-                               gravity=around.gravity, load=around.load,
-                               point_loads=around.point_loads, basis=mesh.basis,
-                               n_elements=mesh.s.size - 1,
-                               n_terms=None if mesh.basis == 'local' else mesh.n_terms)
+        mesh = planned.state.made_on
+        if id(mesh) not in self._simulators:
+            around = mesh.surroundings
+            self._simulators[id(mesh)] = DirectSimulator(
+                self.estimate.rod, obstacles=around.obstacles, gravity=around.gravity,
+                load=around.load, point_loads=around.point_loads, basis=mesh.basis,
+                n_elements=mesh.s.size - 1, n_terms=None if mesh.basis == 'local' else mesh.n_terms)
+        return self._simulators[id(mesh)]
 
     def commanded(self, gripper: Pose) -> Pose:
         """Return `Estimate.commanded`, quickly."""
@@ -335,13 +342,18 @@ class _Aim:
             self._meshes[id(mesh)] = known
         return self._meshes[id(mesh)]
 
+    @cached_property
+    def _straight(self) -> Rod:
+        """The estimated Rod, straight: one whose natural curvature is a series is slow to mesh."""
+        parameters = self.estimate.uncertain.parameters
+        x = self.estimate.mean[:parameters.size].copy()
+        x[parameters.columns('natural_curvature')[0]] = 0.0
+        return parameters.at(x)
+
     def _outside(self, planned: Discretization, whole: float) -> Discretization:
         """Return the estimated DLO before a bore, whose mouth bears what it should of masses."""
-        parameters = self.estimate.uncertain.parameters
+        parameters, rod = self.estimate.uncertain.parameters, self._straight
         x = self.estimate.mean[:parameters.size]
-        straight = x.copy()
-        straight[parameters.columns('natural_curvature')[0]] = 0.0
-        rod = parameters.at(straight)  # one whose natural curvature is a series is slow to mesh
         outside = replace(part_before(rod, rod.length - (whole - planned.rod.length)),
                           tip_mass=parameters.mass_factors(x)[2] * planned.rod.tip_mass)
         mesh = planned.within(planned.surroundings.of_rod(outside).free)

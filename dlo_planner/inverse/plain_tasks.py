@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.direct.shape import Shape, pack, unpack
+from dlo_planner.direct.storage import NOT_FINITE, array_of, described, flattened, nested
 from dlo_planner.errors import InvalidTask
 from dlo_planner.files import readable, writable
 from dlo_planner.model.checks import shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import FrozenDict, Value
-from dlo_planner.plan.plan import Plan, PlanStatus, plan_arrays, plan_contents
+from dlo_planner.plan.plan import Plan, plan_of, plan_tree
 
 _TYPE = 'type'
 _DICT = 'dict'  # type of a dict that is no value
 _DEEPEST = 20  # values inside values
-_NOT_FINITE = {'nan': np.nan, 'inf': np.inf, '-inf': -np.inf}  # JSON has no words of its own
 _POSE = {'position', 'quaternion'}
 
 
@@ -30,10 +30,9 @@ def to_plain(content: object) -> Any:
     if isinstance(content, Pose):
         return {'position': content.position.tolist(), 'quaternion': content.quaternion.tolist()}
     if isinstance(content, Shape | Plan):
-        arrays = pack(content) if isinstance(content, Shape) else plan_arrays(content)
-        return {_TYPE: type(content).__name__, **{
-            name: {'shape': list(array.shape), 'of': array.dtype.kind,
-                   'data': array.ravel().tolist()} for name, array in arrays.items()}}
+        tree = pack(content) if isinstance(content, Shape) else plan_tree(content)
+        return {_TYPE: type(content).__name__,
+                **{name: described(array) for name, array in flattened(tree).items()}}
     if isinstance(content, Value) and is_dataclass(content):
         return {_TYPE: type(content).__name__,
                 **{item.name: to_plain(getattr(content, item.name)) for item in fields(content)}}
@@ -102,7 +101,7 @@ def _not_finite(content: Any) -> Any:
         return {key: _not_finite(part) for key, part in content.items()}
     if isinstance(content, list):
         return [_not_finite(part) for part in content]
-    return _NOT_FINITE.get(content, content) if isinstance(content, str) else content
+    return NOT_FINITE.get(content, content) if isinstance(content, str) else content
 
 
 def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
@@ -133,18 +132,11 @@ def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
 
 def _packed(name: str, kind: str, content: Mapping[str, Any]) -> Shape | Plan:
     try:
-        arrays = {key: np.array(part['data'], dtype=_DTYPES[part['of']]).reshape(part['shape'])
-                  for key, part in content.items() if key != _TYPE}
-        if kind == 'Plan':
-            return Plan(**plan_contents(arrays), status=PlanStatus(str(arrays['status'])))
-        shape: Shape = unpack(arrays)
-        return shape
+        tree = nested({key: array_of(key, part) for key, part in content.items() if key != _TYPE})
+        return plan_of(tree) if kind == 'Plan' else unpack(tree)
     except Exception as error:  # whatever another content makes of the reader
         raise InvalidTask(f'{name}: expected a {kind} as `Task.to_dict` writes it, {error}'
                           ) from None
-
-
-_DTYPES = {'f': float, 'i': int, 'u': int, 'b': bool, 'U': str}
 
 
 def classes_below(cls: type[Value]) -> Iterator[type[Value]]:

@@ -12,11 +12,10 @@ from os import PathLike
 from typing import Any, NamedTuple, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape, pack, unpack
-from dlo_planner.direct.storage import load, save
+from dlo_planner.direct.storage import load, pose_of, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
@@ -169,7 +168,7 @@ class Plan(Filmed):
 
         As JSON where `path` ends with .json, else as npz; both keep every number exactly.
         """
-        save(path, plan_arrays(self), 'Plan')
+        save(path, plan_tree(self), 'Plan')
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Plan:
@@ -180,9 +179,7 @@ class Plan(Filmed):
         InvalidTask
             Not such a file; the message names it.
         """
-        result: Plan = load(path, lambda arrays: cls(
-                    **plan_contents(arrays), status=PlanStatus(str(arrays['status']))), 'Plan')
-        return result
+        return load(path, plan_of, 'Plan')
 
     @property
     def clearance(self) -> Floats:
@@ -417,59 +414,45 @@ def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed:
     return np.concatenate([[0.0], np.cumsum(legs)])
 
 
-def plan_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
-    """Return a dict of arrays that hold all of a Plan but the rods of its shapes."""
-    arrays = {key: np.asarray(getattr(plan, name)) for key, name in _ARRAYS.items()}
-    arrays['grippers'] = np.array([_pose(gripper) for gripper in plan.grippers]).reshape(-1, 7)
-    arrays['fraction'], arrays['status'] = np.asarray(plan.fraction), np.asarray(plan.status.value)
-    arrays['passes'] = np.array([
-        [k, *center, s, *(np.full(3, np.nan) if normal is None else normal)]
-        for k, points in enumerate(plan.via_points) for center, s, normal in points]).reshape(-1, 8)
-    arrays['sheets'] = np.asarray(json.dumps([
-        {**_sheet(sheet), 'normal': list(normal)} for sheet, normal in plan.sheets]))
-    for k, shape in enumerate(plan.shapes):
-        arrays |= pack(shape, f'{k}/')
-    return arrays
+def plan_tree(plan: Plan) -> dict[str, Any]:
+    """Return a tree (see `direct.storage`) of all of a Plan but the rods of its shapes."""
+    passes = [[k, *center, s, *(np.full(3, np.nan) if normal is None else normal)]
+              for k, points in enumerate(plan.via_points) for center, s, normal in points]
+    return {**{key: getattr(plan, name) for key, name in _ARRAYS.items()},
+            'grippers': np.array([pose_row(gripper) for gripper in plan.grippers]).reshape(-1, 7),
+            'fraction': plan.fraction, 'status': plan.status.value,
+            'passes': np.array(passes).reshape(-1, 8),
+            'sheets': json.dumps([{**_sheet(sheet), 'normal': list(normal)}
+                                  for sheet, normal in plan.sheets]),
+            **{str(k): pack(shape) for k, shape in enumerate(plan.shapes)}}
 
 
-def plan_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a dict of what a Plan is made of, from the arrays of `plan_arrays`."""
-    grippers = [_read_pose(row) for row in arrays['grippers']]
+def plan_of(tree: Mapping[str, Any]) -> Plan:
+    """Return the Plan of the tree of `plan_tree`."""
+    grippers = [pose_of(row) for row in tree['grippers']]
     via_points: list[list[tuple[Floats, float, Floats | None]]] = [[] for _ in grippers]
-    for k, *numbers in arrays['passes']:
+    for k, *numbers in tree['passes']:
         normal = np.array(numbers[4:])
         via_points[int(k)].append((np.array(numbers[:3]), float(numbers[3]),
                                None if np.isnan(normal).any() else normal))
-    shapes = []
-    for k in range(len(grippers)):
-        mark = f'{k}/'
-        shapes.append(unpack({key[len(mark):]: value for key, value in arrays.items()
-                                     if key.startswith(mark)}))
-    sheets = [(_read_sheet(one), np.array(one['normal']))
-              for one in json.loads(str(arrays['sheets']))]
-    known = {name: arrays[key] for key, name in _ARRAYS.items() if key in arrays}
-    return {**known, 'grippers': grippers, 'shapes': shapes, 'sheets': sheets,
-            'via_points': [tuple(one) for one in via_points],
-            'fraction': float(arrays['fraction']),
-            'stops': tuple(int(stop) for stop in arrays['stops'])}
-
-
-def _pose(pose: Pose) -> list[float]:
-    return [*map(float, pose.position), *map(float, pose.quaternion)]
-
-
-def _read_pose(numbers: Sequence[float]) -> Pose:
-    return Pose(numbers[:3], numbers[3:])
+    known: dict[str, Any] = {name: tree[key] for key, name in _ARRAYS.items() if key in tree}
+    return Plan(**known | {
+        'grippers': grippers, 'shapes': [unpack(tree[str(k)]) for k in range(len(grippers))],
+        'sheets': [(_read_sheet(one), np.array(one['normal']))
+                   for one in json.loads(str(tree['sheets']))],
+        'via_points': [tuple(one) for one in via_points], 'fraction': float(tree['fraction']),
+        'status': PlanStatus(str(tree['status'])),
+        'stops': tuple(int(stop) for stop in tree['stops'])})
 
 
 def _sheet(sheet: Sheet) -> dict[str, Any]:
-    return {'pose': _pose(sheet.pose), 'width': sheet.width, 'height': sheet.height,
+    return {'pose': pose_row(sheet.pose).tolist(), 'width': sheet.width, 'height': sheet.height,
             'thickness': sheet.thickness, 'friction': sheet.friction, 'cutouts': [
-                {'pose': _pose(one.pose), 'radius': one.radius, 'width': one.width,
+                {'pose': pose_row(one.pose).tolist(), 'radius': one.radius, 'width': one.width,
                  'height': one.height} for one in sheet.cutouts]}
 
 
 def _read_sheet(known: Mapping[str, Any]) -> Sheet:
-    cutouts = [CutOut(**{**one, 'pose': _read_pose(one['pose'])}) for one in known['cutouts']]
-    return Sheet(_read_pose(known['pose']), cutouts=cutouts,
+    cutouts = [CutOut(**{**one, 'pose': pose_of(one['pose'])}) for one in known['cutouts']]
+    return Sheet(pose_of(known['pose']), cutouts=cutouts,
                  **{name: known[name] for name in ('width', 'height', 'thickness', 'friction')})

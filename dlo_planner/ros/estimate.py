@@ -31,7 +31,7 @@ from dlo_planner.identify.observing import Observing, Swing, deviation
 from dlo_planner.identify.steering import Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.inputs import OneFrame, named, pose_in
+from dlo_planner.ros.inputs import Frames, named, pose_in
 from dlo_planner.ros.lifecycle import LATEST, REQUEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, State
@@ -297,7 +297,7 @@ def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
     return made
 
 
-def points_in(scene: Scene, msg: PointCloud2, name: str, frames: OneFrame) -> Floats:
+def points_in(scene: Scene, msg: PointCloud2, name: str, frames: Frames) -> Floats:
     """Return the points (n, 3), m, of a PointCloud2 in the scene's frame."""
     origin = frames.origin(msg.header, scene.frame_id, name)
     try:

@@ -4,11 +4,14 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from math import hypot
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, Quaternion
 from nav_msgs.msg import Goals
+from rclpy.duration import Duration
+from rclpy.time import Time
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -26,57 +29,40 @@ _PATIENCE = 0.1  # s that a transform may come later than a pose
 _LONGEST = 256   # characters of a name: what is longer is neither looked up nor said
 
 
-class OneFrame:
-    """Knows one frame only; also the interface of the others."""
+class Frames:
+    """Knows what tf knows, of a node; one frame alone where there is no node, or no tf2_ros."""
+
+    def __init__(self, node: Any = None) -> None:
+        self._buffer: Any = None
+        if node is not None:
+            with suppress(ImportError):
+                import tf2_ros  # noqa: PLC0415
+                self._unknown, self._buffer = tf2_ros.TransformException, tf2_ros.Buffer()
+                self._listener = tf2_ros.TransformListener(self._buffer, node)
 
     def origin(self, header: Header, frame_id: str, name: str) -> Pose | None:
         """Return the Pose of a message's frame in another one; None if it is the same frame."""
-        if header.frame_id == frame_id:
+        given = header.frame_id
+        if given == frame_id:
             return None
-        judge_length(header.frame_id, f'{name}.header.frame_id', Cause.INVALID_FRAME)
-        raise _refused(header, frame_id, name, 'tf2_ros is not installed')
+        judge_length(given, f'{name}.header.frame_id', Cause.INVALID_FRAME)
+        why = 'tf2_ros is not installed' if self._buffer is None else 'it is empty'
+        if given and self._buffer is not None:
+            try:
+                found = self._buffer.lookup_transform(
+                    frame_id, given, Time.from_msg(header.stamp), Duration(seconds=_PATIENCE))
+            except self._unknown as error:
+                why = f'tf says: {error}'
+            else:
+                at, turn = found.transform.translation, found.transform.rotation
+                return Pose((at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w))
+        raise Refused(Cause.INVALID_FRAME, f'{name}.header.frame_id = {shown(given)}: expected '
+                      f'{frame_id!r}, or a frame that tf can transform to it ({why})')
 
     def close(self) -> None:
         """Listen no more."""
-
-
-class TfFrames(OneFrame):
-    """Knows what tf knows."""
-
-    def __init__(self, node: Any, tf2: Any) -> None:
-        from rclpy.duration import Duration  # noqa: PLC0415
-        from rclpy.time import Time  # noqa: PLC0415
-        self._tf2, self._time, self._patience = tf2, Time, Duration(seconds=_PATIENCE)
-        self._buffer = tf2.Buffer()
-        self._listener = tf2.TransformListener(self._buffer, node)
-
-    def origin(self, header: Header, frame_id: str, name: str) -> Pose | None:
-        """As `OneFrame.origin`."""
-        if header.frame_id == frame_id:
-            return None
-        judge_length(header.frame_id, f'{name}.header.frame_id', Cause.INVALID_FRAME)
-        if not header.frame_id:
-            raise _refused(header, frame_id, name, 'it is empty')
-        try:
-            found = self._buffer.lookup_transform(
-                frame_id, header.frame_id, self._time.from_msg(header.stamp), self._patience)
-        except self._tf2.TransformException as error:
-            raise _refused(header, frame_id, name, f'tf says: {error}') from None
-        at, turn = found.transform.translation, found.transform.rotation
-        return Pose((at.x, at.y, at.z), (turn.x, turn.y, turn.z, turn.w))
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._listener.unregister()
-
-
-def frames_of(node: Any) -> OneFrame:
-    """Return the Frames of a Node: TfFrames where tf2_ros is installed."""
-    try:
-        import tf2_ros  # noqa: PLC0415
-    except ImportError:
-        return OneFrame()
-    return TfFrames(node, tf2_ros)
+        if self._buffer is not None:
+            self._listener.unregister()
 
 
 def judge_length(text: str, name: str, cause: Cause) -> None:
@@ -85,12 +71,7 @@ def judge_length(text: str, name: str, cause: Cause) -> None:
         raise Refused(cause, f'{name} has {len(text)} characters: expected {_LONGEST} at most')
 
 
-def _refused(header: Header, frame_id: str, name: str, why: str) -> Refused:
-    return Refused(Cause.INVALID_FRAME, f'{name}.header.frame_id = {shown(header.frame_id)}: '
-                   f'expected {frame_id!r}, or a frame that tf can transform to it ({why})')
-
-
-_ONE = OneFrame()
+_ONE = Frames()
 _UNIT = 1e-2  # by which the length of a quaternion may be off 1, as for tf2
 _MOST_GOALS = 100
 _MOST_BODIES = 1000
@@ -100,7 +81,7 @@ _OBSTACLE = re.compile(r'workspace\.keep_out\[(\d+)\]|'
                        rf'\b(?:{"|".join(one.__name__ for one in OBSTACLES)}) (\d+)\b')
 
 
-def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) -> Pose:
+def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: Frames = _ONE) -> Pose:
     """Return the Pose of a geometry_msgs/PoseStamped in the scene's frame."""
     origin = frames.origin(msg.header, scene.frame_id, name)
     try:
@@ -117,7 +98,7 @@ def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: OneFrame = _ONE) 
 
 
 def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArray, name: str,
-              frames: OneFrame = _ONE) -> dict[tuple[str, int], Any]:
+              frames: Frames = _ONE) -> dict[tuple[str, int], Any]:
     """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray."""
     if len(msg.markers) > _MOST_MARKERS:
         raise Refused(Cause.INVALID_OBSTACLES, f'{name}.markers has {len(msg.markers)} entries: '
@@ -160,7 +141,7 @@ def judge_distance(position: Sequence[float] | Floats, scene: Scene, name: str,
                       f'workspace.reach = {scene.reach:g} m from the origin of {scene.frame_id}')
 
 
-def goals_in(scene: Scene, msg: Goals, name: str, frames: OneFrame = _ONE) -> tuple[Pose, ...]:
+def goals_in(scene: Scene, msg: Goals, name: str, frames: Frames = _ONE) -> tuple[Pose, ...]:
     """Return the Poses of a nav_msgs/Goals; an empty header is that of the message."""
     if not 1 <= len(msg.goals) <= _MOST_GOALS:
         raise Refused(Cause.INVALID_GOALS, f'{name}.goals has {len(msg.goals)} poses: expected 1 '
@@ -170,13 +151,13 @@ def goals_in(scene: Scene, msg: Goals, name: str, frames: OneFrame = _ONE) -> tu
         f'{name}.goals[{index}]', frames) for index, goal in enumerate(msg.goals))
 
 
-def markers_in(scene: Scene, msg: MarkerArray, name: str, frames: OneFrame) -> MarkerArray:
+def markers_in(scene: Scene, msg: MarkerArray, name: str, frames: Frames) -> MarkerArray:
     """Return a visualization_msgs/MarkerArray in the scene's frame."""
     return MarkerArray(markers=[_marker_in(scene, marker, f'{name}.markers[{index}]', frames)
                                 for index, marker in enumerate(msg.markers)])
 
 
-def _marker_in(scene: Scene, marker: Marker, name: str, frames: OneFrame) -> Marker:
+def _marker_in(scene: Scene, marker: Marker, name: str, frames: Frames) -> Marker:
     if marker.action != Marker.ADD:
         return marker
     origin = frames.origin(marker.header, scene.frame_id, name)

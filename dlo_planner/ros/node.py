@@ -21,7 +21,7 @@ from dlo_planner.execute.causes import Cause
 from dlo_planner.exercises import answers, closed_loop, corrections, proofs
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.estimate import Estimator
-from dlo_planner.ros.inputs import frames_of
+from dlo_planner.ros.inputs import Frames
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST, LifecycleNode
 from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.plan import PlanningServer
@@ -123,7 +123,7 @@ class PlannerNode(LifecycleNode):
         markers_out = self.add_publisher(MarkerArray, '~/markers', LATCHED)
         markers = MarkerCache(markers_out.publish)
         self.shared = shared = Shared(self, store, statistics, Status(self, store, statistics),
-                                      markers, frames_of(self))
+                                      markers, Frames(self))
         group = {name: MutuallyExclusiveCallbackGroup() for name in _GROUPS}
         arm = ArmOutput(self, group['topics'])
         self.scene_monitor = SceneMonitor(shared, group['topics'])

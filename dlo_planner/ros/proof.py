@@ -35,7 +35,7 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
     workspace = scene.workspace
     slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before, 'workspace': workspace,
               'obstacles': scene.direct.obstacles}
-    moving = {**slowly, 'limits': scene.motion_limits, 'tolerance': scene.tolerance,
+    moving = {**slowly, 'limits': scene.motion_limits, 'tolerance': scene.wanted.tolerance,
               'deadline': scene.deadline}
     known = None
     for step in (slowly, moving):

@@ -26,11 +26,9 @@ from dlo_planner.settings.build import (
     direct_of,
     grasped_of,
     inverse_of,
-    limits_of,
     spread_of,
-    tolerance_of,
 )
-from dlo_planner.settings.tasks import open_task
+from dlo_planner.settings.tasks import Wanted, open_task
 from dlo_planner.view.colors import COLORINGS
 from msg_helpers.obstacles import Body
 
@@ -54,14 +52,7 @@ class Scene:
     far_timeout: float
     far_frame: str
     task: Mapping[str, Any]
-    waypoints: int
-    deepest: float
-    linear_speed: float
-    angular_speed: float
-    limits: Limits
-    standoff: float
-    gripper_clearance: float
-    tolerance: float | None
+    wanted: Wanted
     deadline: float
     cutout_radius: float | None
     start_distance: float
@@ -83,6 +74,11 @@ class Scene:
     def predictor(self) -> DirectSimulator | GraspedInside:
         """What predicts shapes."""
         return self.grasped or self.direct
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of all motions."""
+        return self.wanted.limits
 
     @property
     def workspace(self) -> Workspace:
@@ -121,12 +117,7 @@ def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = (),
                  Pose(values['tool.position'], values['tool.orientation']),
                  values['tool.frame_id'], values['far_end.hold'], values['far_end.timeout'],
                  values['far_end.frame_id'], _OPEN(values['task'], 'parameter task'),
-                 values['threading.waypoints'], values['threading.deepest'],
-                 values['threading.linear_speed'], values['threading.angular_speed'],
-                 limits_of(values),
-                 values['threading.standoff'], values['threading.gripper_clearance'],
-                 tolerance_of(values), values['threading.deadline'],
-                 values['cutouts.radius'] or None,
+                 Wanted.of(values), values['threading.deadline'], values['cutouts.radius'] or None,
                  values['execute.start_distance'], values['execute.start_angle'],
                  values['threading.planning_deadline'], values['workspace.reach'],
                  1 / values['execute.rate'], values['execute.horizon'], _guards(values),

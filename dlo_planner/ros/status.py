@@ -21,7 +21,7 @@ from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.identify.correction import Correction
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.plan.plan import Plan
-from dlo_planner.ros.inputs import OneFrame, brief_text, named
+from dlo_planner.ros.inputs import Frames, brief_text, named
 from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
 from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.state import Proof, Store
@@ -272,7 +272,7 @@ class Shared:
     statistics: Statistics
     status: Status
     markers: MarkerCache
-    frames: OneFrame
+    frames: Frames
 
 
 class Part:

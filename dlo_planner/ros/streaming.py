@@ -59,7 +59,7 @@ def threading_of(made: PlanResult) -> Threading | None:
     normal = task.cutout.pose.direction
     stops = [normal @ (task.cutout.center - plan.shapes[k].positions[-1]) for k in plan.stops
              if not passing[k]]
-    standoff = scene.standoff if scene.standoff > 0 else float(
+    standoff = scene.wanted.standoff if scene.wanted.standoff > 0 else float(
         max(stops, default=0.0)) or _STANDOFF * scene.direct.rod.length
     return Threading(scene.inverse, task.cutout, depths, standoff, scene.limits)
 

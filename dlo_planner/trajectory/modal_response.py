@@ -15,9 +15,8 @@ the coordinates turn with them. A time law is judged with it in milliseconds;
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -373,6 +372,11 @@ class Passage:
         before[first:] = 0.0
         return cls(before, across, tangents, ahead)
 
+    @classmethod
+    def all_of(cls, response: Response, holes: Floats) -> list[Passage]:
+        """Return the Passages at arc lengths (k, n) through k centers, if they are passed."""
+        return [cls.of(response, s) for s in holes if np.isfinite(s).any()]
+
     def deviation(self, response: Response, u: Floats, place: Floats, shift: Floats) -> Floats:
         """Return (k, 3) m: where the moving DLO passes, at those instants at which it does.
 
@@ -392,14 +396,9 @@ class Case:
     """One of the DLOs with which a law is judged."""
 
     response: Response
-    holes: Floats  # as of its LegTask
+    passed: Sequence[Passage]  # through each center that is passed
     last: bool  # whether the plan ends with its leg
-    allowed: float  # allowed deviation, as a multiple of the tolerance
-
-    @cached_property
-    def passed(self) -> list[Passage]:
-        """The Passage through each center that is passed."""
-        return [Passage.of(self.response, s) for s in self.holes if np.isfinite(s).any()]
+    allowed: float = 1.0  # deviation, as a multiple of the tolerance
 
     def deviation(self, law: TimeLaw, begin: Floats) -> tuple[float, Floats]:
         """Return the largest deviation that counts, in m, and the state at the end of a TimeLaw.

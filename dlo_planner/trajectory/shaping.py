@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -27,10 +27,6 @@ from dlo_planner.trajectory.modal_response import Case, Passage, Response, vibra
 from dlo_planner.trajectory.time_law import DEGREE, Shift, TimeLaw
 from dlo_planner.trajectory.timed_path import most_used, smoothed
 from dlo_planner.trajectory.topp import fastest_rates
-
-if TYPE_CHECKING:
-    from dlo_planner.trajectory.modal_response import Case
-
 
 _PER_PERIOD = 5   # pieces of the spline in the slowest period
 _SMALL = 3e-2     # weight of the shift beside the deviation: none that hardly helps
@@ -130,9 +126,11 @@ class LegTask:
     @cached_property
     def cases(self) -> list[Case]:
         """The Case of the DLO as it is given, then those it may be in truth."""
-        off = [self.response.faster(factor) for factor in _OFF]
-        return [Case(self.response, self.holes, self.last, 1.0),
-                *(Case(one, self.holes, self.last, _WORSE) for one in (*off, *self.wrong))]
+        return [Case(self.response, self.passed, self.last),
+                *(Case(self.response.faster(factor), self.passed, self.last, _WORSE)
+                  for factor in _OFF),
+                *(Case(one, Passage.all_of(one, self.holes), self.last, _WORSE)
+                  for one in self.wrong)]
 
     @cached_property
     def supply(self) -> _Supply:
@@ -162,10 +160,10 @@ class LegTask:
         return [case.deviation(law, begin)[1]
                 for case, begin in zip(self.cases, begins, strict=True)]
 
-    @property
+    @cached_property
     def passed(self) -> list[Passage]:
-        """That of the DLO as it is given: see `Case`."""
-        return self.cases[0].passed
+        """The Passages of the DLO as it is given, whatever its frequencies are."""
+        return Passage.all_of(self.response, self.holes)
 
     @cached_property
     def sizes(self) -> Floats:
@@ -277,7 +275,7 @@ def margin(task: LegTask, law: TimeLaw, allowed: float,
     for k, part in enumerate(tried):
         for off in (1 - part, 1 + part):
             check()
-            case = Case(task.response.faster(off), task.holes, task.last, 1.0)
+            case = Case(task.response.faster(off), task.passed, task.last)
             if case.deviation(law, case.response.rest)[0] > allowed:
                 return float(tried[k - 1]) if k else 0.0
     return _MOST_OFF

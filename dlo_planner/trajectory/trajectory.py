@@ -128,7 +128,7 @@ class Trajectory(TimedPath, Reported):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the trajectory, as npz or JSON (see `Plan.save`)."""
-        save(path, trajectory_arrays(self), 'Trajectory')
+        save(path, trajectory_tree(self), 'Trajectory')
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Trajectory:
@@ -213,40 +213,36 @@ def _tolerance(tolerance: float | None, plan: Plan) -> float:
     return float(ROOM * rooms.min()) if rooms.size else _TOLERANCE
 
 
-def trajectory_arrays(trajectory: Trajectory) -> dict[str, Any]:
-    """Return a dict of arrays that hold all of a Trajectory."""
-    arrays = {'times': trajectory.path.times, 'limits': trajectory.limits.sizes,
-              'tolerance': trajectory.tolerance, 'mode_margin': trajectory.mode_margin,
-              'status': trajectory.status, 'legs': len(trajectory.laws)}
+def trajectory_tree(trajectory: Trajectory) -> dict[str, Any]:
+    """Return a tree (see `direct.storage`) of all of a Trajectory."""
+    tree: dict[str, Any] = {
+        'times': trajectory.path.times, 'limits': trajectory.limits.sizes,
+        'tolerance': trajectory.tolerance, 'mode_margin': trajectory.mode_margin,
+        'status': trajectory.status, 'legs': len(trajectory.laws)}
     if trajectory.motion is not None:
-        arrays |= {f'motion/{item.name}': getattr(trajectory.motion, item.name)
-                   for item in fields(InMotion)}
+        tree['motion'] = _parts(trajectory.motion, [item.name for item in fields(InMotion)])
     for k, (leg, law) in enumerate(zip(trajectory.path.legs, trajectory.laws, strict=True)):
-        arrays |= {f'{k}/leg/{name}': getattr(leg, name) for name in _LEG}
+        tree[str(k)] = own = {'leg': _parts(leg, _LEG)}
         if law is not None:
-            arrays |= {f'{k}/law/{name}': getattr(law, name) for name in _LAW}
-            if law.shift is not None:
-                arrays |= {f'{k}/shift/{name}': getattr(law.shift, name) for name in _SHIFT}
-    return arrays
+            own |= {'law': _parts(law, _LAW)} | (
+                {} if law.shift is None else {'shift': _parts(law.shift, _SHIFT)})
+    return tree
 
 
-def trajectory_of(arrays: Mapping[str, Any]) -> Trajectory:
-    """Return the Trajectory of the arrays of `trajectory_arrays`."""
+def _parts(value: object, names: Iterable[str]) -> dict[str, Any]:
+    return {name: getattr(value, name) for name in names}
+
+
+def trajectory_of(tree: Mapping[str, Any]) -> Trajectory:
+    """Return the Trajectory of the tree of `trajectory_tree`."""
     legs, laws = [], []
-    for k in range(int(arrays['legs'])):
-        law, shift = under(f'{k}/law', arrays), under(f'{k}/shift', arrays)
-        legs.append(Leg(**under(f'{k}/leg', arrays)))
-        laws.append(TimeLaw(**law, shift=Shift(**shift) if shift else None) if law else None)
-    motion = {name: array.item() for name, array in under('motion', arrays).items()}
-    limits = dict(zip([item.name for item in fields(Limits)], arrays['limits'].ravel().tolist(),
-                      strict=True))
+    for k in range(int(tree['legs'])):
+        own = tree[str(k)]
+        shift = Shift(**own['shift']) if 'shift' in own else None
+        legs.append(Leg(**own['leg']))
+        laws.append(TimeLaw(**own['law'], shift=shift) if 'law' in own else None)
+    motion = {name: array.item() for name, array in tree.get('motion', {}).items()}
     return restored(
-        GripperPath(arrays['times'], tuple(legs)), tuple(laws), Limits(**limits),
-        float(arrays['tolerance']), InMotion(**motion) if motion else None,
-        float(arrays['mode_margin']), str(arrays['status']))
-
-
-def under(mark: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arrays whose names begin with `mark` and a slash, by what follows it."""
-    mark += '/'
-    return {name[len(mark):]: array for name, array in arrays.items() if name.startswith(mark)}
+        GripperPath(tree['times'], tuple(legs)), tuple(laws),
+        Limits(*tree['limits'].ravel().tolist()), float(tree['tolerance']),
+        InMotion(**motion) if motion else None, float(tree['mode_margin']), str(tree['status']))

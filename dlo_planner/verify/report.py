@@ -10,35 +10,31 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dlo_planner.direct.storage import load, save
 from dlo_planner.model.checks import figure, flag, instance, items
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
-from dlo_planner.trajectory.trajectory import Trajectory, trajectory_arrays, trajectory_of, under
+from dlo_planner.trajectory.trajectory import Trajectory, trajectory_of, trajectory_tree
 
 _OTHERS = ('trajectory', 'not_looked_at')  # fields that are no numbers or texts
 
 
-def report_arrays(report: ValidationReport) -> dict[str, NDArray[Any]]:
-    """Return a dict of arrays that hold all of a ValidationReport."""
-    arrays = {item.name: getattr(report, item.name) for item in fields(report)
-              if item.name not in _OTHERS}
-    arrays['not_looked_at'] = np.array(report.not_looked_at, dtype=str)
-    if report.trajectory is not None:
-        arrays |= {f'trajectory/{name}': array
-                   for name, array in trajectory_arrays(report.trajectory).items()}
-    return {name: np.asarray(array) for name, array in arrays.items()}
+def report_tree(report: ValidationReport) -> dict[str, Any]:
+    """Return a tree (see `direct.storage`) of all of a ValidationReport."""
+    tree = {item.name: getattr(report, item.name) for item in fields(report)
+            if item.name not in _OTHERS}
+    tree['not_looked_at'] = np.array(report.not_looked_at, dtype=str)
+    return tree if report.trajectory is None else {
+        **tree, 'trajectory': trajectory_tree(report.trajectory)}
 
 
-def report_contents(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a dict of the fields of a ValidationReport, from the arrays of `report_arrays`."""
-    own = {name: array for name, array in arrays.items() if '/' not in name}
-    contents = {name: array.item() for name, array in own.items() if name not in _OTHERS}
-    contents['not_looked_at'] = tuple(own['not_looked_at'].tolist())
-    inside = under('trajectory', arrays)
-    return contents | {'trajectory': trajectory_of(inside) if inside else None}
+def report_of(tree: Mapping[str, Any]) -> ValidationReport:
+    """Return the ValidationReport of the tree of `report_tree`."""
+    contents = {name: content.item() for name, content in tree.items() if name not in _OTHERS}
+    return ValidationReport(
+        **contents, not_looked_at=tuple(tree['not_looked_at'].tolist()),
+        trajectory=trajectory_of(tree['trajectory']) if 'trajectory' in tree else None)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -159,7 +155,7 @@ class ValidationReport(Reported):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the report and its trajectory, as npz or JSON (see `Plan.save`)."""
-        save(path, report_arrays(self), 'ValidationReport')
+        save(path, report_tree(self), 'ValidationReport')
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> ValidationReport:
@@ -170,9 +166,7 @@ class ValidationReport(Reported):
         InvalidTask
             Not such a file; the message names it.
         """
-        result: ValidationReport = load(path, lambda arrays: cls(**report_contents(arrays)),
-                                        'ValidationReport')
-        return result
+        return load(path, report_of, 'ValidationReport')
 
     @property
     def safe(self) -> bool:

@@ -182,7 +182,7 @@ class Frame:
         handles = [line([], [], color=tint, label=name) for name, tint in tints.items()]
         options = {'handles': handles, 'fontsize': 8, 'frameon': False}
         if not self.own or not self.space:
-            self.axes.legend(loc='best', **options)
+            self.axes.legend(loc='lower left' if self.space else 'best', **options)
         elif self.titled:
             self.figure.legend(loc='lower left', **options)
 

@@ -32,6 +32,8 @@ from dlo_planner import (
     ThreadTwo,
     Workspace,
 )
+from dlo_planner.direct.storage import NOT_FINITE
+from dlo_planner.inverse.plain_tasks import from_plain, to_plain
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks import threading_of
 from dlo_planner.model.value import put
@@ -143,6 +145,14 @@ def test_a_pool_plans_as_one_process_does():
     with ProcessPoolExecutor(2, mp_context=get_context('fork')) as pool:
         for job, plan in zip(jobs, pool.map(planned, jobs), strict=True):
             assert same_plans(plan, planned(job))
+
+
+def test_shapes_in_older_files_of_tasks_are_read():
+    plain = to_plain(FIRST)
+    older = {name: part if name == 'type' else {
+        'shape': part['shape'], 'of': part['type'][0].replace('s', 'U'), 'data': [
+            NOT_FINITE.get(item, item) for item in part['data']]} for name, part in plain.items()}
+    assert from_plain('shape', older) == from_plain('shape', plain)
 
 
 def test_ones_own_task_is_like_any_other():

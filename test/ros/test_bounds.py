@@ -10,7 +10,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dlo_planner import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.model.checks import shown
-from dlo_planner.ros.inputs import OneFrame, bodies_in, brief_text, pose_in
+from dlo_planner.ros.inputs import Frames, bodies_in, brief_text, pose_in
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.poses import pose_from_stamped
@@ -35,7 +35,7 @@ def test_a_long_frame_is_neither_looked_up_nor_said():
     assert str(error) == ('gripper_pose.header.frame_id has 10000000 characters: expected 256 at '
                           'most')
     told(InvalidTask, pose_from_stamped, msg, 'world', 'pose')
-    assert 'expected \'world\'' in str(told(Refused, OneFrame().origin, Header(
+    assert 'expected \'world\'' in str(told(Refused, Frames().origin, Header(
         frame_id='x' * 256), 'world', 'pose'))
 
 

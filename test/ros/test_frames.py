@@ -20,10 +20,8 @@ from dlo_planner import Pose
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.ros.estimate import points_in
 from dlo_planner.ros.inputs import (
-    OneFrame,
-    TfFrames,
+    Frames,
     bodies_in,
-    frames_of,
     goals_in,
     markers_in,
     pose_in,
@@ -84,8 +82,7 @@ def tf2(monkeypatch):
 @pytest.fixture
 def frames(tf2):
     """Return Frames that know where the camera is."""
-    frames = frames_of(None)
-    assert isinstance(frames, TfFrames)
+    frames = Frames(object())
     transform = TransformStamped(header=Header(frame_id='world'), child_frame_id='camera')
     place = pose_msg(CAMERA)
     transform.transform.translation.x = place.position.x
@@ -180,7 +177,7 @@ def test_a_frame_that_tf_does_not_know_is_refused_with_its_words(frames):
 @pytest.mark.parametrize('known', [True, False])
 def test_no_frame_is_refused(frames, known):
     with pytest.raises(Refused, match="header.frame_id = '': expected 'world'"):
-        pose_in(SCENE, pose_stamped_msg(SEEN, ''), 'goal', frames if known else OneFrame())
+        pose_in(SCENE, pose_stamped_msg(SEEN, ''), 'goal', frames if known else Frames())
 
 
 def test_odd_poses_are_named_in_any_frame(frames):
@@ -202,8 +199,7 @@ def test_reach_counts_in_the_frame_of_the_scene(frames):
 
 def test_without_tf2_other_frames_are_refused_by_name(monkeypatch):
     monkeypatch.setitem(sys.modules, 'tf2_ros', None)  # an import fails
-    frames = frames_of(None)
-    assert type(frames) is OneFrame
+    frames = Frames(object())
     with pytest.raises(Refused, match="frame_id = 'camera': expected 'world'.*not installed"):
         pose_in(SCENE, pose_stamped_msg(SEEN, 'camera'), 'task_goal', frames)
     frames.close()

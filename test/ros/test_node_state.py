@@ -37,7 +37,7 @@ def test_of_obstacles_and_parameters_sent_at_once_none_is_lost(inside, node):
     for k, pause in enumerate(pauses[1]):
         value = 0.05 + 1e-4 * k
         assert inside.set_parameters(threading__linear_speed=value)[0].successful
-        not_in_force += state(node).scene.linear_speed != value
+        not_in_force += state(node).scene.limits.linear_speed != value
         time.sleep(pause)
     sending.join()
     assert until(lambda: len(state(node).bodies) == number)

@@ -70,7 +70,7 @@ def test_a_parameter_that_does_not_change_the_dlo_touches_nothing_of_it():
     before = hanging(State(scene(rod__yield_stress=40e6), values(rod__yield_stress=40e6)))
     after = changed(before, rod__yield_stress=40e6, threading__linear_speed=0.05)
     assert after.shape is before.shape and after.gripper == HERE
-    assert after.scene.linear_speed == 0.05
+    assert after.scene.limits.linear_speed == 0.05
     assert changed(before, bodies=BALL, rod__yield_stress=40e6).shape is before.shape
     # and the next shape goes on from it, with its set
     down = Pose.looking_along(HERE.position, (0, 0, -1))
@@ -225,7 +225,8 @@ def test_who_is_not_enabled_does_not_start(proved, enabled, named):
 
 
 def test_a_motion_beyond_its_limits_is_not_executed(proved):
-    slower = replace(proved.scene, limits=Limits(*(0.9 * proved.scene.motion_limits.sizes).ravel()))
+    limits = Limits(*(0.9 * proved.scene.motion_limits.sizes).ravel())
+    slower = replace(proved.scene, wanted=replace(proved.scene.wanted, limits=limits))
     with pytest.raises(Refused, match='of its limits') as refused:
         replace(proved, planned=replace(proved.planned, scene=slower)).started(10.0)
     assert refused.value.cause == Cause.LIMITS

@@ -174,7 +174,7 @@ def test_the_margin_is_where_the_prediction_doubles():
 @pytest.mark.parametrize('wide', [0.9, 1.1])  # frequencies above or below the windows' hurt more
 def test_frequencies_may_be_off_both_ways(wide):
     def off_by(factor):
-        case = Case(task.response.faster(factor), task.holes, task.last, 1.0)
+        case = Case(task.response.faster(factor), task.passed, task.last)
         return case.deviation(law, case.response.rest)[0]
 
     task = tasks('wire')[-1]
