@@ -3,7 +3,7 @@
 """Tasks beyond those of the package itself: what plans keep, tasks of one's own, tasks as files."""
 
 from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.inverse.tasks import Approach, threading_of
+from dlo_planner.inverse.tasks import Approach, MoveTo, threading_of
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.plan import PlanStatus, concatenate
@@ -11,6 +11,6 @@ from dlo_planner.plan.requirements import Requirements
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 from dlo_planner.settings.tasks import read_task, task_from_yaml, task_to_yaml, write_task
 
-__all__ = ['Approach', 'PlanBuilder', 'PlanContext', 'PlanStatus', 'Requirements', 'Task',
-           'Waypoint', 'concatenate', 'put', 'read_task', 'task_from_yaml', 'task_to_yaml',
+__all__ = ['Approach', 'MoveTo', 'PlanBuilder', 'PlanContext', 'PlanStatus', 'Requirements',
+           'Task', 'Waypoint', 'concatenate', 'put', 'read_task', 'task_from_yaml', 'task_to_yaml',
            'threading_of', 'waypoint_at', 'write_task']

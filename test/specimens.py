@@ -60,7 +60,7 @@ from dlo_planner.penalties import (
     minimize_penalty,
 )
 from dlo_planner.rods import GraspedInside, Piecewise, Section
-from dlo_planner.tasks import Approach, PlanStatus, Requirements
+from dlo_planner.tasks import Approach, MoveTo, PlanStatus, Requirements
 
 # For those who write tasks and penalties of their own: no values that are given or got.
 _OWN = {'PlanBuilder', 'PlanContext', 'Sensitivity', 'Task', 'Value', 'Waypoint', 'put',
@@ -114,7 +114,7 @@ def values():
     examples += [Thread(hole, DEPTHS), ThreadTwo(hole, FAR, DEPTHS), Insert(hole, DEPTHS),
                  ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0], 0.05),
                  HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
-                 Minimize(PositionAt(1.0, (0.9, 0, 0.9)))]
+                 Minimize(PositionAt(1.0, (0.9, 0, 0.9))), MoveTo([LEVEL])]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
                  Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {
@@ -268,7 +268,7 @@ def _of_tasks(known):
     free, touching = (PlanContext(one, one, start, touching=start is LEVEL)
                       for one, start in ((known['DirectSimulator'], back), (over_bar, LEVEL)))
     names = ('Thread', 'ThreadTwo', 'ThreadSequence', 'Insert', 'Approach', 'Minimize',
-             'HoldContact', 'SlideContact')
+             'HoldContact', 'SlideContact', 'MoveTo')
     return {
         'KeepTangent.begin': 0.0, 'KeepTangent.end': 0.5, 'ThreadTwo.first': known['CutOut'],
         'Approach.first': known['Shape'], 'context': free,

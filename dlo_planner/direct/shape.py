@@ -275,7 +275,15 @@ class Shape(Pictured):
             return f'not converged: {self._hinge_in_words}'
         if self.nearly:
             return f'nearly converged: {figures}'
-        return f'not converged{", jumped" if self.jumped else ""}: {figures}'
+        cause = self._coarseness()
+        return (f'not converged{", jumped" if self.jumped else ""}: {figures}'
+                + (f'; {cause}' if cause else ''))
+
+    def _coarseness(self) -> str:
+        if self.far_end is None or self.state.mesh is None:
+            return ''
+        from dlo_planner.direct.taut import coarseness  # noqa: PLC0415  (SciPy: a free DLO needs none)
+        return coarseness(self.state.mesh, self.gripper, self.far_end)
 
     @property
     def hinge(self) -> float | None:

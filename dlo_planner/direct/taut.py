@@ -115,6 +115,22 @@ def bent_mesh(mesh: Discretization, gripper: Pose, far_end: FarEnd,
                           mesh.n_terms)
 
 
+def coarseness(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> str:
+    """Return in words that elements are too long to bend as they have to next to clamps, or ''."""
+    span = span_of(mesh, gripper, far_end)
+    if span is None:
+        return ''
+    ends = zip(('gripper', 'far end'), span.bends, mesh.free.lengths[[0, -1]], strict=True)
+    coarse = [(longest, bend, where) for where, bend, longest in ends if longest > _ROUGH * bend]
+    if not coarse:
+        return ''
+    longest, bend, where = max(coarse, key=lambda one: one[0] / one[1])
+    return (f'the mesh is too coarse for a slack of {span.slack:.3g} m: the DLO bends within '
+            f'{bend:.2g} m of the {where}, where an element is {longest:.2g} m long; give an '
+            'accuracy instead of n_elements, which grades the mesh, or '
+            f'{int(mesh.s[-1] / (_ELEMENT * bend)) + 1} elements')
+
+
 def _from_clamp(bend: float, longest: float) -> Floats:
     """Return (n,) nodes, from 0 on, that follow a bend until elements are `longest` (m)."""
     nodes = [0.0]

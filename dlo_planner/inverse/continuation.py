@@ -26,10 +26,11 @@ from dlo_planner.inverse.nested import nested_alignment
 from dlo_planner.inverse.waypoint_newton import Found, follow, free_axis
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.pose import turned_by
+from dlo_planner.model.pose import Pose, turned_by
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
-from dlo_planner.plan.continuity import excess, largest_turn, without_doubt
+from dlo_planner.plan.continuity import apart, excess, largest_turn, without_doubt
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.waypoint import Waypoint
 
@@ -148,18 +149,22 @@ class Family(ABC):
                 return f'cut-out {k}', along
         return None
 
+    def too_far(self, before: Passing, after: Passing, step: float) -> float:
+        """Return by how much (m) the gripper moves too far in a step of the depth, m; or 0."""
+        length = self.simulator.rod.length
+        return 0.0 if self.soft else excess(before.gripper, after.gripper, step / length, length)
+
     def follow(self, passing: Passing, depth: float, goal: float,
                route: Rolls | None = None) -> Step:
         """Continue a Passing from one depth to another, in steps that do not leap."""
-        length = passing.shape.s[-1]
+        length = self.simulator.rod.length
         step = longest = self.longest * length
         while True:
             target = depth + min(max(goal - depth, -step), step)
             roll = 0.0 if route is None else route.roll(self, passing, depth, target)
             for share in _SHARES if roll else (1.0,):  # what cannot be rolled at once: later
                 found = self.at(passing, target, share * roll, target == goal)
-                too_far = 0.0 if found is None or self.soft else excess(
-                    passing.gripper, found.gripper, (target - depth) / length, length)
+                too_far = 0.0 if found is None else self.too_far(passing, found, target - depth)
                 if found is not None and not too_far:
                     break
             if found is not None and not too_far:
@@ -171,6 +176,44 @@ class Family(ABC):
                 return Step(None, depth, too_far)
             else:
                 step /= 2
+
+    def refusal(self, builder: PlanBuilder, before: Passing | None,
+                step: Step) -> Infeasible | None:
+        """Return why a Step does not lead to the next waypoint of a PlanBuilder, or None."""
+        passing = step.passing
+        if passing is None and step.leap:
+            return builder.refusal('continuity', step.leap, 'the gripper would have to leap at '
+                                   f'depth {step.depth:.4g} m: the shapes {self.what} turn back '
+                                   'there')
+        if passing is None:
+            return builder.refusal('equilibrium', abs(builder.depth - step.depth), 'no equilibrium '
+                                   f'{self.what} was found beyond depth {step.depth:g} m')
+        stability = passing.shape.stability
+        if stability < -NEUTRAL:
+            return builder.refusal('stability', -stability, 'the DLO would not stay in the shape '
+                                   f'{self.what}; stability {stability:.3g} < 0')
+        against = self.against(passing)
+        if against is not None:
+            return builder.refusal('direction', -against[1], f'the DLO would pass {against[0]} '
+                                   'against its direction')
+        too_far = 0.0 if before is None else self.too_far(before, passing, builder.step)
+        if too_far:
+            return builder.refusal('continuity', too_far, 'the gripper would have to turn or move '
+                                   'too far since the waypoint before; closer waypoints may help')
+        return refusal_for_leap(self.simulator, builder, passing.shape)
+
+    def replayed(self, last: Shape | None, passing: Passing) -> Passing:
+        """Return a Passing as a motion from the last waypoint finds it, on that motion's mesh.
+
+        Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps
+        than the gripper, some backwards. On another one the DLO would miss by the accuracy.
+        """
+        if self.soft or self.simulator.mesh_after(last) is passing.shape.mesh:
+            return passing
+        replayed = self.simulator.track([passing.shape.gripper], initial=last)[0]
+        if not replayed.converged or replayed.jumped:
+            return passing
+        return self.at(passing._replace(shape=replayed), passing.depth, 0.0, True) or passing
 
 
 class Follower:
@@ -199,47 +242,6 @@ class Follower:
         return found
 
 
-def refusal_for(builder: PlanBuilder, family: Family, before: Passing | None,
-                step: Step) -> Infeasible | None:
-    """Return why a Step does not lead to the next waypoint of a PlanBuilder, or None."""
-    passing, length = step.passing, family.simulator.rod.length
-    if passing is None and step.leap:
-        return builder.refusal('continuity', step.leap, 'the gripper would have to leap at depth '
-                               f'{step.depth:.4g} m: the shapes {family.what} turn back there')
-    if passing is None:
-        return builder.refusal('equilibrium', abs(builder.depth - step.depth), 'no equilibrium '
-                               f'{family.what} was found beyond depth {step.depth:g} m')
-    stability = passing.shape.stability
-    if stability < -NEUTRAL:
-        return builder.refusal('stability', -stability, 'the DLO would not stay in the shape '
-                               f'{family.what}; stability {stability:.3g} < 0')
-    against = family.against(passing)
-    if against is not None:
-        return builder.refusal('direction', -against[1], f'the DLO would pass {against[0]} against '
-                               'its direction')
-    too_far = 0.0 if before is None or family.soft else excess(
-        before.gripper, passing.gripper, builder.step / length, length)
-    if too_far:
-        return builder.refusal('continuity', too_far, 'the gripper would have to turn or move too '
-                               'far since the waypoint before; closer waypoints may help')
-    return refusal_for_leap(family.simulator, builder, passing.shape)
-
-
-def as_replayed(family: Family, last: Shape | None, passing: Passing) -> Passing:
-    """Return a Passing as a motion from the waypoint before finds it, on the mesh of that motion.
-
-    Which mesh keeps the accuracy depends on the way: the search for a plan takes smaller steps than
-    the gripper, some backwards. On another mesh the DLO would miss by as much as the accuracy.
-    """
-    simulator = family.simulator
-    if simulator.mesh_after(last) is passing.shape.mesh:
-        return passing
-    replayed = simulator.track([passing.shape.gripper], initial=last)[0]
-    if not replayed.converged or replayed.jumped:
-        return passing
-    return family.at(passing._replace(shape=replayed), passing.depth, 0.0, True) or passing
-
-
 def continue_family(builder: PlanBuilder, follower: Follower,
                     waypoint: Callable[[Passing], Waypoint], *,
                     may_roll: bool = False) -> tuple[list[Passing], bool]:
@@ -253,7 +255,7 @@ def continue_family(builder: PlanBuilder, follower: Follower,
         builder.check()
         before = follower.passing if passings else None
         step = follower.step(index)
-        refusal = None if step.sure else refusal_for(builder, family, before, step)
+        refusal = None if step.sure else family.refusal(builder, before, step)
         passing = None if refusal is not None else step.passing
         if before is not None and may_roll and (
                 passing is None or passing.shape.stability < DOUBTFUL):
@@ -262,8 +264,7 @@ def continue_family(builder: PlanBuilder, follower: Follower,
         if passing is None:
             assert refusal is not None  # else there is one
             raise refusal
-        if not family.soft:
-            passing = as_replayed(family, builder.last, passing)
+        passing = family.replayed(builder.last, passing)
         follower.passing, follower.depth = passing, passing.depth
         builder.add(waypoint(passing))
         passings.append(passing)
@@ -282,7 +283,7 @@ def _rolled(builder: PlanBuilder, family: Family, before: Passing,
         rolled = family.at(before, target, part * most, True)
         if rolled is None or best is not None and rolled.shape.stability <= best.shape.stability:
             continue
-        if refusal_for(builder, family, before, Step(rolled, target)) is None:
+        if family.refusal(builder, before, Step(rolled, target)) is None:
             best = rolled
             if rolled.shape.stability >= DOUBTFUL:
                 break  # no larger roll than needed: the gripper's path stays smooth
@@ -361,6 +362,54 @@ class Aligned(Family):
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
         s = self.simulator.rod.length - depth
         return crossings(shapes, shapes.at(s)[1], self.normal, s)
+
+
+class GivenPoses(Family):
+    """The shapes as the gripper goes from pose to pose: the depth is the index of the next one.
+
+    Nothing is sought but the equilibrium. The far end is free, or held by `far_end`.
+    """
+
+    what = 'at the pose'
+    longest = shortest = np.inf  # the direct simulation makes its own steps
+    soft = True
+
+    def __init__(self, simulator: DirectSimulator, poses: Sequence[Pose],
+                 far_end: FarEnd | None = None) -> None:
+        self.simulator, self.poses, self.far_end = simulator, poses, far_end
+
+    def first(self, initial: Shape | None) -> Passing:
+        """Return the Passing at the first pose, from a Shape or the natural one."""
+        shape = self._tracked(0, initial)
+        return Passing(shape, shape.gripper.position, depth=0.0)
+
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing at the pose of an index, whether the DLO follows there or not."""
+        del roll, final
+        if depth == before.depth:
+            return before
+        shape = self._tracked(int(depth), before.shape)
+        return Passing(shape, shape.gripper.position, depth=depth)
+
+    def refusal(self, builder: PlanBuilder, before: Passing | None,
+                step: Step) -> Infeasible | None:
+        """Return why the DLO does not follow, or None; the amount is what is left to go, m."""
+        assert step.passing is not None  # each pose has a shape
+        shape = step.passing.shape
+        if not shape.converged:
+            left = [pose.position for pose in self.poses[len(builder.waypoints):]]
+            return builder.refusal('equilibrium', float(np.linalg.norm(
+                np.diff(left, axis=0), axis=1).sum()) if len(left) > 1 else 0.0,
+                'no stable shape is found')
+        if shape.jumped and builder.waypoints:
+            return builder.refusal('continuity', apart(shape, builder.waypoints[-1].shape),
+                                   'the DLO would fall into another shape on the way there')
+        return None
+
+    def _tracked(self, index: int, initial: Shape | None) -> Shape:
+        held = None if self.far_end is None else [self.far_end]
+        return self.simulator.track([self.poses[index]], initial=initial, far_ends=held)[0]
 
 
 class TwoPoints(Family):

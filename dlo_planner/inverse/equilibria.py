@@ -365,9 +365,9 @@ def start_candidates(simulator: DirectSimulator, cutout: CutOut,
 
 def with_free_end(simulator: DirectSimulator, end: Floats) -> Shape:
     """Return the Shape (a guess) whose free end has the frame `end` (3, 3)."""
-    discretization = simulator.discretization(Pose.from_rotation((0, 0, 0), end), None)
-    strains, base = integrate_from_tip(discretization.system(end), np.array(end, order='C'))
-    return _shape_at(discretization, strains, base)
+    mesh = simulator.discretization(Pose.from_rotation((0, 0, 0), end), None)
+    end = np.array(end, order='C')
+    return _shape_at(mesh, *integrate_from_tip(mesh.system(end), end))
 
 
 def is_axisymmetric(rod: Rod) -> bool:

@@ -73,6 +73,11 @@ def update_active_set(system, state):
         if best >= 0:
             taken[best] = True
             multiplier[c] = old.multiplier[best]
+        for b in range(old.element.size if fixed[c] == 0.0 else 0):  # have they met?
+            if (old.obstacle[b] == inside[c, 1] and not taken[b] and at[b] == inside[c, 0]
+                    and old.fraction[b] == 0.0):
+                taken[b] = True
+                multiplier[c] += old.multiplier[b]
         news = news or best < 0 or at[best] != inside[c, 0]
         if fixed[c] > 0.0:
             if best >= 0 and old.fraction[best] == 0.0:
@@ -99,7 +104,7 @@ def free_to_roll(system, state, old):
     """Return the ContactSet `old` as a step begins in which points may roll far.
 
     Those that have rolled to the same element are one. The middle of an element that bends as the
-    obstacle does, with nothing that bears beside it, is a point that rolls.
+    obstacle does, and that alone bears on it, is a point that rolls.
     """
     at, _ = _rolled_to(system, state)
     node, multiplier, fraction = old.node.copy(), old.multiplier.copy(), old.fraction.copy()
@@ -109,9 +114,11 @@ def free_to_roll(system, state, old):
         if o < 0:
             continue
         if fraction[c] > 0.0 and 0 < e < last - 1:
-            alone = node[o, e - 1] <= 0.0 and node[o, e + 2] <= 0.0
+            alone = True
+            for k in range(node.shape[1]):
+                alone = alone and (node[o, k] <= 0.0 or k == e or k == e + 1)
             for b in range(at.size):
-                alone = alone and (b == c or old.obstacle[b] != o or abs(at[b] - e) > 1)
+                alone = alone and (b == c or old.obstacle[b] != o)
             if alone:
                 fraction[c] = 0.0
                 multiplier[c] += max(node[o, e], 0.0) + max(node[o, e + 1], 0.0)

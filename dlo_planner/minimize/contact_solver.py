@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlo_planner.energy.contact import obstructed, trial_traction
+from dlo_planner.energy.gap import closest_point
 from dlo_planner.energy.grip import constraint_violation, holds
 from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
 from dlo_planner.energy.terms import row_count
@@ -173,24 +174,24 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
     place(system, start)
     system = with_contacts(system, free_to_roll(system, start, contact.contacts), contact.scene)
     for _ in range(_EXCHANGES):
-        bears, state, residual, violation, loaded, hessian, turned, moves = semismooth_newton(
+        bears, state, residual, violation, loaded, hessian, age, moves = semismooth_newton(
             system, q, tolerance, exact, previous)
         steps += moves
         if not bears:
             break
-        same, contacts = _bears_there(loaded, state, exact)
-        if same:
+        changes, contacts = _exchanged(loaded, state, exact)
+        if not changes:
             break
         system, q = with_contacts(loaded, contacts, loaded.effects.contact.scene), state.q
-    if bears and not same:
+    if bears and changes:
         state, residual, stability, moves, kicks, loaded, violation = augmented_lagrangian(
             loaded, state.q, tolerance, exact, min(_SOON, max_iterations), check, previous, _FEW)
         steps += moves
         bears = kicks == 0 and _rests(loaded, state, residual, stability, violation, tolerance,
                                       exact)
     elif bears and check:
-        # by a factorization from which the DLO has hardly turned, where that tells
-        if turned < HARDLY and is_definite(loaded, hessian, 0.0):
+        # by a factorization since which hardly anything has changed, where that tells
+        if age < HARDLY and is_definite(loaded, hessian, 0.0):
             stability, _ = lowest_mode(loaded, hessian, 0.0, 1e-4)
         if not stability > WELL_STABLE:
             stability, _ = _judged(loaded, state, tolerance, exact)
@@ -199,27 +200,36 @@ def _at_once(system, q, tolerance, exact, max_iterations, check, previous):
 
 
 @kernel
-def _bears_there(system, state, exact):
-    """Whether the points that bear are those that would be chosen now, and the ContactSet of these.
+def _exchanged(system, state, exact):
+    """Return whether points pull, meet, or join that are deeper in an obstacle than `exact` (m).
 
-    Multipliers and all; and nothing else is deeper in an obstacle than `exact`, m. What is pushes
-    from now on.
+    And the ContactSet that is to be tried then.
     """
-    old = system.effects.contact.contacts
-    same = not _let_push(old) < -old.stiffness * exact
+    old, normal, hessian = system.effects.contact.contacts, np.empty(3), np.empty((3, 3))
+    changes = _let_push(old) < -old.stiffness * exact or _met(old, state.attached)
     node = old.node.copy()
-    new, news = update_active_set(system, state)
-    same = same and not news and new.element.size == old.element.size
-    for c in range(old.element.size if same else 0):
-        same = same and (new.element[c] == old.element[c] and new.obstacle[c] == old.obstacle[c]
-                         and new.fraction[c] == old.fraction[c]
-                         and new.multiplier[c] == old.multiplier[c])
-    for o in range(node.shape[0]):
-        for k in range(node.shape[1]):
-            same = same and node[o, k] == old.node[o, k]
+    new, _ = update_active_set(system, state)
+    for c in range(0 if changes else new.element.size):
+        if new.obstacle[c] >= 0:
+            gap, _, _ = closest_point(system.effects.contact.scene, new, c, system.lengths,
+                                      state.strains, state.rotations, state.positions, normal,
+                                      hessian)
+            changes = changes or gap < -exact
     new = with_springs(new, new.stiffness, old.node.copy(), new.multiplier)
     old.node[:] = node
-    return same, new
+    return changes, new
+
+
+@kernel
+def _met(contacts, attached):
+    """Whether two points have rolled to the same place: they are one."""
+    for c in range(contacts.element.size):
+        for b in range(c):
+            if (contacts.obstacle[c] >= 0 and contacts.obstacle[c] == contacts.obstacle[b]
+                    and contacts.fraction[c] == 0.0 and contacts.fraction[b] == 0.0
+                    and attached.element[c] == attached.element[b]):
+                return True
+    return False
 
 
 @kernel

@@ -187,24 +187,27 @@ def _pushing_only(system, table, first, laws, compliance, free, normal):
     bears = np.ones(table.gap.size, dtype=np.bool_)
     # between two grips what begins deep inside obstacles would not come out
     turns = _CHANGES if times > 0 or has_inertia(system.effects.anchor) else 0
+    for a in range(bears.size if turns > 0 else 0):
+        bears[a] = normal[a] > 2.0 * _HARDLY * k * abs(table.gap[a])
+    last, change = bears.copy(), np.zeros(free.size)
     for turn in range(turns + 1):
         _, moved, reaction = _linear_response(system, table, first, laws, compliance, free, bears)
         matrix, right, soft = _equations(system, table, first, laws, reaction, moved, bears)
-        known, change = softly_solved(matrix, right, soft, times)
-        if not known or turn == turns:
-            break
-        same = True
-        for a in range(table.gap.size):
+        known, there = softly_solved(matrix, right, soft, times)
+        if not known:  # those before do
+            return turn > 0, change, last
+        change, same = there, True
+        last[:] = bears
+        for a in range(table.gap.size if turn < turns else 0):
             i = first[a]
             gap = table.gap[a] + moved[i] - np.sum(reaction[i] * change)
             # after some turns nothing bears again: so they come to an end
-            stays = (normal[a] + k * table.gap[a] + change[i] >= 0.0 if bears[a]
-                     else gap < 0.0 and turn < turns // 2)
-            same = same and stays == bears[a]
-            bears[a] = stays
+            bears[a] = (normal[a] + k * table.gap[a] + change[i] >= 0.0 if bears[a]
+                        else gap < 0.0 and turn < turns // 2)
+            same = same and bears[a] == last[a]
         if same:
             break
-    return known, change, bears
+    return True, change, last
 
 
 @kernel
@@ -467,13 +470,15 @@ def _before(system, base, slid, twist):
 @kernel
 def semismooth_newton(system, q, tolerance, exact, previous):
     """Return whether it is found, and what is known of it then."""
-    loaded, turned, before = system, np.inf, np.inf
+    loaded, age, before = system, np.inf, np.inf
     begin, hessian = new_configuration(system), new_hessian(system)
     begin.q[:] = q
-    neutral = turned > 0.0  # literals would be compiled for by themselves
+    neutral = age > 0.0  # literals would be compiled for by themselves
     if not _bears(system.effects.contact.contacts):
-        return False, begin, np.inf, np.inf, system, hessian, turned, 0
+        return False, begin, np.inf, np.inf, system, hessian, age, 0
     place(system, begin)
+    # 1/N: how many times the smallest stiffness of all of the DLO a force is
+    softness = np.sum(system.lengths) ** 2 / np.min(system.stiffness)
     state, step = begin, np.empty_like(q)
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
@@ -483,26 +488,37 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         if table.gap.size == 0:
             break
         normal, shear = _forces(table, state)
-        if residual < tolerance and violation < exact:
-            return (not forbids(system.effects, system, begin, state), state, residual, violation,
-                    loaded, hessian, turned, steps)
-        wrong = max(residual / tolerance, violation / exact)
         same = _same(table, last)
+        if residual < tolerance and violation < exact:
+            if not same:  # the factorization is that of other contacts
+                age = np.inf
+            return (not forbids(system.effects, system, begin, state), state, residual, violation,
+                    loaded, hessian, age, steps)
+        wrong = max(residual / tolerance, violation / exact)
         if steps >= _GRACE and same and not wrong < _FALLS * before:
             break
         before, last = wrong, table
         # near the end the factorization before is as good; what slides turns its friction
-        fresh = (not same or not _STALE * turned * residual < tolerance
+        fresh = (not same or not _STALE * age * residual < tolerance
                  or np.max(table.rubbing) >= 0)
         if not complementarity_step(loaded, state, table, hessian, fresh, neutral, normal, shear,
                                     step):
             break
-        turn = largest_turn(loaded, hessian, step)
-        turned = turn if fresh else turned + turn
+        change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
+        age = change if fresh else age + change
         _put_forces(loaded, table, normal, shear)
         put_sum(state.q, 1.0, step, state.q)
         place(loaded, state)
-    return False, state, np.inf, np.inf, system, hessian, turned, _STEPS
+    return False, state, np.inf, np.inf, system, hessian, age, _STEPS
+
+
+@kernel
+def _difference(one, other):
+    """Return the largest difference of two arrays (A,)."""
+    largest = 0.0
+    for a in range(one.size):
+        largest = max(largest, abs(one[a] - other[a]))
+    return largest
 
 
 @kernel

@@ -57,6 +57,8 @@ class Judge:
     # index of the obstacle that has to be pressed, in the simulator of the shapes. If None, none
     # has to be
     pressed: int | None = None
+    # largest force (N) and moment (N m) of the gripper and of what holds the far end; None: any
+    wrench_limits: tuple[float | None, float | None] = (None, None)
 
     def silent(self, simulator: DirectSimulator | None = None) -> Judge:
         """Return the same demands for a search, whose steps are not reported."""
@@ -101,6 +103,13 @@ class Judge:
             yield Margin('contact_force', room if room < -_LIGHTER * self.min_force else 0.0,
                          'the DLO would press with {found:.3g} N, at least {limit:.3g} N are '
                          'required (min_force)', force, self.min_force)
+        for name, limit, part in zip(('max_force', 'max_moment'), self.wrench_limits,
+                                     (slice(3), slice(3, 6)), strict=True):
+            if limit is not None:
+                wrenches = [shape.gripper_wrench, *([shape.far_wrench] if shape.far_end else [])]
+                most = max(float(np.linalg.norm(wrench[part])) for wrench in wrenches)
+                yield Margin(name, limit - most, 'a grip would exert {found:.3g}, at most '
+                             f'{name} = {{limit:g}} is allowed', most, limit)
         yield Margin('self_distance', -in_itself(shape, self.surface), 'the DLO would lie '
                      '{over:.3g} m in itself: nothing holds its pieces off each other')
         if rod is not None and rod.max_bend_curvature is not None:

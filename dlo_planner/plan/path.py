@@ -240,5 +240,7 @@ def _leg(times: Floats, grippers: Sequence[Pose]) -> Leg:
 
 def held_after(plan: Plan) -> int | None:
     """Return the index of the waypoint after which a bore holds the DLO of a Plan; None: none."""
+    if not np.any(plan.depths):  # nothing goes anywhere: a grip holds the far end, if anything
+        return None
     held = [shape.far_end is not None for shape in plan.shapes]
     return max(held.index(True) - 1, 0) if any(held) else None

@@ -25,7 +25,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Filmed
 from dlo_planner.plan.goals import DirectionAt, FrameAt, PositionAt, Residuals, Through
-from dlo_planner.plan.path import GripperPath
+from dlo_planner.plan.path import GripperPath, held_after
 
 # An entry of `Plan.via_points`: center (3,), m; arc length, m; normal (3,) or None.
 Passes: TypeAlias = Sequence[tuple[Floats, float, Floats | None]]
@@ -244,6 +244,8 @@ class Plan(Filmed):
         It bends the part inside straight: (0, EI_n k_n, EI_b k_b) in the material frame, k the
         natural curvature there. nan where nothing is held in a bore.
         """
+        if held_after(self) is None:
+            return np.full((len(self), 3), np.nan)
         return np.array([_straightening(shape) for shape in self.shapes]).reshape(-1, 3)
 
     @property
@@ -372,7 +374,7 @@ def pose_at_arc_length(plan: Plan, known: Floats, s: float) -> Pose:
 
 def means_to_touch(plan: Plan) -> bool:
     """Whether a Plan has contacts, or a bore that holds the DLO."""
-    return any(shape.contacts or shape.far_end is not None for shape in plan.shapes)
+    return held_after(plan) is not None or any(shape.contacts for shape in plan.shapes)
 
 
 def passages(passes: Passes, length: float) -> tuple[Through, ...]:

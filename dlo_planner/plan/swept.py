@@ -156,8 +156,9 @@ class _Sweep:
         """Return the Look half way between two and None, or None and the violation by a jump."""
         u = 0.5 * (one.u + other.u)
         (position,), (rotation,) = leg.poses(np.array([u]))
+        held = None if one.shape.far_end is None else [one.shape.far_end]
         shape = self._simulator.track([Pose.from_rotation(position, rotation)],
-                                      initial=one.shape)[0]
+                                      initial=one.shape, far_ends=held)[0]
         if shape.converged and not shape.jumped:
             return self._look(u, shape), None
         away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))

@@ -37,7 +37,9 @@ _LONGEST = 100_000  # characters of a text: read within a second
 # type -> field that says where -> whether it lists several
 _PLACES = {'Thread': {'cutout': False}, 'Approach': {'cutout': False}, 'Insert': {'bore': False},
            'HoldContact': {'contact': False}, 'SlideContact': {'contact': False},
-           'ThreadTwo': {'first': False, 'second': False}, 'ThreadSequence': {'cutouts': True}}
+           'ThreadTwo': {'first': False, 'second': False}, 'ThreadSequence': {'cutouts': True},
+           'MoveTo': {'poses': True}}
+_POSES = 'contact', 'poses'  # which of them are poses, no cut-outs
 
 
 def task_to_yaml(task: Task) -> str:
@@ -95,14 +97,14 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
     first = next(filter(None, own), None)
     places = iter(own)
 
-    def placed(place: Any, as_contact: bool) -> Any:
+    def placed(place: Any, bare: bool) -> Any:
         here = next(places)
         if pose is not None:
             here = pose if here is None or first is None else pose.compose(
                 first.inverse()).compose(here)
         if here is None:
             raise InvalidTask(f'{name}: expected a pose, of its own or asked for')
-        if as_contact:
+        if bare:
             return here
         cutout = {'type': 'CutOut', **(place or {}), 'pose': here}
         if not any(cutout.get(size) for size in ('radius', 'width', 'height')):
@@ -110,9 +112,9 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
         return cutout
 
     for field, several in _PLACES.get(str(content.get('type')), {}).items():
-        given, contact = content.get(field), field == 'contact'
-        moved[field] = [placed(one, contact) for one in given or ()] if several else placed(
-            given, contact)
+        given, bare = content.get(field), field in _POSES
+        moved[field] = [placed(one, bare) for one in given or ()] if several else placed(
+            given, bare)
     task = from_plain(name, moved)
     assert isinstance(task, Task)  # its type is one
     return task
@@ -124,11 +126,11 @@ def _poses_in(content: Mapping[str, Any], name: str) -> list[Pose | None]:
     for field, several in _PLACES.get(str(content.get('type')), {}).items():
         given = content.get(field)
         if several and not (isinstance(given, list) and given):
-            raise InvalidTask(f'{name}.{field} = {shown(given)}: expected a list of cut-outs')
+            raise InvalidTask(f'{name}.{field} = {shown(given)}: expected a list of them')
         for place in given or () if several else [given]:
             if not isinstance(place, dict | None):
                 raise InvalidTask(f'{name}.{field} = {shown(place)}: expected names and values')
-            pose = place if field == 'contact' else (place or {}).get('pose')
+            pose = place if field in _POSES else (place or {}).get('pose')
             if pose is not None and not isinstance(pose := from_plain(f'{name}.{field}', pose),
                                                    Pose):
                 raise InvalidTask(f'{name}.{field}: expected a pose, {{position, quaternion}}')
@@ -137,7 +139,7 @@ def _poses_in(content: Mapping[str, Any], name: str) -> list[Pose | None]:
 
 
 def poses_of(task: Task) -> tuple[Pose, ...]:
-    """Return the poses of a task's cut-outs, bore or contact; none for other tasks."""
+    """Return the poses of a task's cut-outs, bore or contact, or its own; none for other tasks."""
     found: list[Pose] = []
     for field, several in _PLACES.get(type(task).__name__, {}).items():
         places = getattr(task, field)

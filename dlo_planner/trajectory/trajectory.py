@@ -19,7 +19,7 @@ from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
-from dlo_planner.plan.path import GripperPath, Leg
+from dlo_planner.plan.path import GripperPath, Leg, held_after
 from dlo_planner.plan.plan import Plan, means_to_touch
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.progress import OnProgress, Progress
@@ -175,6 +175,9 @@ def _within_limits(plan: Plan, limits: Limits, progress: Progress) -> TimedPath:
 def _simulator(simulator: DirectSimulator | None, plan: Plan) -> DirectSimulator:
     """Return the DirectSimulator that verifies a Plan; raise InvalidTask if there is none."""
     first = plan.shapes[0]
+    if first.far_end is not None and held_after(plan) is None:
+        raise InvalidTask('plan: expected a DLO whose far end is free, or goes into a bore; with '
+                          'an infinite tolerance nothing is simulated')
     length = float(first.s[-1]) + (0.0 if first.far_end is None else float(plan.depths[0]))
     if any(shape.parts is not None for shape in plan.shapes) or any(
             shape.far_end is None and abs(shape.s[-1] - length) > _SAME * length

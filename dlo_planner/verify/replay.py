@@ -173,6 +173,9 @@ class _Replay:
     def _at_rest(self) -> Sequence[Shape]:
         """Return the shapes of the DLO that follows the plan slowly."""
         plan, simulator, initial = self.plan, self.simulator, self.initial
+        if held_after(plan) is None and plan.shapes[0].far_end is not None:
+            return simulator.track(plan.grippers, self.progress.done, initial,
+                                   far_ends=[shape.far_end for shape in plan.shapes])
         if any(shape.s[-1] != simulator.rod.length for shape in plan.shapes):
             return _parts(simulator, plan, self.progress)
         if initial is None and plan.shapes[0].contacts:

@@ -181,6 +181,23 @@ def test_an_edge_and_a_floor_hold_back_what_slides_against_its_way(wire, basis):
     assert slid > 2
 
 
+def test_where_a_wire_slides_over_a_bar_errors_go_with_the_square_of_the_elements():
+    # it bends nearly as the bar does: on short elements, too, it bears at one point, which rolls
+    bar = Capsule((0, -0.3, -0.1 - THIN), (0, 0.3, -0.1 - THIN), 0.1, 0.3)
+    rod = Rod(1.0, 0.0, 5e-3, 5e-3, radius=THIN, tip_mass=0.1)
+    ends = {}
+    for n in (125, 250, 1000):
+        simulator, shape = DirectSimulator(rod, basis='local', n_elements=n, obstacles=[bar]), None
+        for z in (0.14, 0.13, 0.12, 0.11, 0.10):
+            shape = simulator.solve(Pose((-0.3, 0, z), LEVEL), shape)
+        assert shape.converged and len(shape.contacts) == 1
+        assert ratio_of(shape) == pytest.approx(0.3, rel=1e-6)
+        ends[n] = shape
+    coarse, fine = (np.abs(ends[n].positions - ends[1000].positions[::1000 // n]).max()
+                    for n in (125, 250))
+    assert fine < 0.3 * coarse and fine < ends[250].error_estimate < 2 * fine
+
+
 @pytest.mark.parametrize('way', [0.001, 0.008], ids=['sticking', 'sliding'])
 def test_sensitivities_of_what_sticks_and_of_what_slides(way):
     simulator, before, height, attitude = on_its_tip(0.3, 80.0, 0.4)

@@ -149,3 +149,21 @@ def test_stability_is_the_least_eigenvalue_with_contacts_that_stay_closed(kind):
     free = null_space(gradients[1:])
     least = np.linalg.eigvalsh(free.T @ hessian(lagrangian) @ free)[0]
     assert shape.stability == pytest.approx(least, rel=1e-3, abs=1e-4)
+
+
+def test_contacts_that_meet_within_a_step_leave_no_doubt_about_stability():
+    # one edge, two contacts, which roll to the same place: all of their force is then on one
+    box = Box(Pose((-0.3768, 0.1503, 0.1456), (0.2862, -0.16107, 0.9105, 0.25127)),
+              (0.0807, 0.4, 0.1))
+    simulator = DirectSimulator(Rod(1.0, 0.05, (0.5096, 0.4402), 0.8172, radius=5e-4),
+                                obstacles=[box])
+    corners = [((0, 0, 0), (0.3097, 0.5821, 0.7503, -0.0483)),
+               ((-0.0158, 0.0096, -0.0415), (0.3097, 0.5821, 0.7503, -0.0483)),
+               ((-0.0065, 0.0136, -0.0441), (0.2693, 0.4772, 0.8365, 0.0029)),
+               ((-0.0019, 0.0156, -0.0454), (0.2467, 0.4206, 0.8726, 0.0286)),
+               ((0.0028, 0.0175, -0.0467), (0.2227, 0.3615, 0.9038, 0.0542))]
+    poses = [Pose(place, turn / np.linalg.norm(turn)) for place, turn in corners]
+    *_, before, shape = simulator.track(poses)
+    assert [len(one.contacts) for one in (before, shape)] == [2, 1]
+    again = simulator.solve(shape.gripper, shape)
+    assert again.stability == pytest.approx(shape.stability, rel=1e-3)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cables that are nearly taut between their grips, from nothing but the poses of these."""
 
+import re
+
 import numpy as np
 import pytest
 from references.kirchhoff import true_held_rod
@@ -103,3 +105,13 @@ def test_the_first_shape_is_near(monkeypatch):
         force = -past.hold[-3:]
         np.testing.assert_allclose(force, shape.far_wrench[:3], rtol=0.05,
                                    atol=0.05 * np.linalg.norm(force))
+
+
+def test_a_mesh_too_coarse_for_the_slack_is_named():
+    rod, (gripper, end) = cable(1e-3), next(spans(1, least=1e-4, most=1e-4))
+    shape = DirectSimulator(rod, basis='local', n_elements=64).solve(gripper, far_end=end)
+    assert not shape.converged
+    named = re.search(r'too coarse for a slack of 0.0001 m.*? (\d+) elements$', shape.status)
+    finer = DirectSimulator(rod, basis='local', n_elements=int(named[1]))
+    assert finer.solve(gripper, far_end=end).status == 'converged'
+    assert DirectSimulator(rod).solve(gripper, far_end=end).status == 'converged'

@@ -17,7 +17,7 @@ from dlo_planner import (
     Rod,
     Trajectory,
 )
-from dlo_planner.inverse.contact_family import STABLE, ContactFamily, intervals
+from dlo_planner.inverse.contact_family import STABLE, ContactFamily
 from dlo_planner.inverse.tasks.contact import LEAST_FORCE, MOST_FORCE, PRESSED
 from dlo_planner.plan.clearance import clearance
 
@@ -309,9 +309,7 @@ def test_it_is_proved_in_motion():
     plan = over_bar(basis='local', n_elements=24).slide_contact(SLIDE_TOP, LENGTHS, mode='straight')
     way = Trajectory(plan)
     assert way.motion.contact_force > 0.05
-    # the drift is the plan's; what the motion adds is small
-    still = plan.position_error.max()
-    assert still < way.motion.position_error + 1e-4 <= still + way.tolerance
+    assert way.motion.position_error <= plan.position_error.max() + way.tolerance
 
 
 def test_refusals():
@@ -324,11 +322,3 @@ def test_refusals():
     error = caught.value
     assert error.constraint == 'contact' and 0 < error.amount < 0.05
     assert error.waypoint == 2 and len(error.plan) == 2
-
-
-def test_the_end_of_an_interval_may_be_a_leap_at_a_sample():
-    for x in np.geomspace(1e-2, 1.0, 18)[2:-2]:  # the samples
-        found, = intervals(lambda force, x=x: 1.0 if force < x else -1.0, 1e-2, 1.0)
-        assert x * (1 - 3e-6) < found[-1] < x
-        found, = intervals(lambda force, x=x: 1.0 if force > x else -1.0, 1e-2, 1.0)
-        assert x < found[0] < x * (1 + 3e-6)

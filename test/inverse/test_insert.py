@@ -21,7 +21,8 @@ from dlo_planner import (
     Rod,
     replay,
 )
-from dlo_planner.inverse.tasks.insert import _Insertion, _unconverged
+from dlo_planner.inverse.continuation import Step
+from dlo_planner.inverse.tasks.insert import Insertion
 from dlo_planner.plan.bore import Inside, pushing
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
@@ -141,13 +142,15 @@ def test_reasons_are_true():
     plan = InverseSimulator(DirectSimulator(Rod(1.0, heavier, 0.4, 0.25))).insert(
         BORE, depths=DEPTHS)
     assert plan.fraction == 1
-    shape = DirectSimulator(rod).solve(Pose.identity())
-    poor = replace(shape, residual=1.0, converged=False)
-    error = _unconverged(PlanBuilder([0.3], Judge((1.0, 1.0))), poor, 0.1)
-    assert error.constraint == 'equilibrium' and error.amount == 0.1
-    error = _unconverged(PlanBuilder([0.3], Judge((1.0, 1.0))), replace(poor, stability=
-                                                                                   -0.2), 0.1)
-    assert error.constraint == 'stability' and error.amount == 0.2
+    family = Insertion(DirectSimulator(rod), BORE, np.eye(3), np.array([0.3]))
+    found = family.first()
+    builder = PlanBuilder([0.3], Judge((1.0, 1.0)))
+    for change, constraint in (({'residual': 1.0, 'converged': False}, 'equilibrium'),
+                               ({'stability': -0.2, 'converged': False}, 'stability')):
+        poor = found._replace(shape=replace(found.shape, **change))
+        error = family.refusal(builder, None, Step(poor, 0.0))
+        assert error.constraint == constraint
+    assert error.amount == 0.2
 
 
 @pytest.mark.sweep
@@ -164,13 +167,15 @@ def test_the_deadline_counts():
 
 
 def test_a_turn_that_no_step_makes_smaller_is_refused(monkeypatch):
-    gripper, turned = _Insertion._gripper, Pose((0, 0, 0), (np.sin(0.5), 0, 0, np.cos(0.5)))
+    at, turned = Insertion.at, Pose((0, 0, 0), (np.sin(0.5), 0, 0, np.cos(0.5)))
 
-    def folded(self, stop):
-        return gripper(self, stop).compose(turned) if stop.depth > 0.3 else gripper(self, stop)
+    def folded(self, before, depth, roll=0.0, final=False):
+        found = at(self, before, depth, roll, final)
+        return found._replace(shape=replace(found.shape, gripper=found.shape.gripper.compose(
+            turned))) if depth > 0.3 else found
 
-    monkeypatch.setattr(_Insertion, '_gripper', folded)
-    with pytest.raises(Infeasible, match='turn by 1 rad at once at depth 0.3') as refused:
+    monkeypatch.setattr(Insertion, 'at', folded)
+    with pytest.raises(Infeasible, match='would have to leap at depth 0.2997') as refused:
         InverseSimulator(DirectSimulator(WIRE)).insert(BORE, depths=DEPTHS)
     assert (refused.value.waypoint, refused.value.constraint) == (3, 'continuity')
 

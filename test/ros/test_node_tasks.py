@@ -43,7 +43,7 @@ from dlo_planner.inverse.task import Task
 from dlo_planner.penalties import PositionAt
 from dlo_planner.rods import GraspedInside, with_plug
 from dlo_planner.settings.tasks import task_to_yaml
-from dlo_planner.tasks import Approach
+from dlo_planner.tasks import Approach, MoveTo
 from msg_helpers.obstacles import obstacles_msg
 from msg_helpers.poses import pose_stamped_msg
 from msg_helpers.trajectories import poses_from_path
@@ -69,7 +69,8 @@ TASKS = {
     Insert: lambda: Insert(CutOut(HOLES[0].pose, radius=1e-3), DEPTHS[:4], 0.2),
     Approach: approach, HoldContact: lambda: HoldContact(ON_BAR, 0.5),
     SlideContact: lambda: SlideContact(ON_BAR, np.linspace(0.45, 0.55, 4)),
-    Minimize: lambda: Minimize(PositionAt(1.0, (0.8, 0.0, 0.8)))}
+    Minimize: lambda: Minimize(PositionAt(1.0, (0.8, 0.0, 0.8))),
+    MoveTo: lambda: MoveTo([Pose(HERE.position + np.array([0.0, 0.0, 0.15]), HERE.quaternion)])}
 
 
 @pytest.fixture

@@ -6,9 +6,10 @@ from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.minimize import Minimize
+from dlo_planner.inverse.tasks.move_to import MoveTo
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, threading_of
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 
-__all__ = ['Approach', 'HoldContact', 'Insert', 'Minimize', 'SlideContact', 'Thread',
-           'ThreadSequence', 'ThreadTwo', 'threading_of']
+__all__ = ['Approach', 'HoldContact', 'Insert', 'Minimize', 'MoveTo', 'SlideContact',
+           'Thread', 'ThreadSequence', 'ThreadTwo', 'threading_of']

@@ -18,16 +18,23 @@ from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from dlo_planner.direct.continuation import between
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
+from dlo_planner.inverse.continuation import (
+    Follower,
+    GivenPoses,
+    Passing,
+    Step,
+    continue_family,
+)
 from dlo_planner.inverse.route import quick_simulator
 from dlo_planner.inverse.task import PlanContext, Task
+from dlo_planner.inverse.tasks.move_to import SHARPEST, interpolated
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
@@ -38,8 +45,6 @@ from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.trajectory.trajectory import quickest_plan
 
 _MARGIN = 0.02        # of the length
-_LONGEST = 0.1        # of the length, and
-_SHARPEST = 0.15      # rad: between two waypoints
 _SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the distance back that is safe in any case
 _STRAIGHT = None      # instead of backing off: translation and rotation at once
 
@@ -101,41 +106,66 @@ def _from_behind(simulator: DirectSimulator, first: Shape, request: _Request,
         stations[-1] = (stations[-1][0], hole)
     stations += [(pose, 0.0) for pose in entering[1:]]
     stations[-1] = (stations[-1][0], hole)
+    family = _Coming(simulator, cutout, stations, demands.surface.bound, first)
     builder = PlanBuilder(np.zeros(len(stations)), demands, 'start phase, waypoint', stops=(stop,))
     sheet = sheet_of(cutout, length, demands.obstacles)
     sheets = () if sheet is None else ((sheet, normal),)
-    for gripper, least in stations:
-        demands.progress.check()
-        initial = simulator.track([gripper], initial=initial)[0]
-        if not initial.converged:
-            raise builder.refusal('equilibrium', _distance_left(stations[len(builder.waypoints):]),
-                                  'no stable shape is found')
-        if initial.jumped and builder.waypoints:
-            raise builder.refusal('continuity', apart(initial, builder.waypoints[-1].shape),
-                                  'the DLO would fall into another shape on the way there')
-        room = float(((cutout.center - initial.positions) @ normal).min()) - demands.surface.bound
-        if room < least:
-            raise builder.refusal('clearance', least - room, 'the DLO is not behind the sheet' if
-                                  room < 0 else f'the DLO would turn {room:.3g} m behind the sheet')
-        if len(builder.waypoints) == len(stations) - 1 and not same(initial, first):
-            raise builder.refusal('start', apart(initial, first), 'the DLO does not come into '
-                                  'the shape in which the threading begins')
-        behind = room if least >= 0 else np.inf  # else it is in the hole
-        builder.add(Waypoint(initial, clearances=((np.inf, behind, np.inf),), sheets=sheets))
+
+    def waypoint(passing: Passing) -> Waypoint:
+        behind = family.room(passing) if family.least(passing) >= 0 else np.inf  # else in the hole
+        return Waypoint(passing.shape, clearances=((np.inf, behind, np.inf),), sheets=sheets)
+
+    continue_family(builder, Follower(family, family.first(initial), 0.0,
+                                      np.arange(len(stations), dtype=float)), waypoint)
     return builder.finished()
+
+
+class _Coming(GivenPoses):
+    """The shapes at stations [(Pose, room)], each so far behind the sheet; the last is `end`."""
+
+    def __init__(self, simulator: DirectSimulator, cutout: CutOut, stations: Sequence[_Station],
+                 radius: float, end: Shape) -> None:
+        super().__init__(simulator, [pose for pose, _ in stations])
+        self._cutout, self._rooms, self._radius = cutout, [room for _, room in stations], radius
+        self._end = end
+
+    def least(self, passing: Passing) -> float:
+        """Return how far (m) the DLO has to be behind the sheet."""
+        return self._rooms[int(passing.depth)]
+
+    def room(self, passing: Passing) -> float:
+        """Return how far (m) it is."""
+        away = self._cutout.center - passing.shape.positions
+        return float((away @ self._cutout.normal).min()) - self._radius
+
+    def refusal(self, builder: PlanBuilder, before: Passing | None,
+                step: Step) -> Infeasible | None:
+        """Return why the DLO does not follow, comes too near or ends in another shape, or None."""
+        refused = super().refusal(builder, before, step)
+        if refused is not None or step.passing is None:
+            return refused
+        room, least, shape = self.room(step.passing), self.least(step.passing), step.passing.shape
+        if room < least:
+            return builder.refusal('clearance', least - room, 'the DLO is not behind the sheet'
+                                   if room < 0 else
+                                   f'the DLO would turn {room:.3g} m behind the sheet')
+        if len(builder.waypoints) == builder.wanted - 1 and not same(shape, self._end):
+            return builder.refusal('start', apart(shape, self._end), 'the DLO does not come into '
+                                   'the shape in which the threading begins')
+        return None
 
 
 def _entering(first: Pose, normal: Floats, standoff: float, length: float) -> list[Pose]:
     """Return the Poses from where the free end is `standoff` before the center to `first`."""
     before = Pose.from_rotation(first.position - standoff * normal, first.rotation)
-    return [before, *_interpolated(before, first, length)]
+    return [before, *interpolated(before, first, length)]
 
 
 def _blended(start: Pose, before: Pose, standoff: float, radius: float,
              length: float) -> list[_Station]:
     """Return [(Pose, least distance of the DLO from the sheet, m)] of the straight motion."""
     margin = min(_MARGIN * length, 0.5 * max(standoff - radius, 0.0))
-    return [(pose, margin) for pose in _interpolated(start, before, length)]
+    return [(pose, margin) for pose in interpolated(start, before, length)]
 
 
 def _cornered(cutout: CutOut, start: Pose, before: Pose, radius: float, length: float,
@@ -144,24 +174,10 @@ def _cornered(cutout: CutOut, start: Pose, before: Pose, radius: float, length: 
     safe = (cutout.center - start.position) @ cutout.normal + back >= length + radius
     away = start.position - back * cutout.normal
     lifted, turned = (Pose.from_rotation(away, pose.rotation) for pose in (start, before))
-    return ([(pose, 0.0) for pose in _interpolated(start, lifted, length)]
-            + [(pose, 0.0 if safe else _SHARPEST * length)
-               for pose in _interpolated(lifted, turned, length)]
-            + [(pose, 0.0) for pose in _interpolated(turned, before, length)])
-
-
-def _distance_left(stations: Sequence[_Station]) -> float:
-    """Return how far (m) the gripper has still to go through stations [(Pose, room)]."""
-    positions = np.array([pose.position for pose, _ in stations])
-    return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
-
-
-def _interpolated(one: Pose, other: Pose, length: float) -> list[Pose]:
-    """Return Poses from `one`, which is left out, to `other`; none where they are the same."""
-    shift = np.linalg.norm(other.position - one.position)
-    turn = angle_between(one.rotation, other.rotation)
-    parts = int(np.ceil(max(float(shift) / (_LONGEST * length), turn / _SHARPEST) - 1e-9))
-    return [between(one, other, k / parts) for k in range(1, parts + 1)]
+    return ([(pose, 0.0) for pose in interpolated(start, lifted, length)]
+            + [(pose, 0.0 if safe else SHARPEST * length)
+               for pose in interpolated(lifted, turned, length)]
+            + [(pose, 0.0) for pose in interpolated(turned, before, length)])
 
 
 _FARTHEST = 100  # of the length: from where the gripper may come

@@ -3,8 +3,10 @@
 """Keeping contact with an obstacle (paper, section 5.3, Fig. 15, 16).
 
 Arc length, place and direction at the contact leave the force of contact free: a curve of gripper
-poses and shapes (`inverse.contact_family`), whose admissible parts are intervals. A condition
-chooses from them, and the direct simulation confirms what is chosen.
+poses and shapes (`inverse.contact_family`). A condition chooses from what is admissible of it, and
+the direct simulation confirms what is chosen. A scan over the decades of the force finds where a
+hold or a slide begins; a slide then follows the condition's minimum from one arc length to the
+next.
 
 On a straight slide (footnote 19) the gripper goes straight towards the contact, its orientation
 kept. The one unknown is how far it has gone; it is found for each arc length that is to touch.
@@ -15,16 +17,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import minimize_scalar
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.step import step
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.contact_family import STABLE, ContactFamily, best_first, intervals, minima
+from dlo_planner.inverse.contact_family import STABLE, ContactFamily
+from dlo_planner.inverse.continuation import Family, Follower, Passing, Step, continue_family
 from dlo_planner.inverse.task import MOST, PlanContext, Task
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row
@@ -36,32 +40,45 @@ from dlo_planner.plan.continuity import apart, gripper_motion
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
+CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
 LEAST_FORCE, MOST_FORCE = 1e-3, 30.0  # forces looked at, as parts of the natural ones
 PRESSED = 0.1             # the same: the least one of a plan, where a task states none
+_PER_DECADE = 8           # forces of a scan
+_LOOKED_CLOSER = 4        # forces beside which an admissible one may hide
+_CLOSE = 1e-5             # relative: how well a force is found
+_ALIKE = 1e-9             # relative: costs that differ by less are alike
+_WORST = 1e6              # stands for no value at all
 _ELEMENTS = 64            # of the mesh on which a force is chosen
 _MOST_ELEMENTS = 4096
-HARDLY_STABLE = 1e-3     # what counts as stable where nothing is more stable
+HARDLY_STABLE = 1e-3      # what counts as stable where nothing is more stable
 _SAME_FORCE, _SAME_PLACE = 0.1, 1e-3  # relative; of the length: what counts as confirmed
 _NEAR = 0.02              # of the length: contacts that are counted as the one
+_FORCE_ERROR = 1e-3       # relative: the last force that is confirmed
+_BESIDE = (1.03, 0.97, 1.3, 0.77, 2.0, 0.5, 4.0, 8.0, 20.0, 60.0)  # of a force: others to confirm
+_PACE = 0.12              # rad plus part of the length: of one step through all forces
+_SPAN, _SPANS = 1.3, 8    # from one force to the next of a slide, at most: the ratio, and its power
+
+Cost: TypeAlias = Callable[[float], float]  # of a force, N
 
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """One contact task at one arc length."""
+    """One contact task at one arc length: the forces that keep all demands."""
 
     simulator: DirectSimulator
     family: ContactFamily  # a quick one, on a coarse mesh
     contact: Pose  # on the obstacle's surface: x axis along the DLO, z axis outwards
     demands: Judge  # what the plan has to keep, the least force of the contact among it
+    forces: Floats | None = None  # (n,) the only ones, N; None: all
 
     @classmethod
-    def at(cls, simulator: DirectSimulator, contact: Pose, s: float,
-           demands: Judge, min_force: float | None = None) -> Self:
-        """Return the problem of keeping `contact` at the arc length `s`, m."""
-        family = _family(simulator, contact, s, demands)
-        least = PRESSED * family.scale[0] if min_force is None else min_force
-        return cls(simulator, family, contact,
-                   replace(demands, min_force=least, pressed=family.obstacle))
+    def at(cls, simulator: DirectSimulator, task: HoldContact | SlideContact, s: float,
+           demands: Judge) -> Self:
+        """Return the problem of a task at the arc length `s`, m."""
+        family = _family(simulator, task.contact, s, demands)
+        least = PRESSED * family.scale[0] if task.min_force is None else task.min_force
+        return cls(simulator, family, task.contact,
+                   replace(demands, min_force=least, pressed=family.obstacle), task.forces)
 
     def moved(self, s: float) -> Self:
         """Return the same problem at another arc length, m."""
@@ -84,37 +101,140 @@ class ContactProblem:
         """Return the Waypoint of a Shape."""
         return waypoint_at(shape, self.family.place, self.s, self.family.frame[:, 0])
 
-    def parts(self, forces: Floats | None, builder: PlanBuilder) -> list[list[float]]:
-        """Return the admissible intervals as lists of forces, ascending; raise Infeasible if none.
+    def force_of(self, shape: Shape, s: float) -> float:
+        """Return the force of the contact of a Shape at the arc length `s` in m, N."""
+        return float(sum(one.force for one in shape.contacts
+                         if one.obstacle == self.family.obstacle
+                         and abs(one.s - s) < _NEAR * shape.s[-1]))
 
-        Shapes: forces (n,).
-        """
+    def cost(self, condition: str, start: Pose | None) -> Cost:
+        """Return the function of the force that a condition of CONDITIONS minimizes."""
         family = self.family
+        if condition == 'least_force':
+            return lambda force: force
+        if condition == 'least_motion' and start is not None:
+            length = self.simulator.rod.length
+            return lambda force: _away(family.hanging(force)[1], start, length)
+        others = any(k != family.obstacle for k in range(len(self.simulator.obstacles)))
+        if condition == 'largest_clearance' and others:
+            return lambda force: -family.gap(family.shape(force), others=True)
+        return family.elastic_energy
+
+    def minima(self, cost: Cost) -> list[tuple[float, float]]:
+        """Return [(cost, force)] of the local minima among admissible forces, best first."""
+        family, found = self.family, list[tuple[float, float]]()
         for _ in range(2):
-            if forces is not None:
-                admissible = [[float(force)] for force in forces if self.merit(float(force)) > 0]
-            else:
-                least, most = LEAST_FORCE * family.scale[0], MOST_FORCE * family.scale[1]
-                admissible = intervals(self.merit, least, most)
+            found = self._minima(cost)
             best = family.most_stable()
-            if admissible or best is None or not HARDLY_STABLE < best.stability <= STABLE:
+            if found or best is None or not HARDLY_STABLE < best.stability <= STABLE:
                 break
             family.stable = 0.5 * best.stability
-        if not admissible:
-            raise self._refusal(builder)
-        return admissible
+        unit = _ALIKE * max((abs(one) for one, _ in found), default=0.0) or 1.0
+        return sorted(found, key=lambda one: (round(one[0] / unit), one[1]))
+
+    def _minima(self, cost: Cost) -> list[tuple[float, float]]:
+        if self.forces is not None:
+            return [(cost(one), one) for one in self.forces.tolist() if self.merit(one) > 0]
+        least, most = LEAST_FORCE * self.family.scale[0], MOST_FORCE * self.family.scale[1]
+        number = int(np.ceil(_PER_DECADE * np.log10(most / least))) + 2
+        forces = np.geomspace(least, most, number).tolist()
+        merits = [self.merit(force) for force in forces]
+        if max(merits) <= 0:
+            forces, merits = self._with_hidden(forces, merits)
+        costs = [cost(force) if merit > 0 else np.inf for force, merit in zip(
+            forces, merits, strict=True)]
+        ends = [forces[0], *forces, forces[-1]]
+        return [(cost(least), least) for k, one in enumerate(costs)
+                if np.isfinite(one) and one <= min(costs[max(k - 1, 0):k + 2])
+                for least in [self.least(cost, ends[k], forces[k], ends[k + 2])]]
+
+    def _with_hidden(self, forces: list[float],
+                     merits: list[float]) -> tuple[list[float], list[float]]:
+        """Return forces and merits with those between that may be admissible, though none is."""
+        tops = [k for k in range(1, len(forces) - 1)
+                if merits[k] >= max(merits[k - 1], merits[k + 1]) > -np.inf]
+        more = dict(zip(forces, merits, strict=True))
+        for k in sorted(tops, key=lambda k: -merits[k])[:_LOOKED_CLOSER]:
+            best = minimize_scalar(
+                lambda log: -max(self.merit(float(np.exp(log))), -_WORST), method='bounded',
+                bounds=np.log([forces[k - 1], forces[k + 1]]), options={'maxiter': 20})
+            more[float(np.exp(best.x))] = -float(best.fun)
+        return sorted(more), [more[force] for force in sorted(more)]
+
+    def least(self, cost: Cost, low: float, force: float, high: float) -> float:
+        """Return the admissible force between two where the cost is least, near an admissible one.
+
+        What is not admissible costs the more, the farther it is from `force`.
+        """
+        begin, worst = float(np.log(force)), abs(cost(force)) + _WORST
+
+        def judged(log: float) -> float:
+            x = float(np.exp(log))
+            return cost(x) if self.merit(x) > 0 else worst * (1 + abs(log - begin))
+
+        def found(function: Cost) -> float:
+            return float(np.exp(minimize_scalar(function, method='bounded', bounds=np.log(
+                [low, high]), options={'xatol': _CLOSE}).x))
+
+        best = found(lambda log: cost(float(np.exp(log))))  # which costs less than a judgement
+        if not self.merit(best) > 0:
+            best = found(judged)
+        return best if self.merit(best) > 0 and cost(best) < cost(force) else force
 
     def confirmed(self, force: float) -> Shape | None:
         """Return the Shape if the direct simulator finds it with this force, else None."""
         guess = self._guess(force)
         shape = self.simulator.solve(guess.gripper, guess)
-        length = shape.s[-1]
-        reached = sum(one.force for one in shape.contacts if one.obstacle == self.family.obstacle
-                      and abs(one.s - self.s) < _NEAR * length)
         off = np.linalg.norm(shape.frame_at(self.s)[1] - self.family.place)
-        same = abs(reached - force) <= _SAME_FORCE * force and off <= _SAME_PLACE * length
+        same = (abs(self.force_of(shape, self.s) - force) <= _SAME_FORCE * force
+                and off <= _SAME_PLACE * shape.s[-1])
         kept = shape.converged and same and self.demands.violation(self.waypoint(shape)) is None
         return shape if kept else None
+
+    def nearest_confirmed(self, force: float) -> tuple[float, Shape] | None:
+        """Return the admissible force nearest to one that is confirmed, with its Shape, or None."""
+        shape, good = self.confirmed(force), force
+        if shape is not None or self.forces is not None:
+            return None if shape is None else (force, shape)
+        for part in _BESIDE:
+            good = part * force
+            shape = self._admissible(good)
+            if shape is not None:
+                break
+        while shape is not None and abs(good - force) > _FORCE_ERROR * good:
+            middle = float(np.sqrt(good * force))
+            trial = self._admissible(middle)
+            if trial is None:
+                force = middle
+            else:
+                good, shape = middle, trial
+        return None if shape is None else (good, shape)
+
+    def _admissible(self, force: float) -> Shape | None:
+        return self.confirmed(force) if self.merit(force) > 0 else None
+
+    def motion(self, force: float) -> list[Shape]:
+        """Return confirmed Shapes through all forces about an admissible one, ascending.
+
+        Each gripper is near the one before.
+        """
+        found = self.nearest_confirmed(force)
+        if found is None:
+            return []
+        ways = []
+        for end in (LEAST_FORCE * self.family.scale[0], MOST_FORCE * self.family.scale[1]):
+            (at, shape), way, target = found, list[Shape](), end
+            while abs(np.log(target / at)) > _FORCE_ERROR:
+                near = abs(np.log(target / at)) < np.log(10) / _PER_DECADE  # no gap between
+                other = self._admissible(target) if near and gripper_motion(
+                    shape.gripper, self.family.hanging(target)[1], shape.s[-1]) <= _PACE else None
+                if other is None:
+                    target = float(np.sqrt(at * target))
+                else:
+                    way.append(other)
+                    at, shape, target = target, other, end
+            ways.append(way)
+        return [*ways[0][::-1], found[1], *ways[1]]
 
     def _guess(self, force: float) -> Shape:
         """Return the Shape with this force on a mesh as fine as the simulator's."""
@@ -136,7 +256,7 @@ class ContactProblem:
             if accuracy is not None and moved < 0.2 * accuracy:
                 return shape
 
-    def _refusal(self, builder: PlanBuilder) -> Infeasible:
+    def refusal(self, builder: PlanBuilder) -> Infeasible:
         """Return Infeasible, with the reason against the best of the examined shapes."""
         family = self.family
         good = [force for force in family.known if family.merit(force) > 0]
@@ -155,18 +275,18 @@ class ContactProblem:
             return builder.refusal('contact', least, f'{looked}: with each of them it would be in '
                                    f'an obstacle, by {least:.3g} m at least')
         settled, _ = step(best.state.made_on, best.gripper, best)
-        return self.left(builder, best, settled, f'{looked} in a stable shape: the best one has a '
-                         f'stability of {best.stability:.3g}')
+        return self._left(builder, best, settled, f'{looked} in a stable shape: the best one has a '
+                          f'stability of {best.stability:.3g}')
 
-    def unconfirmed(self, builder: PlanBuilder, parts: list[list[float]]) -> Infeasible:
-        """Return Infeasible because the direct simulation confirms no force of these intervals."""
-        best = max((self.family.shape(force) for part in parts for force in part),
+    def unconfirmed(self, builder: PlanBuilder) -> Infeasible:
+        """Return Infeasible because the direct simulation confirms no admissible force."""
+        best = max((shape for force, shape in self.family.known.items() if self.merit(force) > 0),
                    key=lambda shape: shape.stability)
-        return self.left(builder, best, self.simulator.solve(best.gripper, best),
-                         'the direct simulation with its own discretization confirms none of the '
-                         'admissible contact forces; a finer one may')
+        return self._left(builder, best, self.simulator.solve(best.gripper, best),
+                          'the direct simulation with its own discretization confirms none of the '
+                          'admissible contact forces; a finer one may')
 
-    def left(self, builder: PlanBuilder, shape: Shape, reached: Shape, why: str) -> Infeasible:
+    def _left(self, builder: PlanBuilder, shape: Shape, reached: Shape, why: str) -> Infeasible:
         """Return Infeasible because the DLO is `reached` elsewhere; the amount is how far, in m."""
         amount = apart(reached, shape)
         return builder.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')
@@ -178,36 +298,24 @@ def _family(simulator: DirectSimulator, contact: Pose, s: float,
     return ContactFamily(simulator, contact, s, demands.progress.check, elements)
 
 
-CONDITIONS = ('least_energy', 'least_force', 'least_motion', 'largest_clearance')
-_FORCE_ERROR = 1e-3   # relative: the last force that is confirmed
-_TRIED = 8      # forces of an interval, before none of it counts as confirmed
-_PACE = 0.12    # rad plus part of the length: of one step through a family
-_NO_LEAP = 0.06    # the same: a step that is no leap
-_MOST_HALVINGS = 7
-_BESIDE = (1.0, 0.9, 1.1, 0.75, 1.33)  # of a force: other shapes that may lead on
-
-
 def hold_contact(simulator: DirectSimulator, task: HoldContact, start: Pose | None,
                  demands: Judge) -> Plan:
     """Return the Plan of a HoldContact task; see `InverseSimulator.hold_contact`."""
-    s, forces, condition = task.s, task.forces, task.condition
-    problem = ContactProblem.at(simulator, task.contact, s, demands, task.min_force)
-    builder = PlanBuilder([simulator.rod.length - s], problem.demands)
-    parts = problem.parts(forces, builder)
-    if condition is not None:
-        _, shape = _chosen(problem, parts, condition, start, builder)
-        builder.add(problem.waypoint(shape))
-        return builder.finished()
-    if forces is None:
-        calm = _minima_of(problem, parts, 'least_energy', None)[0][1]
-        part = next(part for part in parts if part[0] <= calm <= part[-1])
-        shapes = _motion(problem, part)
+    problem = ContactProblem.at(simulator, task, task.s, demands)
+    depth = simulator.rod.length - task.s
+    builder = PlanBuilder([depth], problem.demands)
+    if task.condition is not None:
+        shapes = [_chosen(problem, task.condition, start, builder)]
     else:
-        confirmed = (problem.confirmed(force) for part in parts for force in part)
-        shapes = [shape for shape in confirmed if shape is not None]
-    if not shapes:
-        raise problem.unconfirmed(builder, parts)
-    builder = PlanBuilder([simulator.rod.length - s] * len(shapes), problem.demands)
+        minima = problem.minima(problem.cost('least_energy', None))
+        if not minima:
+            raise problem.refusal(builder)
+        shapes = problem.motion(minima[0][1]) if task.forces is None else [
+            shape for _, force in sorted(minima, key=lambda one: one[1])
+            for shape in [problem.confirmed(force)] if shape is not None]
+        if not shapes:
+            raise problem.unconfirmed(builder)
+    builder = PlanBuilder([depth] * len(shapes), problem.demands)
     for shape in shapes:
         builder.add(problem.waypoint(shape))
     return builder.finished()
@@ -215,212 +323,121 @@ def hold_contact(simulator: DirectSimulator, task: HoldContact, start: Pose | No
 
 def slide_contact(simulator: DirectSimulator, task: SlideContact, start: Pose | None,
                   demands: Judge) -> Plan:
-    """Return the Plan of an aligned SlideContact; see `InverseSimulator.slide_contact`."""
-    lengths, forces, condition = task.lengths, task.forces, task.condition
-    problem = ContactProblem.at(simulator, task.contact, lengths[0], demands, task.min_force)
-    builder = PlanBuilder([simulator.rod.length - s for s in lengths], problem.demands)
-    before = None
-    for s in lengths:
-        problem = problem.moved(s)
-        parts = problem.parts(forces, builder)
-        if before is None:
-            force, shape = first_choice(problem, parts, condition, start, builder)
-        else:
-            force, shape = _continued(problem, parts, condition, before, builder)
-        builder.add(problem.waypoint(shape))
-        before = problem, force
+    """Return the Plan of a SlideContact; see `InverseSimulator.slide_contact`."""
+    problem = ContactProblem.at(simulator, task, task.lengths[0], demands)
+    depths = simulator.rod.length - task.lengths
+    builder = PlanBuilder(depths, problem.demands)
+    how = 'least_energy' if task.condition == 'least_motion' and start is None else task.condition
+    first = _chosen(problem, how, start, builder)
+    family = (StraightSlide(problem, first.gripper) if task.mode == 'straight' else
+              AlignedSlide(problem, task.condition))
+    continue_family(builder, Follower(family, family.passing(first, depths[0]), depths[0], depths),
+                    family.waypoint)
     return builder.finished()
 
 
-def _cost_of(problem: ContactProblem, condition: str,
-             start: Pose | None) -> Callable[[float], float]:
-    """Return the function of the force that a condition of CONDITIONS minimizes."""
-    family = problem.family
-    if condition == 'least_force':
-        return lambda force: force
-    if condition == 'least_motion' and start is not None:
-        return lambda force: _away(family.shape(force), start)
-    others = any(k != family.obstacle for k in range(len(problem.simulator.obstacles)))
-    if condition == 'largest_clearance' and others:
-        return lambda force: -family.gap(family.shape(force), others=True)
-    return lambda force: family.shape(force).elastic_energy
-
-
-def _minima_of(problem: ContactProblem, parts: list[list[float]], condition: str,
-               start: Pose | None) -> list[tuple[float, float]]:
-    """Return [(cost, force)], best first, of the local minima in all `parts`."""
-    cost = _cost_of(problem, condition, start)
-    return best_first([minimum for part in parts for minimum in minima(cost, problem.merit, part)])
-
-
-def first_choice(problem: ContactProblem, parts: list[list[float]], condition: str,
-                 start: Pose | None, builder: PlanBuilder) -> tuple[float, Shape]:
-    """Return force and confirmed Shape with which a slide begins; raise Infeasible."""
-    how = 'least_energy' if condition == 'least_motion' and start is None else condition
-    return _chosen(problem, parts, how, start, builder)
-
-
-def _chosen(problem: ContactProblem, parts: list[list[float]], condition: str, start: Pose | None,
-            builder: PlanBuilder) -> tuple[float, Shape]:
-    """Return force and confirmed Shape that a condition prefers; raise Infeasible."""
-    cost, choices = _cost_of(problem, condition, start), []
-    for _, force in _minima_of(problem, parts, condition, start):
-        choice = _confirmed(problem, parts, force)
+def _chosen(problem: ContactProblem, condition: str, start: Pose | None,
+            builder: PlanBuilder) -> Shape:
+    """Return the confirmed Shape that a condition prefers; raise Infeasible."""
+    cost, choices = problem.cost(condition, start), list[tuple[float, Shape]]()
+    minima = problem.minima(cost)
+    for _, force in minima:
+        choice = problem.nearest_confirmed(force)
         if choice is not None:
-            choices.append((cost(choice[0]), *choice))
+            choices.append((cost(choice[0]), choice[1]))
             if choice[0] == force:
                 break
     if not choices:
-        raise problem.unconfirmed(builder, parts)
-    return min(choices, key=lambda one: one[0])[1:]
+        raise problem.unconfirmed(builder) if minima else problem.refusal(builder)
+    return min(choices, key=lambda one: one[0])[1]
 
 
-def _confirmed(problem: ContactProblem, parts: list[list[float]],
-               force: float) -> tuple[float, Shape] | None:
-    """Return a force with its confirmed Shape, or the nearest confirmed pair, or None."""
-    shape = problem.confirmed(force)
-    if shape is not None:
-        return force, shape
-    part = next(part for part in parts if part[0] <= force <= part[-1])
-    return _nearest_confirmed(problem, part, force)
-
-
-def _nearest_confirmed(problem: ContactProblem, part: list[float],
-                       force: float) -> tuple[float, Shape] | None:
-    """Return the confirmed (force, Shape) nearest to an unconfirmed force, or None."""
-    some = part[::max(1, len(part) // _TRIED)]
-    for good in sorted(some, key=lambda one: abs(np.log(one / force))):
-        shape = problem.confirmed(good)
-        if shape is not None:
-            break
-    else:
-        return None
-    while abs(good - force) > _FORCE_ERROR * good:
-        middle = float(np.sqrt(good * force))
-        trial = problem.confirmed(middle) if problem.merit(middle) > 0 else None
-        if trial is None:
-            force = middle
-        else:
-            good, shape = middle, trial
-    return good, shape
-
-
-def _motion(problem: ContactProblem, part: list[float]) -> list[Shape]:
-    """Return confirmed Shapes through an interval, ascending, each gripper near the one before."""
-    family, most = problem.family, part[-1]
-    forces = [part[0]]
-    while forces[-1] < most:
-        target = most
-        while (_step(family.shape(forces[-1]), family.shape(target)) > _PACE
-               and target - forces[-1] > 1e-6 * most):
-            target = 0.5 * (target + forces[-1])
-        forces.append(target)
-    shapes = [problem.confirmed(force) for force in forces]
-    stability = {k: shape.stability for k, shape in enumerate(shapes) if shape is not None}
-    if not stability:
-        return []
-    first = last = max(stability, key=stability.__getitem__)
-    while first - 1 in stability:
-        first -= 1
-    while last + 1 in stability:
-        last += 1
-
-    def end(inside: int, outside: int) -> list[Shape]:
-        """Return [the confirmed Shape nearest to an unconfirmed one], [] if there is none."""
-        if not 0 <= outside < len(shapes):
-            return []
-        nearest = _nearest_confirmed(problem, [forces[inside]], forces[outside])
-        return [] if nearest is None else [nearest[1]]
-
-    inside = [shape for shape in shapes[first:last + 1] if shape is not None]
-    return [*end(first, first - 1), *inside, *end(last, last + 1)]
-
-
-def _continued(problem: ContactProblem, parts: list[list[float]], condition: str,
-               before: tuple[ContactProblem, float], builder: PlanBuilder) -> tuple[float, Shape]:
-    """Return force and confirmed Shape that continue a (ContactProblem, force) `before`.
-
-    It is the nearest of the local minima; the gripper must not leap to it.
-    """
-    last = builder.waypoints[-1].shape
-    start = last.gripper
-    candidates = _minima_of(problem, parts, condition, start)
-    candidates.sort(key=lambda one: _away(problem.family.shape(one[1]), start))
-    best: float | None = None
-    for _, force in candidates:
-        leap = _leap(before, (problem, force))
-        if best is None or leap < best:
-            best = leap
-        if leap:
-            continue
-        confirmed = _confirmed(problem, parts, force)
-        if confirmed is not None:
-            return confirmed
-    if not best:
-        raise problem.unconfirmed(builder, parts)
-    raise builder.refusal('continuity', best * last.s[-1], f'the gripper would leap by '
-                          f'{best:.3g} (rad, and parts of the length) from the waypoint before, '
-                          'however slowly the DLO is drawn')
-
-
-def _leap(one: tuple[ContactProblem, float], other: tuple[ContactProblem, float],
-          halvings: int = _MOST_HALVINGS) -> float:
-    """Return 0 if admissible shapes lead from a (ContactProblem, force) to another.
-
-    Else how far, in rad and parts of the length, the gripper leaps over what is not admissible.
-    Arc length and logarithm of the force change about evenly.
-    """
-    (problem, force), (last, its) = one, other
-    apart = _step(problem.family.shape(force), last.family.shape(its))
-    if apart <= _NO_LEAP and halvings < _MOST_HALVINGS:
-        return 0.0
-    if not halvings:
-        return apart
-    halfway = problem.moved(0.5 * (problem.s + last.s))
-    halfway.family.stable = HARDLY_STABLE  # the shapes may be at the very end of an interval
-    forces = (float(np.sqrt(force * its)) * part for part in _BESIDE)
-    between = next((one for one in forces if halfway.family.merit(one) > 0), None)
-    if between is None:
-        return apart
-    middle = (halfway, between)
-    return _leap(one, middle, halvings - 1) or _leap(middle, other, halvings - 1)
-
-
-def _step(one: Shape, other: Shape) -> float:
-    """Return the gripper's motion between two Shapes, see `gripper_motion`."""
-    return gripper_motion(one.gripper, other.gripper, one.s[-1])
-
-
-def _away(shape: Shape, before: Pose) -> float:
-    """Return the square of a motion from the Pose `before`, in parts of the length and a turn."""
-    shift = (shape.gripper.position - before.position) / shape.s[-1]
-    turn = 1 - 0.25 * (1 + np.trace(shape.gripper.rotation @ before.rotation.T))
+def _away(gripper: Pose, before: Pose, length: float) -> float:
+    """Return the square of a motion between two Poses, in parts of the length and a turn."""
+    shift = (gripper.position - before.position) / length
+    turn = 1 - 0.25 * (1 + np.trace(gripper.rotation @ before.rotation.T))
     return float(shift @ shift + turn)
+
+
+class AlignedSlide(Family):
+    """The shapes that touch at s = L - depth; a condition chooses the force."""
+
+    what = 'that touch there'
+
+    def __init__(self, problem: ContactProblem, condition: str) -> None:
+        self.simulator, self.problem, self.condition = problem.simulator, problem, condition
+
+    def passing(self, shape: Shape, depth: float) -> Passing:
+        """Return the Passing of a Shape at a depth, m."""
+        return Passing(shape, shape.gripper.position - self.problem.family.place, depth=depth)
+
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing with the force that is the condition's minimum nearest to `before`."""
+        del roll
+        if depth == before.depth:
+            return before
+        problem = self.problem.moved(self.simulator.rod.length - depth)
+        problem.family.stable = float(np.clip(0.5 * before.shape.stability, HARDLY_STABLE, STABLE))
+        force = self._force(problem, before)
+        if force is None:
+            return None
+        if not final:
+            return self.passing(problem.family.shape(force), depth).after(before)
+        found = problem.nearest_confirmed(force)
+        return found and self.passing(found[1], depth).after(before)
+
+    def _force(self, problem: ContactProblem, before: Passing) -> float | None:
+        last, cost = before.shape.gripper, problem.cost(self.condition, before.shape.gripper)
+        if problem.forces is not None:
+            good = (force for force in problem.forces.tolist() if problem.merit(force) > 0)
+            return min(good, key=problem.cost('least_motion', last), default=None)
+        floor = max(problem.demands.min_force, LEAST_FORCE * problem.family.scale[0])
+        force = max(problem.force_of(before.shape, self.simulator.rod.length - before.depth), floor)
+        if not problem.merit(force) > 0:
+            force = next((one for one in (part * force for part in _BESIDE)
+                          if problem.merit(one) > 0), 0.0)
+        for _ in range(_SPANS if force else 0):
+            low, high = max(force / _SPAN, floor), force * _SPAN
+            best = problem.least(cost, low, force, high)
+            if low * (1 + _FORCE_ERROR) < best < high / (1 + _FORCE_ERROR) or best == force:
+                return best
+            force = best
+        return force or None
+
+    def replayed(self, last: Shape | None, passing: Passing) -> Passing:
+        """Return the Passing: the direct simulation has confirmed it."""
+        return passing
+
+    def waypoint(self, passing: Passing) -> Waypoint:
+        """Return the Waypoint of a Passing."""
+        family = self.problem.family
+        return waypoint_at(passing.shape, family.place,
+                           self.simulator.rod.length - passing.depth, family.frame[:, 0])
+
+    def refusal(self, builder: PlanBuilder, before: Passing | None,
+                step: Step) -> Infeasible | None:
+        """Return why a Step does not lead on: no force is admissible, or the gripper would leap."""
+        if step.passing is not None:
+            return None
+        problem = self.problem.moved(self.simulator.rod.length - builder.depth)
+        minima = problem.minima(problem.cost('least_force', None))
+        if not minima:
+            return problem.refusal(builder)
+        if not any(problem.nearest_confirmed(force) for _, force in minima):
+            return problem.unconfirmed(builder)
+        last = builder.waypoints[-1].shape.gripper
+        leap = min(gripper_motion(last, problem.family.hanging(force)[1], self.simulator.rod.length)
+                   for _, force in minima)
+        return builder.refusal('continuity', leap, 'the gripper would leap by '
+                               f'{leap:.3g} (rad, and parts of the length) from the waypoint '
+                               'before, however slowly the DLO is drawn')
 
 
 _ARC_ERROR = 1e-6     # of the length: how exactly an arc length touches
 _HOP = 5e-3       # of the length: so far a contact may hop where it passes a node
 _TRIALS = 60
-_LONGEST = 0.03   # of the length: a step of the arc length that touches
 _SAME = 1e-10     # of the way: places that are one
-
-
-def slide_straight(simulator: DirectSimulator, task: SlideContact, start: Pose | None,
-                   demands: Judge) -> Plan:
-    """Return the Plan of a straight SlideContact; see `InverseSimulator.slide_contact`."""
-    lengths = task.lengths
-    problem = ContactProblem.at(simulator, task.contact, lengths[0], demands, task.min_force)
-    builder = PlanBuilder([simulator.rod.length - s for s in lengths], problem.demands)
-    parts = problem.parts(task.forces, builder)
-    _, shape = first_choice(problem, parts, task.condition, start, builder)
-    builder.add(problem.waypoint(shape))
-    slide = _Slide(simulator, problem.family, shape, demands.progress.check)
-    gone = 0.0
-    for s in lengths[1:]:
-        shape, gone = slide.to(s, shape, gone, builder)
-        builder.add(waypoint_at(shape, problem.family.place, slide.touches_at(shape, s),
-                                problem.family.frame[:, 0]))
-    return builder.finished()
 
 
 class _Trial(NamedTuple):
@@ -433,52 +450,42 @@ class _Trial(NamedTuple):
     shape: Shape
 
 
-class _Slide:
-    """The straight line from the first Shape to the contact; `gone` is a part of it, 1 the end."""
+class StraightSlide(AlignedSlide):
+    """The shapes that touch at s = L - depth, the gripper straight on the way to the contact."""
 
-    def __init__(self, simulator: DirectSimulator, family: ContactFamily, first: Shape,
-                 check: Callable[[], None]) -> None:
-        self._simulator, self._obstacle, self._check = simulator, family.obstacle, check
-        self._first, self._displacement = first.gripper, family.place - first.gripper.position
-        self._length = simulator.rod.length
+    what = 'that touch on the straight way'
+    longest = shortest = 0.03
+    soft = True
 
-    def to(self, s: float, shape: Shape, gone: float, builder: PlanBuilder) -> tuple[Shape, float]:
-        """Return the Shape that touches at arc length `s`, m, and how far the gripper went."""
-        touching, longest = self.touches_at(shape, s), _LONGEST * self._length
-        for target in np.linspace(touching, s, int(np.ceil(abs(s - touching) / longest)) + 1)[1:]:
-            shape, gone = self._step(target, shape, gone, touching, builder)
-            touching = self.touches_at(shape, target)
-        return shape, gone
+    def __init__(self, problem: ContactProblem, first: Pose) -> None:
+        super().__init__(problem, 'least_motion')
+        self._first, self._way = first, problem.family.place - first.position
+        self._ended: tuple[str, float, str] | None = None  # why the last search found nothing
 
-    def touches_at(self, shape: Shape, s: float) -> float:
-        """Return the arc length in m, nearest to `s`, at which a Shape touches; nan: nowhere."""
-        touching = [one.s for one in shape.contacts if one.obstacle == self._obstacle]
-        return float(min(touching, key=lambda one: abs(one - s), default=np.nan))
-
-    def _at(self, gone: float, before: Shape) -> Shape:
-        """Return the Shape that follows the Shape `before` when the gripper has `gone` so far."""
-        gripper = Pose.from_rotation(self._first.position + gone * self._displacement,
-                                     self._first.rotation)
-        return self._simulator.track([gripper], initial=before)[0]
-
-    def _step(self, target: float, before: Shape, gone: float, touching: float,
-              builder: PlanBuilder) -> tuple[Shape, float]:
-        """Return the Shape that touches at `target`, m, and how far the gripper has gone.
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing that touches at L - depth.
 
         The nearer the gripper is, the less of the DLO is left: a root is bracketed and found. All
-        trials go on from the Shape `before`, which touches at `touching` (m): friction remembers.
+        trials go on from the Shape before: friction remembers.
         """
+        del roll, final
+        if depth == before.depth:
+            return before
+        length = self.simulator.rod.length
+        target, gone = length - depth, self._gone(before.shape)
+        touching = self._touches_at(before.shape, target)
         sign = np.sign(touching - target)
-        near: _Trial = _Trial(gone, float(abs(touching - target)), before)
+        near = _Trial(gone, float(abs(touching - target)), before.shape)
         far: _Trial | None = None
-        trial = 1 - (1 - gone) * target / touching
-        for _ in range(_TRIALS):
-            self._check()
-            shape = self._at(trial, before)
-            left = sign * (self.touches_at(shape, target) - target)
-            tested = _Trial(trial, left if self._follows(shape) else np.nan, shape)
-            if abs(tested.left) <= _ARC_ERROR * self._length:
-                return shape, trial
+        trial = self._guess(before, gone, touching, target)
+        for _ in range(_TRIALS if near.left > _ARC_ERROR * length else 0):
+            self.problem.demands.progress.check()
+            shape = self._at(trial, before.shape)
+            left = sign * (self._touches_at(shape, target) - target)
+            tested = _Trial(trial, left if shape.converged and not shape.jumped else np.nan, shape)
+            if abs(tested.left) <= _ARC_ERROR * length:
+                return self.passing(shape, depth).after(before)
             if tested.left > 0:
                 near, before_that = tested, near
             else:
@@ -486,24 +493,63 @@ class _Slide:
             trial = _next(near, far, before_that)
             if far is not None and abs(far.gone - near.gone) < _SAME:
                 break
-        return self._hopped(near, far, target, builder)
+        return self._hopped(near, far, target, before)
+
+    def waypoint(self, passing: Passing) -> Waypoint:
+        """Return the Waypoint of a Passing, where it touches."""
+        family, s = self.problem.family, self.simulator.rod.length - passing.depth
+        return waypoint_at(passing.shape, family.place, self._touches_at(passing.shape, s),
+                           family.frame[:, 0])
+
+    def refusal(self, builder: PlanBuilder, before: Passing | None,
+                step: Step) -> Infeasible | None:
+        """Return why a Step does not lead on: the DLO falls, or does not come to touch."""
+        if step.passing is not None:
+            return None
+        assert self._ended is not None  # else there is one
+        return builder.refusal(*self._ended)
+
+    def _gone(self, shape: Shape) -> float:
+        """Return the part of the way that the gripper of a Shape has gone."""
+        return float((shape.gripper.position - self._first.position) @ self._way
+                     / (self._way @ self._way))
+
+    def _touches_at(self, shape: Shape, s: float) -> float:
+        """Return the arc length in m, nearest to `s`, at which a Shape touches; nan: nowhere."""
+        touching = [one.s for one in shape.contacts
+                    if one.obstacle == self.problem.family.obstacle]
+        return float(min(touching, key=lambda one: abs(one - s), default=np.nan))
+
+    def _at(self, gone: float, before: Shape) -> Shape:
+        """Return the Shape that follows the Shape `before` when the gripper has `gone` so far."""
+        gripper = Pose.from_rotation(self._first.position + gone * self._way, self._first.rotation)
+        return self.simulator.track([gripper], initial=before)[0]
+
+    def _guess(self, before: Passing, gone: float, touching: float, target: float) -> float:
+        """Return about how far the gripper has to go: as in the step before, if there is one."""
+        if before.since is not None:
+            was = self._touches_at(before.since.shape, touching)
+            share = (target - touching) / (touching - was) if touching != was else 0.0
+            if 0.0 < share < 4.0:
+                return gone + share * (gone - self._gone(before.since.shape))
+        return 1 - (1 - gone) * target / touching
 
     def _hopped(self, near: _Trial, far: _Trial | None, target: float,
-                builder: PlanBuilder) -> tuple[Shape, float]:
-        """Return the trial nearest to `target` if no Shape touches there; raise Infeasible."""
+                before: Passing) -> Passing | None:
+        """Return the Passing of the trial nearest to `target` if it is near enough, else None."""
         known = [one for one in (near, far) if one is not None and not np.isnan(one.left)]
-        gone, left, shape = min(known, key=lambda one: abs(one.left))
-        if abs(left) <= _HOP * self._length:
-            return shape, gone  # from one side of a node to the other
+        _, left, shape = min(known, key=lambda one: abs(one.left))
+        length = self.simulator.rod.length
+        if abs(left) <= _HOP * length:  # from one side of a node to the other
+            return self.passing(shape, length - target).after(before)
         if far is not None and np.isnan(far.left) and not np.isnan(
-                self.touches_at(far.shape, target)):
-            raise builder.refusal('continuity', apart(far.shape, near.shape), 'the DLO would fall '
-                                  f'into another shape before it touches at s = {target:.4g} m')
-        raise builder.refusal('contact', abs(left), 'the DLO does not come to touch at s = '
-                              f'{target:.4g} m on the straight way, at best {abs(left):.3g} m off')
-
-    def _follows(self, shape: Shape) -> bool:
-        return shape.converged and not shape.jumped
+                self._touches_at(far.shape, target)):
+            self._ended = ('continuity', apart(far.shape, near.shape), 'the DLO would fall '
+                           f'into another shape before it touches at s = {target:.4g} m')
+        else:
+            self._ended = ('contact', abs(left), 'the DLO does not come to touch at s = '
+                           f'{target:.4g} m on the straight way, at best {abs(left):.3g} m off')
+        return None
 
 
 def _next(near: _Trial, far: _Trial | None, before: _Trial) -> float:
@@ -583,9 +629,6 @@ def check_obstacles(context: PlanContext) -> None:
         raise InvalidTask('simulator has no obstacles: expected the one to touch among them')
 
 
-_MODES = {'aligned': slide_contact, 'straight': slide_straight}
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class SlideContact(Task):
     """Slide along one contact; `InverseSimulator.slide_contact` says what the attributes mean.
@@ -624,7 +667,7 @@ class SlideContact(Task):
         put(self, lengths=row('lengths', self.lengths, most=MOST, above=0),
             forces=checked_forces(self.forces), min_force=checked_least(self.min_force))
         choice('condition', self.condition, CONDITIONS)
-        choice('mode', self.mode, tuple(_MODES))
+        choice('mode', self.mode, ('aligned', 'straight'))
         instance('contact', self.contact, Pose)
         super().__post_init__()
 
@@ -633,4 +676,4 @@ class SlideContact(Task):
         instance('context', context, PlanContext)
         row('lengths', self.lengths, most=MOST, above=0, below=context.rod.length)
         check_obstacles(context)
-        return _MODES[self.mode](context.simulator, self, context.start, context.demands)
+        return slide_contact(context.simulator, self, context.start, context.demands)

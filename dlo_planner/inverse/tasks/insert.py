@@ -14,23 +14,30 @@ There the plan stays at one depth while the mouth takes over the weight, part by
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.continuation import aligned_shape
-from dlo_planner.inverse.equilibria import hanging, start_candidates, with_free_end
+from dlo_planner.inverse.continuation import (
+    Family,
+    Follower,
+    Passing,
+    Step,
+    aligned_shape,
+    continue_family,
+)
+from dlo_planner.inverse.equilibria import start_candidates, with_free_end
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.pose import Pose, angle_between
+from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, before
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import put
@@ -39,28 +46,12 @@ from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import gripper_motion
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import Holes, waypoint_at
+from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
 
-_ELEMENTS = 64
-_PACE = 0.1       # rad plus part of the length: a longer step is examined, or made in parts
+_PACE = 0.1       # rad plus part of the length: a longer step of a take-over is made in parts
 _NOTHING = 0.01   # the same: a step that is no step
-_HALVINGS = 12
+_PAUSE = 0.005    # of the length: the way that a part of a take-over counts as
 _AT_END = 1e-12   # of the length
-
-
-def insert(simulator: DirectSimulator, bore: CutOut, depths: Floats, start: Pose | None,
-           demands: Judge) -> Plan:
-    """Return the Plan; see `InverseSimulator.insert`."""
-    refused: Infeasible | None = None
-    for first, *_ in start_candidates(simulator, bore, start):
-        demands.progress.check()
-        try:
-            return _Insertion(simulator, bore, first.frames[-1], demands).plan(depths)
-        except Infeasible as error:
-            if refused is None or error.waypoint > refused.waypoint:
-                refused = error
-    assert refused is not None  # there is a candidate at least
-    raise refused
 
 
 class _Stop(NamedTuple):
@@ -70,31 +61,75 @@ class _Stop(NamedTuple):
     carried: float
 
 
-class _Insertion:
-    """The insertion of a DLO that has the frame `end` (3, 3) at the mouth."""
+class Insertion(Family):
+    """The shapes outside a bore, free of force at the mouth where they have the frame `end` (3, 3).
+
+    Their depth, as a Family has it, is a way in m: it goes on while the mouth takes over a mass.
+    """
+
+    what = 'free of force at the mouth'
+    longest = 1.0  # no shape is needed to find the next one; `too_far` makes steps shorter
 
     def __init__(self, simulator: DirectSimulator, bore: CutOut, end: Floats,
-                 demands: Judge) -> None:
-        self.simulator, self.bore, self.demands = simulator, bore, demands
-        self.end = np.array(end, order='C')
-        self.holes = Holes([bore], simulator.rod.length, demands.obstacles, demands.surface)
+                 depths: Floats) -> None:
+        self.simulator, self._bore = simulator, bore
+        self._end = np.array(end, order='C')
+        self._stops = self._stops_at(depths)
+        least = _PAUSE * simulator.rod.length
+        self.way = np.cumsum([0.0, *(max(other.depth - one.depth, least * (one != other))
+                                     for one, other in pairwise(self._stops))])
+        self.depths = np.array([depth for depth, _ in self._stops])
 
-    def plan(self, depths: Floats) -> Plan:
-        """Return the Plan; raise Infeasible."""
-        first = _Stop(float(depths[0]), 0.0)
-        shape = self._shape(first, PlanBuilder(depths, self.demands),
-                            0.0)  # before anything else is done
-        stops = self._stops(depths)
-        builder = PlanBuilder(np.array([depth for depth, _ in stops]), self.demands)
-        for index, stop in enumerate(stops):
-            if index:
-                shape = self._shape(stop, builder, stops[index - 1][0])
-                self._check_step(stops[index - 1], stop, shape, builder)
-            waypoint = waypoint_at(shape, self.bore.center, shape.s[-1], self.bore.normal)
-            builder.add(self.holes.passed(waypoint))
-        return builder.finished()
+    def first(self) -> Passing | None:
+        """Return the Passing with which the way begins, or None."""
+        return self._passing(0.0, True)
 
-    def _stops(self, depths: Floats) -> list[_Stop]:
+    def at(self, before: Passing, depth: float, roll: float = 0.0,
+           final: bool = False) -> Passing | None:
+        """Return the Passing at a way, m; a waypoint is confirmed, with its end at the mouth."""
+        del roll
+        return before if depth == before.depth and final else self._passing(depth, final)
+
+    def _passing(self, way: float, final: bool) -> Passing | None:
+        k = min(int(np.searchsorted(self.way, way, side='right')) - 1, len(self._stops) - 1)
+        stop = self._stops[k]
+        if way > self.way[k]:
+            share, other = (way - self.way[k]) / (self.way[k + 1] - self.way[k]), self._stops[k + 1]
+            stop = _Stop(stop.depth + share * (other.depth - stop.depth), 0.0
+                         if other.depth > stop.depth else
+                         stop.carried + share * (other.carried - stop.carried))
+        outside = self.simulator.with_rod(self._rod(stop))
+        shape = self._shape(outside)
+        if shape is None:
+            return None
+        if final:
+            shape = self._held(stop, outside, shape)
+        return Passing(shape, shape.gripper.position - self._bore.center, depth=way)
+
+    def _shape(self, outside: DirectSimulator) -> Shape | None:
+        """Return the Shape of the part outside, free of force at its end, or None."""
+        guess = with_free_end(outside, self._end)
+        found = aligned_shape(outside, guess, outside.rod.length, self._bore.normal,
+                              guess.gripper.rotation)
+        return found and found.shape.moved(self._bore.center - found.shape.positions[-1])
+
+    def _held(self, stop: _Stop, outside: DirectSimulator, shape: Shape) -> Shape:
+        """Return a Shape with its end held by the bore.
+
+        That makes it more stable; without a mass at the mouth the bore exerts no force. It also
+        bears the weight of a mass along its axis.
+        """
+        depth, carried = stop
+        if not depth and not carried:
+            return shape
+        if carried:  # a start for the DLO with the whole mass, no more
+            outside = self.simulator.with_rod(self._rod(_Stop(depth, 0.0)))
+            shape = replace(shape, state=shape.state.forgotten())
+        mouth = FarEnd(Pose.from_rotation(self._bore.center, shape.frames[-1]),
+                       'clamped' if carried else 'sleeve')
+        return outside.solve(shape.gripper, shape, far_end=mouth)
+
+    def _stops_at(self, depths: Floats) -> list[_Stop]:
         """Return all stops between the first and the last of `depths` (n,)."""
         rod = self.simulator.rod
         at_tip = {0.0} if rod.tip_mass else set()
@@ -102,17 +137,19 @@ class _Insertion:
         stops = [_Stop(float(depths[0]), 0.0)]
         for target in depths[1:]:
             for at in masses:
-                if not stops[-1][0] <= at < target:
-                    continue
-                parts = self._parts(_Stop(at, 0.0), _Stop(at, 1.0))
-                stops += [_Stop(at, 0.0)] * (len(parts) > 0 and at > stops[-1][0]) + parts
+                if stops[-1].depth <= at < target:
+                    parts = self._parts(_Stop(at, 0.0), _Stop(at, 1.0))
+                    stops += [_Stop(at, 0.0)] * (len(parts) > 0 and at > stops[-1].depth) + parts
             stops.append(_Stop(float(target), 0.0))
         return stops
 
     def _parts(self, one: _Stop, other: _Stop) -> list[_Stop]:
         """Return the stops after `one` in which to go to `other` at the same depth."""
-        apart = gripper_motion(self._gripper(one), self._gripper(other), self.simulator.rod.length)
-        if apart < _NOTHING and other.carried == 1.0 and one.carried == 0.0:
+        begin, end = (self._shape(self.simulator.with_rod(self._rod(stop)))
+                      for stop in (one, other))
+        apart = 0.0 if begin is None or end is None else gripper_motion(
+            begin.gripper, end.gripper, self.simulator.rod.length)
+        if apart < _NOTHING and (one.carried, other.carried) == (0.0, 1.0):
             return []
         if apart < _PACE:
             return [other]
@@ -133,76 +170,56 @@ class _Insertion:
         masses = tuple((s, mass * (1 - carried if s == end else 1)) for s, mass in rod.point_masses)
         return replace(rod, tip_mass=rod.tip_mass * (1 - carried), point_masses=masses)
 
-    def _gripper(self, stop: _Stop) -> Pose:
-        """Return about the gripper's Pose at a stop, by one integration from the mouth."""
-        self.demands.progress.check()
-        rod = self._rod(stop)
-        mesh = Discretization(replace(self.simulator.surroundings, rod=rod),
-                              np.linspace(0, rod.length, _ELEMENTS + 1), 'local', 0)
-        state, base = hanging(mesh.system(self.end), self.end)
-        return Pose.from_rotation(self.bore.center - state.positions[-1], base)
-
-    def _shape(self, stop: _Stop, builder: PlanBuilder, reached: float) -> Shape:
-        """Return the Shape at a stop, confirmed with its end at the mouth; raise Infeasible."""
-        depth, carried = stop
-        outside = self.simulator.with_rod(self._rod(stop))
-        guess = with_free_end(outside, self.end)
-        found = aligned_shape(outside, guess, outside.rod.length, self.bore.normal,
-                              guess.gripper.rotation)
-        if found is None:
-            raise builder.refusal('equilibrium', depth - reached,
-                                  'no equilibrium is free of force at the mouth')
-        shape = found.shape.moved(self.bore.center - found.shape.positions[-1])
-        if depth or carried:
-            # the bore holds the end, which makes the shape more stable; without a mass at the mouth
-            # that takes no force. It also bears the weight of a mass along its axis.
-            mouth = FarEnd(Pose.from_rotation(self.bore.center, shape.frames[-1]),
-                           'clamped' if carried else 'sleeve')
-            if carried:  # a start for the DLO with the whole mass, no more
-                outside = self.simulator.with_rod(self._rod(_Stop(depth, 0.0)))
-                shape = replace(shape, state=shape.state.forgotten())
-            shape = outside.solve(shape.gripper, shape, far_end=mouth)
-        if not shape.converged:
-            raise _unconverged(builder, shape, depth - reached)
-        refusal = refusal_for_leap(outside, builder, shape) if not builder.waypoints and not (
-            depth or carried) else None
-        if refusal is not None:
-            raise refusal
-        return shape
-
-    def _check_step(self, one: _Stop, other: _Stop, shape: Shape, builder: PlanBuilder) -> None:
-        """Raise Infeasible if the gripper has to leap from a stop to another with `shape`.
-
-        It leaps if the longer half of a step does not get shorter by repeated halving.
-        """
+    def too_far(self, before: Passing, after: Passing, step: float) -> float:
+        """Return by how much (m) a step is longer than one that needs no look between."""
         length = self.simulator.rod.length
-        if gripper_motion(builder.waypoints[-1].shape.gripper, shape.gripper, length) < _PACE:
-            return
-        (low, carried), (high, _) = one, other
-        near, far = self._gripper(one), self._gripper(other)
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            between = self._gripper(_Stop(middle, carried if middle == low else 0.0))
-            if gripper_motion(near, between, length) > gripper_motion(far, between, length):
-                high, far = middle, between
-            else:
-                low, near = middle, between
-            if gripper_motion(near, far, length) < _NOTHING:
-                return
-        turn = angle_between(near.rotation, far.rotation)
-        raise builder.refusal('continuity', turn * shape.s[-1], 'the gripper would have to turn by '
-                              f'{turn:.3g} rad at once at depth {high:g} m; closer waypoints do '
-                              'not help')
+        return length * max(0.0, gripper_motion(before.shape.gripper, after.shape.gripper, length)
+                            - _PACE)
+
+    def replayed(self, last: Shape | None, passing: Passing) -> Passing:
+        """Return the Passing: the shape before is of another DLO."""
+        return passing
+
+    def refusal(self, builder: PlanBuilder, before: Passing | None,
+                step: Step) -> Infeasible | None:
+        """Return why a Step does not lead to a shape in which the DLO stays, or None."""
+        if step.passing is None:
+            return super().refusal(builder, before, step)
+        shape = step.passing.shape
+        if shape.stability < -NEUTRAL:
+            return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the '
+                                   f'shape; stability {shape.stability:.3g}')
+        if not shape.converged:
+            return builder.refusal('equilibrium', builder.step, 'the equilibrium was not found '
+                                   f'exactly: residual {shape.residual:.3g}, off the mouth by '
+                                   f'{shape.violation:.3g} m')
+        begins = before is None and shape.far_end is None
+        return refusal_for_leap(self.simulator.with_rod(shape.rod), builder,
+                                shape) if begins and shape.rod is not None else None
 
 
-def _unconverged(builder: PlanBuilder, shape: Shape, missing: float) -> Infeasible:
-    """Return Infeasible, with the reason why the DLO does not stay in a Shape."""
-    if shape.stability < -NEUTRAL:
-        return builder.refusal('stability', -shape.stability, 'the DLO would not stay in the '
-                               f'shape; stability {shape.stability:.3g}')
-    return builder.refusal('equilibrium', missing, 'the equilibrium was not found exactly: '
-                           f'residual {shape.residual:.3g}, off the mouth by '
-                           f'{shape.violation:.3g} m')
+def insert(simulator: DirectSimulator, bore: CutOut, depths: Floats, start: Pose | None,
+           demands: Judge) -> Plan:
+    """Return the Plan; see `InverseSimulator.insert`."""
+    refused: Infeasible | None = None
+    holes = Holes([bore], simulator.rod.length, demands.obstacles, demands.surface)
+
+    def waypoint(passing: Passing) -> Waypoint:
+        shape = passing.shape
+        return holes.passed(waypoint_at(shape, bore.center, shape.s[-1], bore.normal))
+
+    for begin, *_ in start_candidates(simulator, bore, start):
+        demands.progress.check()
+        family = Insertion(simulator, bore, begin.frames[-1], depths)
+        builder = PlanBuilder(family.depths, demands)
+        try:
+            continue_family(builder, Follower(family, family.first(), 0.0, family.way), waypoint)
+            return builder.finished()
+        except Infeasible as error:
+            if refused is None or error.waypoint > refused.waypoint:
+                refused = error
+    assert refused is not None  # there is a candidate at least
+    raise refused
 
 
 _INSERTED = 0.99  # of the length, at most

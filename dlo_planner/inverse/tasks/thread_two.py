@@ -28,8 +28,6 @@ from dlo_planner.inverse.continuation import (
     Passing,
     Step,
     TwoPoints,
-    as_replayed,
-    refusal_for,
 )
 from dlo_planner.inverse.equilibria import (
     Crossings,
@@ -149,11 +147,11 @@ def _thread_through(simulator: DirectSimulator, task: Threading, change: Change)
     for index, depth in enumerate(depths):
         family = aligned if before[index] else two
         step = steps.get(index, Step(None, at))  # none: those back from the change ended before
-        refusal = refusal_for(builder, family, last, step)
+        refusal = family.refusal(builder, last, step)
         if refusal is not None or step.passing is None:
             assert refusal is not None  # else there is one
             raise refusal
-        last = as_replayed(family, builder.last, step.passing)
+        last = family.replayed(builder.last, step.passing)
         waypoint = waypoint_of(last.shape, first.center, length - depth, None, last.known)
         for s in last.further if family is two else ():
             waypoint = waypoint.with_via_point(second.center, s)
