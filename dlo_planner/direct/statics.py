@@ -27,7 +27,7 @@ from dlo_planner.minimize.solve import Solution, outcome, solve_step
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd, distance, spans
-from dlo_planner.model.value import freeze, read_only
+from dlo_planner.model.value import freeze, put, read_only
 
 TOLERANCE = 1e-10      # of the residual; the last step of a quadratic method overshoots it
 EXACT = 1e-10          # of the length: violation of a constraint aimed at
@@ -144,14 +144,12 @@ def search_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> Se
     return Search(steps, exact=exact)
 
 
-def reach_of(mesh: Discretization, spanned: Floats) -> Floats:
-    """Return by how much a grip may be missed at distances (n,) that are spanned, m.
-
-    Below zero where that is out of reach.
-    """
-    length, loaded = float(mesh.s[-1]), mesh.loaded
-    slack = _SLACK * (length - spanned) if loaded else np.inf
-    return np.where(spans(spanned, length, loaded), np.minimum(_GRIP_KEPT * length, slack), -1.0)
+def reach_of(mesh: Discretization, spanned: float) -> float:
+    """Return by how much a grip may be missed where so much is spanned, m; -1: out of reach."""
+    length = float(mesh.s[-1])
+    if not spans(spanned, length, mesh.loaded):
+        return -1.0
+    return min(_GRIP_KEPT * length, _SLACK * (length - spanned) if mesh.loaded else np.inf)
 
 
 def minimum(mesh: Discretization, system: Problem, gripper: Pose, q: Floats,
@@ -203,7 +201,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     good = (end.stationary and end.stability > -(HELD_NEUTRAL if bound else NEUTRAL)
             and violation <= KEPT * mesh.s[-1])
     if far_end is not None:
-        good = good and end.missed <= reach_of(mesh, np.array(distance(far_end, gripper)))
+        good = good and end.missed <= reach_of(mesh, distance(far_end, gripper))
     after: Memory = before
     contacts: tuple[Any, ...] = ()
     if not (mesh.hangs and far_end is None):  # else the next step does not count from here
@@ -230,10 +228,14 @@ def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bo
             plastic, lost = end.plastic, lost + end.lost
         if mesh.obstructed:
             force, points = end.forces[0], ContactPoints(*end.forces[1:])
+            freeze(end.forces)
     tangents = end.frames[:, :, 0].copy()
     tangents.flags.writeable = False
-    return Memory(mesh.s, plastic, lost, end.hold, force, points, end.positions, tangents,
-                  mesh.surroundings, before.set_error)
+    after = Memory.__new__(Memory)  # nobody else has its arrays: it need not look at them
+    put(after, s=mesh.s, plastic=plastic, dissipated=lost, hold=end.hold, node_force=force,
+        points=points, positions=end.positions, tangents=tangents, of=mesh.surroundings,
+        set_error=before.set_error, original_set=None)
+    return after
 
 
 def underway(mesh: Discretization, found: Minimum, gripper: Pose, memory: Memory) -> Memory:

@@ -497,7 +497,8 @@ class Stepper:
         if end.grip == 'sleeve':
             along = axes[:, :, 0]
             away = away - np.sum(away * along, axis=1)[:, None] * along
-        return targets, axes, twists, held, reach_of(mesh, np.linalg.norm(away, axis=1))
+        spanned = np.linalg.norm(away, axis=1).tolist()
+        return targets, axes, twists, held, np.array([reach_of(mesh, one) for one in spanned])
 
 
 def _extrapolated(course: Floats, dt: float, share: float) -> Floats:
