@@ -211,7 +211,8 @@ def arguments():
         'Shapes.of.shapes': [shape],
         'Shapes.of.s': [0.0, 0.5, 1.0], 'Shapes.joined.parts': [known['Shapes']], 'parts': None,
         'Shapes.grippers': [LEVEL],
-        **{f'Shapes.{name}': getattr(known['Shapes'], name) for name in (
+        **{f'{kind}.{name}': getattr(known['Shapes'], name)
+           for kind in ('Shapes', 'parallel.Shapes') for name in (
             's', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'energy',
             'elastic_energy', 'dissipated', 'residual', 'stability', 'violation', 'iterations',
             'converged', 'jumped', 'contact_table')},
@@ -272,7 +273,8 @@ def _of_tasks(known):
     return {
         'KeepTangent.begin': 0.0, 'KeepTangent.end': 0.5, 'ThreadTwo.first': known['CutOut'],
         'Approach.first': known['Shape'], 'context': free,
-        'HoldContact.solve.context': touching, 'SlideContact.solve.context': touching,
+        'MoveTo.poses': [LEVEL], 'HoldContact.solve.context': touching,
+        'SlideContact.solve.context': touching,
         'task': known['Thread'], 'requirements': None, 'allow_plastic': True,
         'Requirements.limits': Limits(), 'workspace': None,
         **{f'{name}.from_dict.content': known[name].to_dict() for name in names}}

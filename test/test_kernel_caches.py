@@ -154,7 +154,7 @@ def started(folder, code, **changes):
     names = ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME', 'PYTHONPATH', 'NUMBA_CPU_NAME',
              'NUMBA_DISABLE_JIT')
     environment = {name: value for name, value in os.environ.items() if name not in names}
-    environment |= {'HOME': str(folder / 'home'), **changes}
+    environment |= {'HOME': str(folder / 'home'), 'PYTHONDONTWRITEBYTECODE': '1', **changes}
     environment = {name: value for name, value in environment.items() if value is not None}
     return subprocess.Popen([sys.executable, '-c', code], cwd=folder, env=environment, text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)

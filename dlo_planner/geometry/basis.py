@@ -207,11 +207,11 @@ def equidistribute(lengths: Floats, strains: Floats) -> Floats:
         rate = np.sqrt(square) / (0.5 * (lengths[e] + lengths[e - 1]))
         density[e - 1] += rate if e == 1 else 0.5 * rate
         density[e] += rate if e == n - 1 else 0.5 * rate
-    mean = 0.0
+    mean, length = 0.0, np.sum(lengths)
     for e in range(n):
-        density[e] = np.cbrt(density[e])
+        density[e] = np.cbrt(density[e] * length * length)  # a root of a number: units do not count
         mean += density[e] * lengths[e]
-    mean /= np.sum(lengths)
+    mean /= length
     for e in range(n):
         more = density[e] / mean if mean > 0.0 else 0.0
         shares[e + 1] = shares[e] + (more + 0.5) * lengths[e]

@@ -21,7 +21,7 @@ from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.estimate import Estimate, miss_of
+from dlo_planner.identify.estimate import Estimate, miss_of, passages_in
 from dlo_planner.identify.parameters import stretched
 from dlo_planner.identify.predicted_miss import PredictedMiss
 from dlo_planner.inverse.nearest_goals import nearest_on
@@ -326,7 +326,7 @@ class _Aim:
     def missed(self, index: int, shape: Shape) -> float:
         """Return by how much a Shape misses the places of a waypoint, m."""
         return max(length_of(goal.residuals(shape))
-                   for goal in self.estimate.passages(self._plan.via_points[index]))
+                   for goal in passages_in(self.estimate, self._plan.via_points[index]))
 
     def _mesh(self, planned: Shape) -> Discretization:
         """Return the Discretization of the estimated DLO like that of a planned Shape."""

@@ -277,11 +277,6 @@ class Estimate(Reported):
         """Return the estimated true center (3,) of a cut-out that is stated at `center` (3,), m."""
         return vector('center', center, 3) + self.uncertain.shifted(self.mean)
 
-    def passages(self, passes: Passes) -> tuple[Through, ...]:
-        """Return the goals of the places to be passed, at their estimated true centers."""
-        return passages([(self.center(center), s, normal) for center, s, normal in passes],
-                        self.uncertain.simulator.rod.length)
-
     def moved_cutout(self, cutout: CutOut) -> CutOut:
         """Return a stated CutOut, moved to its estimated true place."""
         pose = instance('cutout', cutout, CutOut).pose
@@ -333,6 +328,12 @@ class Estimate(Reported):
         return miss_of(self, plan, chosen, seen=seen)
 
 
+def passages_in(estimate: Estimate, passes: Passes) -> tuple[Through, ...]:
+    """Return the goals of the places to be passed, at their estimated true centers."""
+    return passages([(estimate.center(center), s, normal) for center, s, normal in passes],
+                    estimate.uncertain.simulator.rod.length)
+
+
 def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
             shapes: Sequence[Shape] | None = None,
             seen: Sequence[Pose] | None = None) -> PredictedMiss:
@@ -354,7 +355,7 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
                                            None if seen is None else seen[k])
         off[k], rows[k], bound[k] = max(
             (_miss_at(estimate, slopes, known, changed[k] * robot, goal)
-             for goal in estimate.passages(plan.via_points[index])), key=lambda found: found[2])
+             for goal in passages_in(estimate, plan.via_points[index])), key=lambda found: found[2])
     # what the robot's error changes until one waypoint it has changed until those after it as well,
     # unless it is seen meanwhile, or wanders in time
     once = estimate.robot.repeats and seen is None

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
 from benchmarks.cell.drivers import PERIOD, OpenLoop  # noqa: E402
-from benchmarks.cell.run import Outcome, Stay, run  # noqa: E402
+from benchmarks.cell.run import SEEN_CELLS, Outcome, Stay, run  # noqa: E402
 from dlo_planner import CutOut, InvalidTask, Pose, Rod  # noqa: E402  mujoco may be missing
 from dlo_planner.cell.camera import Camera  # noqa: E402
 from dlo_planner.cell.disturbances import Bump, Disturbances, Slip  # noqa: E402
@@ -227,7 +227,7 @@ def test_the_driver_knows_what_is_stated_and_no_more():
             seen(replace(TASK, rod=WIRE, depth=0.1, start=FAR), driver, seed=seed,
                 unknowns=unknowns, damping=0.05)
     assert {replace(rod, damping=(0.0, 0.0)) for rod in told} == {WIRE}
-    lag = Plant(WIRE, FAR, cells=40, step=2e-3, damping=0.05).lag
+    lag = Plant(WIRE, FAR, cells=SEEN_CELLS, step=2e-3, damping=0.05).lag
     assert [rod.damping for rod in told] == [(0.0, pytest.approx(lag, rel=1e-6))] * 6
     true = [VERY_UNCERTAIN.draw(np.random.default_rng(seed)).damping for seed in range(400)]
     assert np.std(np.log(true)) == pytest.approx(0.35, rel=0.1)

@@ -215,7 +215,8 @@ class Turning(Family):
     """A task whose gripper is turned by a given function of the depth, and by its rolls."""
 
     def __init__(self, angle, length=1.0):
-        self.angle, self.length, self.depths, self.rolled = angle, length, [], 0.0
+        self.angle, self.depths, self.rolled = angle, [], 0.0
+        self.simulator = SimpleNamespace(rod=SimpleNamespace(length=length))
 
     def axis(self, shape):
         del shape
@@ -228,7 +229,7 @@ class Turning(Family):
         if angle is None:
             return None
         self.rolled += roll
-        return passing(angle + self.rolled, length=self.length)
+        return passing(angle + self.rolled, length=self.simulator.rod.length)
 
 
 @pytest.mark.parametrize('length', [0.01, 1.0, 300.0])
