@@ -15,6 +15,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.step import corrected_by, past_of
 from dlo_planner.execute.judge import aimed_anew
+from dlo_planner.execute.limiter import frames_of, velocities
 from dlo_planner.execute.threading_motions import Threading, way_back, way_in, way_to_standoff
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fit import fit_rod
@@ -136,6 +137,7 @@ def closed_loop() -> None:
                way.reached(entry.whole.times[-len(entry.commanded):]), None, np.inf, 0.5)
     way_back(task, estimate, way.poses(way.duration * np.array([0.1, 0.05, 0.0])),
              entry.whole.shapes[0])
+    velocities(*frames_of([here, here]), 1.0)
 
 
 def _hole(x: float) -> CutOut:

@@ -210,7 +210,7 @@ def arguments():
         'tasks': 2,
         'Shapes.of.shapes': [shape],
         'Shapes.of.s': [0.0, 0.5, 1.0], 'Shapes.joined.parts': [known['Shapes']], 'parts': None,
-        'Shapes.grippers': [LEVEL],
+        'Shapes.grippers': [LEVEL], 'parallel.Shapes.grippers': [LEVEL],
         **{f'{kind}.{name}': getattr(known['Shapes'], name)
            for kind in ('Shapes', 'parallel.Shapes') for name in (
             's', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'energy',

@@ -422,7 +422,7 @@ def tangent_predictor(system, base, slid, strains, twist):
     """
     before, lengths = _before(system, base, slid, twist), system.lengths
     start, after = new_configuration(before), new_configuration(system)
-    unknowns_of(system, strains, start.q)
+    unknowns_of(system, strains.copy(), start.q)  # they are read-only
     place(before, start)
     now, then = system.effects.contact, before.effects.contact
     system = with_contacts(system, free_to_roll(before, start, now.contacts), now.scene)

@@ -325,7 +325,7 @@ def solve_free(system: Problem, rods: RodTable, rod_of: Ints, bases: Floats, ori
         copy(bases[k], turned.base)
         for i in range(3):
             turned.origin[i] = origins[k, i]
-        unknowns_of(turned, system.natural, work.start)
+        unknowns_of(turned, system.natural.copy(), work.start)
         state, residual, stability, found.iterations[k], _, _ = minimize(turned, work.start,
                                                                          options, work)
         elastic, energy = outputs(turned, state, turned.origin, state.positions, found.wrenches[k])

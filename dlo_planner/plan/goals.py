@@ -255,6 +255,7 @@ class Through(Goal):
 
         The latter are rows (3, 3) in m, 1 and 1/m.
         """
+        instance('shape', shape, Shape)
         place = np.empty((3, 3))
         s = nearest_place(shape.s, *kernel_arrays(shape), np.array(self.point), self.after, place)
         return float(s), place
