@@ -31,18 +31,19 @@ KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 demo: $(VENV)/compiled
 	$(RUN) -m demo
 
-# All at once: what computes gives way to what runs in real time, which mostly waits. What each of
-# them prints comes when it has ended.
+# What computes runs at once, and prints when it has ended; what runs in real time has the machine
+# for itself.
 QUICK := and not sweep
 test: $(VENV)/compiled
 	@$(MAKE) --no-print-directory --jobs --output-sync=target QUICK='$(QUICK)' \
-	  lint types imports computed real-time
+	  lint types imports computed
+	@$(MAKE) --no-print-directory QUICK='$(QUICK)' real-time
 
 test-all: QUICK :=
 test-all: test
 
 computed:
-	nice -n 19 $(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time $(QUICK)'
+	$(RUN) -m pytest -n 2 --dist worksteal -m 'not real_time $(QUICK)'
 
 real-time:
 	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m 'real_time $(QUICK)' \

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dlo_planner.blas import one_thread
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
@@ -67,6 +68,7 @@ def insertion_force(simulator: DirectSimulator, bore: CutOut, friction: float | 
     return np.nan if room.min() <= 0 else pushing(inside, room, friction)
 
 
+@one_thread()
 def pushing(inside: Inside, room: Floats, friction: float) -> float:
     """Return the force in N at the mouth that pushes a beam on; nan if no balance is found.
 
