@@ -140,7 +140,7 @@ def under_way(client, path):
     assert client.proof(path)['report'] == 'held'
     speeds = [np.linalg.norm([v.x, v.y, v.z]) for v in (
         point.velocities[0].linear for point in client.timed_for(path).points)]
-    for messages in (client.commands, client.executions):
+    for messages in (client.commands, client.executions, client.statuses):
         drain(messages)
     assert client.trigger('execute').success
     assert until(lambda: float(  # at the top speed of such a motion about

@@ -319,7 +319,8 @@ class Shape(Pictured):
 
         From an embedded solution with every element halved and freed from the series (computed
         when first read; it costs about as much as the solution itself). Where a DLO has yielded, at
-        least the largest one of the steps that made its permanent set.
+        least the largest one of the steps that made its permanent set; of a set that a motion made
+        nothing is known here, see `Motion.error_estimate`.
         """
         history = self.state.history
         return max(self.state.estimate(), 0.0 if history is None else history.set_error)
