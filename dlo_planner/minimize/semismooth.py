@@ -56,6 +56,7 @@ _LARGEST_TURN = 0.3  # rad: of a node in the gripper, by a step; a longer one is
 _FALLS = 0.5         # of the error before: what falls less does not converge
 _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
 _GRACE = 3           # first steps, in which it may do so
+_LONG = 6            # steps after which contacts that still change may go round in circles
 _HARDLY = 1e-9       # of its springs' force: what a contact that begins to bear pushes with
 
 
@@ -507,7 +508,9 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
         _put_forces(loaded, table, normal, shear)
-        put_sum(state.q, 1.0, step, state.q)
+        # contacts that come and go in turn are those of neither shape: from the middle on
+        halfway = steps >= _LONG and steps % 2 > 0 and not same
+        put_sum(state.q, 0.5 if halfway else 1.0, step, state.q)
         place(loaded, state)
     return False, state, np.inf, np.inf, system, hessian, age, _STEPS
 
