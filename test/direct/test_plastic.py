@@ -378,3 +378,16 @@ def test_the_error_of_a_set_goes_with_it(tmp_path):
         for simulator in (coarse, DirectSimulator(rod, basis='local', n_elements=32)):
             assert simulator.solve(up, start).error_estimate >= loaded.error_estimate
         assert not DirectSimulator(rod, accuracy=1e-5).solve(up, start).converged
+
+
+def test_a_set_stays_on_its_mesh_though_a_finer_one_is_wanted():
+    spring = Rod.rectangular(0.8, 10e-3, 1e-3, 7800.0, 200e9, 0.25, hardening=0.02,
+                             yield_stress=60e6)
+    poses = [Pose((0, 0, 0), Rotation.from_euler('y', turn).as_quat())
+             for turn in (1.2, 0.9, 0.0, -1.2)]
+    shapes = DirectSimulator(spring, accuracy=2e-5).track(poses)
+    first = next(shape for shape in shapes if shape.dissipated > 0)
+    later = shapes[shapes.index(first):]
+    assert later[-1].dissipated > 2 * first.dissipated
+    assert all(np.array_equal(shape.s, first.s) for shape in later)
+    assert not later[-1].converged and later[-1].error_estimate > 2e-5
