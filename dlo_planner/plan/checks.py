@@ -59,6 +59,8 @@ class Judge:
     pressed: int | None = None
     # largest force (N) and moment (N m) of the gripper and of what holds the far end; None: any
     wrench_limits: tuple[float | None, float | None] = (None, None)
+    # largest angle of the DLO against its direction at a waypoint, rad. If None, any
+    angle_tolerance: float | None = None
 
     def silent(self, simulator: DirectSimulator | None = None) -> Judge:
         """Return the same demands for a search, whose steps are not reported."""
@@ -88,6 +90,10 @@ class Judge:
             yield Margin('tolerance', self.tolerance - waypoint.position_error, 'the DLO is '
                          '{found:.3g} m off, tolerance = {limit:g} m', waypoint.position_error,
                          self.tolerance)
+        if self.angle_tolerance is not None:
+            yield Margin('angle_tolerance', self.angle_tolerance - waypoint.misalignment, 'the DLO '
+                         'is {found:.3g} rad off its direction, angle_tolerance = {limit:g} rad',
+                         waypoint.misalignment, self.angle_tolerance)
         yield Margin('clearance', waypoint.clearance, 'the DLO is {over:.3g} m in the sheet around '
                      'a cut-out (infinite, if no Sheet among the obstacles has this hole): it '
                      'would need as much more room')
