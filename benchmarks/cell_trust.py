@@ -32,11 +32,10 @@ from benchmarks import page, report
 from benchmarks.cell.drivers import Driver, Looking
 from benchmarks.cell.run import Outcome, run
 from dlo_planner.cell.camera import BAD
-from dlo_planner.cell.cases import CASES, NOMINAL, case
+from dlo_planner.cell.cases import CASES, NOMINAL, case, strikes_inside
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.cell.truth import VERY_UNCERTAIN
 
-_REACTION = 1.0  # s before the entry: latency, two looks, coming to rest
 DLO, RADIUS = 'wire 1.5', 5e-3
 HEADS = ['case', 'runs', 'happened', 'clean', 'refused before the sheet', 'in it', 'touched',
          'rammed', 'missed', 'errors', 'covered', 'largest miss [mm]', 'promised there [mm]',
@@ -65,7 +64,7 @@ def driven(name: str, seed: int, driver: Driver | None = None) -> dict[str, Any]
                       disturbances=disturbances, camera=camera)
     except Exception:  # a fault of the driver or the cell: one run of hundreds, which is told
         error = format_exc()
-    times = [one.time for one in (*disturbances.slips, *disturbances.bumps)]
+    times = disturbances.times
     return {'case': name, 'seed': seed, 'event_s': times[0] if times else None,
             'happened': all(time < outcome.time for time in times),
             'cpu_s': round(process_time() - began, 2), 'error': error, **said(outcome, times)}
@@ -77,8 +76,7 @@ def said(outcome: Outcome, times: Sequence[float] = ()) -> dict[str, Any]:
     What was promised at the entry is judged for each stay in the hole, unless something happened in
     it, or too shortly before to be seen and to come to rest: at one of the `times` (s).
     """
-    struck = [any(stay.begin - _REACTION <= time <= stay.end for time in times)
-              for stay in outcome.stays]
+    struck = [strikes_inside(times, stay.begin, stay.end) for stay in outcome.stays]
     judged = [stay for stay, hit in zip(outcome.stays, struck, strict=True)
               if np.isfinite(stay.promised) and not hit]
     numbers = {name: getattr(outcome, name) for name in ('depth', 'miss', 'promised', 'force',

@@ -87,6 +87,8 @@ class Came:
         The longest between two single commands of a motion.
     lost : float
         By how much the cell fell behind its clock.
+    struck : bool
+        Whether something happened in the hole, or just before: then it touches or misses.
     tries : int
     phases : list of str
         Phases of the loop, and when they began.
@@ -100,8 +102,25 @@ class Came:
     lasted: float = np.nan
     gap: float = 0.0
     lost: float = 0.0
+    struck: bool = False
     tries: int = 0
     phases: tuple = ()
+
+
+class Newest(queue.Queue):
+    """What came last, at most 20: clouds of an hour are gigabytes."""
+
+    def __init__(self):
+        super().__init__(20)
+
+    def take(self, one):
+        """Put one, in place of the oldest if there are enough."""
+        while True:
+            try:
+                return self.put_nowait(one)
+            except queue.Full:
+                with suppress(queue.Empty):
+                    self.get_nowait()
 
 
 class Ears:
@@ -109,16 +128,16 @@ class Ears:
 
     def __init__(self, client):
         self.node, self.planner = client.node, client.planner
-        self.heard = {name: queue.Queue() for name in ('cutout', 'outcome', 'pose', 'cloud')}
+        self.heard = {name: Newest() for name in ('cutout', 'outcome', 'pose', 'cloud')}
         self.last, self.gap, self.phases, self.begun = None, 0.0, [], monotonic()
         planner = client.planner
         self._made = [client.node.create_subscription(kind, topic, take, qos)
                       for kind, topic, take, qos in (
-            (PoseStamped, '/dlo_cell/cutout', self.heard['cutout'].put, LATCHED),
-            (DiagnosticStatus, '/dlo_cell/outcome', self.heard['outcome'].put, LATCHED),
-            (PoseStamped, f'{planner}/gripper_pose', self.heard['pose'].put,
+            (PoseStamped, '/dlo_cell/cutout', self.heard['cutout'].take, LATCHED),
+            (DiagnosticStatus, '/dlo_cell/outcome', self.heard['outcome'].take, LATCHED),
+            (PoseStamped, f'{planner}/gripper_pose', self.heard['pose'].take,
              qos_profile_sensor_data),
-            (PointCloud2, f'{planner}/observed_points', self.heard['cloud'].put,
+            (PointCloud2, f'{planner}/observed_points', self.heard['cloud'].take,
              qos_profile_sensor_data),
             (PoseStamped, f'{planner}/gripper_command', self._command, CHANGES),
             (DiagnosticStatus, f'{planner}/execution', self._execution, ALL_LATCHED))]
@@ -201,18 +220,21 @@ def _executed(client, ears, clock):
            'refused' if not done else 'clean' if cell['threaded'] == 'True' else 'missed')
     return Came(how, '' if done else f'{values["cause"]}: {message}', miss,
                 float(values.get('expected miss [m]', 'nan')), force, lasted, ears.gap,
-                float(cell['lost [s]']), int(values.get('tries', 0)), tuple(ears.phases))
+                float(cell['lost [s]']), cell['struck inside'] == 'True',
+                int(values.get('tries', 0)), tuple(ears.phases))
 
 
 def summary(case, found):
     """Return in a line what came of the runs of a case that mean something."""
     counted = [came for came in found if not came.lost]
-    judged = [came.miss <= came.promised for came in counted if np.isfinite(
-        came.miss + came.promised)]
+    struck = sum(came.struck for came in counted)
+    judged = [came.miss <= came.promised for came in counted
+              if not came.struck and np.isfinite(came.miss + came.promised)]
     ends = ', '.join(f'{count} {how}' for how, count in Counter(
         came.how for came in counted).items())
     return (f'{case}: {ends or "none"} of {len(counted)} (and {len(found) - len(counted)} of no '
-            f'meaning); the bound covered {sum(judged)} of {len(judged)}')
+            f'meaning); the bound covered {sum(judged)} of {len(judged)}'
+            + (f', {struck} struck inside' if struck else ''))
 
 
 def main(arguments=None):
@@ -240,6 +262,7 @@ def main(arguments=None):
                           f'{1e3 * came.promised:.2f} mm promised, {came.force:.2f} N, '
                           f'{came.lasted:.1f} s, {came.tries} tries, longest gap between commands '
                           f'{1e3 * came.gap:.0f} ms'
+                          + (', struck inside' if came.struck else '')
                           + (f', of no meaning: the cell was late by {came.lost:.1f} s'
                              if came.lost else '')
                           + f'; load {os.getloadavg()[0]:.1f}; {", ".join(came.phases)} '

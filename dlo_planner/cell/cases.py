@@ -6,7 +6,7 @@ In each the robot is not quite where it measures, follows late, and the sheet ru
 something else happens.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,7 @@ _WHEN = 2.0, 20.0     # s, between which something happens: on the way, at the s
 _PUSHED = 0.01        # m
 _BLIND = 0.3          # of the time
 _SECOND = 0.2         # of the points
+_REACTION = 1.0       # s before the entry: latency, two looks, coming to rest
 
 
 def case(name: str, seed: int) -> tuple[Disturbances, Camera]:
@@ -30,6 +31,14 @@ def case(name: str, seed: int) -> tuple[Disturbances, Camera]:
     choice('name', name, CASES)
     return CASES[name](np.random.default_rng(
         [integer('seed', seed, minimum=0, maximum=2**31), 80]))
+
+
+def strikes_inside(times: Iterable[float], begin: float, end: float) -> bool:
+    """Return whether something happens at one of the `times` while the DLO is in the hole.
+
+    Or too shortly before to be seen and to come to rest. `begin`, `end`: of its stay there, s.
+    """
+    return any(begin - _REACTION <= time <= end for time in times)
 
 
 def _nominal(rng: np.random.Generator) -> tuple[Disturbances, Camera]:

@@ -126,6 +126,11 @@ class Disturbances(Value):
             bumps=items('Disturbances.bumps', self.bumps, Bump))
         super().__post_init__()
 
+    @property
+    def times(self) -> tuple[float, ...]:
+        """When something happens, s."""
+        return (*(slip.time for slip in self.slips), *(bump.time for bump in self.bumps))
+
     def draw(self, rng: np.random.Generator) -> 'Course':
         """Return how the robot errs in one run."""
         instance('rng', rng, np.random.Generator)
@@ -151,6 +156,11 @@ class Course(Value):
     begins: Floats
     # time from which those of slips and bumps count, s; inf: nothing happens yet
     since: float = 0.0
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """When something happens in this run, s."""
+        return tuple(self.since + time for time in self.disturbances.times)
 
     def push(self, bump: Bump, time: float) -> float:
         """Return the force of one of its bumps at a time in s over its largest."""

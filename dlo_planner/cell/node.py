@@ -40,7 +40,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from dlo_planner.cell.camera import Viewer
-from dlo_planner.cell.cases import CASES, UNKNOWNS, case
+from dlo_planner.cell.cases import CASES, UNKNOWNS, case, strikes_inside
 from dlo_planner.cell.disturbances import UNDISTURBED
 from dlo_planner.cell.plant import STEP, TOUCH, Passage, Plant
 from dlo_planner.cell.robot import Robot
@@ -139,6 +139,7 @@ class CellNode(Node):
         camera = replace(camera, sees_hole=self._values['sees_hole'])
         self._viewer, self._broken = Viewer(camera, rng), ''
         self._worst: Passage | None = None  # of the largest miss
+        self._stays: list[tuple[float, float]] = []  # in the hole, from when to when, s
         self._robot = Robot(self.task.start)
         self._due, self._lost, self._told_at = monotonic(), 0.0, -np.inf
         # ns of the clock at the plant's time 0: nothing is stamped by when it was computed
@@ -202,8 +203,10 @@ class CellNode(Node):
         if plant.largest_forces.max(initial=0.0) > _STOP:
             self._broken = f'a force of {plant.largest_forces.max():.3g} N: the robot stops'
         passage = plant.passage(self.task.cutout)
-        if passage.depth > 0 and (self._worst is None or passage.miss > self._worst.miss):
-            self._worst = passage
+        if passage.depth > 0:
+            self._stay_inside(plant.time)
+            if self._worst is None or passage.miss > self._worst.miss:
+                self._worst = passage
         if self._clock_out is not None:
             self._clock_out.publish(Clock(clock=self._stamped(plant.time)))
         self._pose_out.publish(pose_stamped_msg(plant.measured, _FRAME,
@@ -214,6 +217,13 @@ class CellNode(Node):
                 hole = Pose(image.hole, self.task.cutout.pose.quaternion)
                 self._hole_out.publish(pose_stamped_msg(hole, _FRAME, stamp))
             self._cloud_out.publish(cloud_msg(image.points, _FRAME, stamp))
+
+    def _stay_inside(self, time: float) -> None:
+        begin, end = self._stays.pop() if self._stays else (time, time)
+        if time > end + 1.5 * _PERIOD:  # it was outside meanwhile
+            self._stays.append((begin, end))
+            begin = time
+        self._stays.append((begin, time))
 
     @property
     def _next(self) -> float:
@@ -243,6 +253,8 @@ class CellNode(Node):
             'its z [m]': float(worst.z), 'its depth [m]': float(worst.depth),
             'room [m]': float(task.room),
             'largest force [N]': float(force), 'touched': bool(force > TOUCH),
+            'struck inside': any(strikes_inside(plant.course.times, *stay)
+                                 for stay in self._stays),
             'lost [s]': float(self._lost)}))
 
 

@@ -15,6 +15,7 @@ from benchmarks.cell.drivers import PERIOD, OpenLoop  # noqa: E402
 from benchmarks.cell.run import SEEN_CELLS, Outcome, Stay, run  # noqa: E402
 from dlo_planner import CutOut, InvalidTask, Pose, Rod  # noqa: E402  mujoco may be missing
 from dlo_planner.cell.camera import Camera  # noqa: E402
+from dlo_planner.cell.cases import strikes_inside  # noqa: E402
 from dlo_planner.cell.disturbances import Bump, Disturbances, Slip  # noqa: E402
 from dlo_planner.cell.plant import Plant  # noqa: E402
 from dlo_planner.cell.robot import nearer  # noqa: E402
@@ -121,6 +122,16 @@ def test_a_slip_moves_and_turns_the_dlo_in_the_grip_once():
     turned = Rotation.from_rotvec((0.3, 0, 0)).apply(before)
     assert np.linalg.norm(turned - before) > 0.02
     assert tip() == pytest.approx(turned - (2e-3, 0, 0), abs=1e-6)
+
+
+def test_what_strikes_inside_is_told_from_what_happens_before_and_after():
+    course = drawn(slips=(Slip(3.0, 1e-3, (0, 0, 0)),), bumps=(Bump(9.0, 0.01, (0, 1, 0), 1.0),))
+    assert course.times == (3.0, 9.0)
+    assert replace(course, since=2.0).times == (5.0, 11.0)
+    assert replace(course, since=np.inf).times == (np.inf, np.inf)
+    assert [strikes_inside(course.times, *stay) for stay in (
+        (4.5, 8.0), (3.5, 8.0), (4.5, 9.5), (9.9, 20.0), (10.1, 20.0))] == [
+            False, True, True, True, False]
 
 
 def test_nothing_happens_before_it_may():

@@ -97,8 +97,8 @@ def test_it_says_where_the_gripper_and_the_hole_are(world):
                                atol=1e-12)
     np.testing.assert_allclose(at(world.newest('pose')).matrix, TASK.start.matrix, atol=1e-9)
     values = {one.key: one.value for one in world.newest('outcome').values}
-    assert (values['threaded'], values['depth [m]'], values['largest force [N]']) == (
-        'False', '0', '0')
+    assert (values['threaded'], values['depth [m]'], values['largest force [N]'],
+            values['struck inside']) == ('False', '0', '0', 'False')
 
 
 def test_clouds_are_late_and_stamped_when_they_were_taken(world):
