@@ -70,8 +70,8 @@ class Wanted(NamedTuple):
 
 
 def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
-                         how: How) -> tuple[Shape, int]:
-    """Return a Shape on a mesh for an accuracy, and the number of kicks.
+                         how: How) -> Shape:
+    """Return a Shape on a mesh for an accuracy.
 
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
     A shape that misses the accuracy on the largest mesh says so: `converged` is False. What is in
@@ -87,16 +87,18 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
         mesh = bent_mesh(mesh, gripper, far_end, fine)
     begin, start, kicks = initial, None, 0
     while True:
-        shape, kicked = step(mesh, gripper, begin, how, start)
-        kicks += kicked
+        shape = step(mesh, gripper, begin, how, start)
+        kicks += shape.state.kicks
+        if kicks > shape.state.kicks:  # those on the meshes before count as well
+            shape = replace(shape, state=replace(shape.state, kicks=kicks))
         if shape.converged and shape.hinge is not None:  # on finer meshes it is another shape
-            return replace(shape, converged=False), kicks
+            return replace(shape, converged=False)
         if not shape.converged:
-            return shape, kicks
+            return shape
         if shape.dissipated:
             lasts = _made_with_a_set(shape)
             if lasts and (fine == 'local' or initial is not None and mesh is initial.state.mesh):
-                return shape, kicks
+                return shape
             accuracy = (1.0 if lasts else _OF_FIRST_SET) * wanted_accuracy
         # the first mesh is hardly ever fine enough: then nothing else is computed on it
         new = mesh is first and (initial is None or initial.state.mesh is not mesh)
@@ -106,14 +108,14 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
         if better is None:
             kinked = shape.dissipated and mesh.basis != fine  # no series follows where it yields
             if not kinked and fine_enough(shape, accuracy):
-                return shape, kicks
+                return shape
             better = foreseen(shape, accuracy) if fine == 'local' else None
         if better is not None:
             mesh, start = better
         else:
             finer = _refined(mesh, fine, shape, accuracy)
             if finer is None:
-                return judged(shape, wanted_accuracy), kicks
+                return judged(shape, wanted_accuracy)
             mesh = finer
             start = _smooth_start(mesh, shape) if _hangs_resolved(shape) else None
         if not _way_counts(shape, initial):
@@ -170,8 +172,8 @@ def _mode_is_missed(shape: Shape, accuracy: float) -> bool:
     if not mode_may_be_missed(shape) or mesh.yields and not shape.state.culled:
         return False  # what has yielded would yield again
     free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
-    there, _ = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
-                           shape.state.history, shape.far_end, culled=shape.state.culled)
+    there = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
+                        shape.state.history, shape.far_end, culled=shape.state.culled)
     moved = np.linalg.norm(there.positions - shape.positions, axis=1).max()
     turned = np.abs(there.frames - shape.frames).max()  # a straight DLO may have shed a turn
     return not there.converged or moved > accuracy or turned > _TURNED
@@ -256,8 +258,8 @@ def _refined(mesh: Discretization, fine: str, shape: Shape,
         return None
     if fine != 'local':
         free = Discretization(around, s, 'local', 0)
-        there, _ = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
-                               shape.state.history, shape.far_end, culled=shape.state.culled)
+        there = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
+                            shape.state.history, shape.far_end, culled=shape.state.culled)
         from_mesh = there.error_estimate
         if shape.error_estimate > 1.5 * from_mesh or from_mesh < 0.3 * _MARGIN * accuracy:
             terms = min(terms + max(2, terms // 4), _MOST_TERMS)

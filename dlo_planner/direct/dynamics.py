@@ -107,8 +107,8 @@ def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd |
         _meets('initial', 'far end', 'far_ends[0]', end, _allowed(far_end, end), length)
     past = past_of(discretization, initial, memory)
     strains = discretization.strains_from(initial.s, initial.element_strains)
-    first, _ = equilibrium(discretization, gripper, strains, 'newton', past, far_end,
-                           how=Search(0, False))
+    first = equilibrium(discretization, gripper, strains, 'newton', past, far_end,
+                        how=Search(0, False))
     first = replace(first, converged=True)  # nothing was solved yet that could have failed
     if initial.state.mesh is discretization and _alike(first, initial):
         first = initial
@@ -317,7 +317,7 @@ def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
         return None
     coarse, fine = (
         equilibrium(each, shape.gripper, strains, 'newton', each.past(shape.state.history),
-                    shape.far_end)[0]
+                    shape.far_end)
         for each, strains in ((own, np.array(shape.element_strains)),
                               (own.finer, np.repeat(shape.element_strains, 2, axis=0))))
     moved = np.abs(coarse.positions - shape.positions).max()

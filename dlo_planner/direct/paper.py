@@ -33,8 +33,8 @@ _SLIGHT = 1e-2  # rad over the length
 
 
 def described_equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
-                          method: str, history: Memory) -> tuple[Shape, int]:
-    """Return the Shape whose (q_d, q_kappa, q_tau) are series, and how often it left a saddle.
+                          method: str, history: Memory) -> Shape:
+    """Return the Shape whose (q_d, q_kappa, q_tau) are series.
 
     `residual` is that of the series' coefficients; `stability` is the DLO's own, freed from them.
 
@@ -59,7 +59,7 @@ def described_equilibrium(discretization: Discretization, gripper: Pose, strains
         strains, kicks = system.natural + system.scale * kicked, kicks + 1
     ended = Minimum(state, residual, reached.stability, iterations, kicks, system,
                     evaluations=evaluations)
-    return shape_of(free, gripper, ended, history), kicks
+    return shape_of(free, gripper, ended, history)
 
 
 class _Series:

@@ -69,8 +69,8 @@ freeze(FREELY[:3])  # nodes are of the type of others
 def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats, method: str = 'newton',
                 memory: Memory | None = None, far_end: FarEnd | None = None, *,
                 culled: bool = False, watch: Watch | None = None,
-                how: Search | None = None) -> tuple[Shape, int]:
-    """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
+                how: Search | None = None) -> Shape:
+    """Return the Shape that the DLO falls into from the given strains.
 
     `culled`: without what may act, see `Discretization`. Shapes: strains (N, 3).
     """
@@ -78,12 +78,12 @@ def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats, method: st
     how = how or search_of(mesh, gripper, far_end)
     if method == 'newton' and not (around.pinned or around.has_moments):
         end = solution(mesh, gripper, strains, memory, far_end, how, culled, watch)
-        return shape_from(mesh, gripper, end, memory, far_end, culled), end.kicks
+        return shape_from(mesh, gripper, end, memory, far_end, culled)
     system = mesh.system(gripper.rotation, gripper.position, memory, far_end, culled=culled)
     q = mesh.unknowns(strains)
     found = (minimum(mesh, system, gripper, q, memory, how) if method == 'newton'
              else search(system, q, method, TOLERANCE))
-    return shape_of(mesh, gripper, found, memory, far_end), found.kicks
+    return shape_of(mesh, gripper, found, memory, far_end)
 
 
 def held_nearby(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memory,
@@ -216,7 +216,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         far_wrench=NO_WRENCH if far_end is None else end.far_wrench, dissipated=after.dissipated,
         state=State(mesh, after, before, partial(
             estimated, mesh, gripper, end.strains, end.positions, before, far_end, culled),
-            culled and not end.acts))
+            culled and not end.acts, end.kicks))
 
 
 def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bool) -> Memory:
@@ -276,7 +276,7 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
         shape = None if far_end is None else held_nearby(finer, gripper, halved, past, far_end,
                                                          culled)
         if shape is None:
-            shape, _ = equilibrium(finer, gripper, halved, 'newton', past, far_end, culled=culled)
+            shape = equilibrium(finer, gripper, halved, 'newton', past, far_end, culled=culled)
             if not shape.converged:
                 return np.inf
         there = shape.positions

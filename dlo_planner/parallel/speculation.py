@@ -197,8 +197,8 @@ def _track_step(simulator: DirectSimulator, rounds: Rounds, grippers: tuple[Pose
         if guess is None:
             shape, = simulator.track([gripper], initial=before, deadline=steps.left())
             return shape, shape, True
-        shape, kicks = equilibrium(mesh, gripper, guess, simulator.method, history)
-        return shape, shape, surely_follows(before, shape, kicks)
+        shape = equilibrium(mesh, gripper, guess, simulator.method, history)
+        return shape, shape, surely_follows(before, shape)
 
     turn = angle_between(before.gripper.rotation, gripper.rotation)
     result: Shape = rounds.step(

@@ -166,8 +166,8 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
         reached, solved = run(stepper, begun, count + 1, _TOLERANCE * mesh.s[-1], progress)
         for j, now in enumerate(reached[1:], start=1):
             place = feed.held(mesh, feed.depth(u[k + j]) - feed.depth(u[k]))
-            still, _ = equilibrium(mesh, now.shape.gripper, np.array(now.shape.element_strains),
-                                   far_end=FarEnd(place, 'sleeve'))
+            still = equilibrium(mesh, now.shape.gripper, np.array(now.shape.element_strains),
+                                far_end=FarEnd(place, 'sleeve'))
             shapes.append(now.shape)
             calm.append(still)
             forces.append(float(np.linalg.norm(now.shape.far_wrench[:3] + lifted * feed.up)))
@@ -206,8 +206,7 @@ def _instants(feed: Feed, u: Floats) -> int:
 def _at_rest(feed: Feed, mesh: Discretization, gripper: Pose, start: Shape) -> Shape:
     """Return the Shape in equilibrium at the mouth, next to `start`."""
     strains = mesh.strains_from(start.s, start.element_strains)
-    result: Shape = equilibrium(mesh, gripper, strains, far_end=FarEnd(feed.mouth, 'sleeve'))[0]
-    return result
+    return equilibrium(mesh, gripper, strains, far_end=FarEnd(feed.mouth, 'sleeve'))
 
 
 def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Shape,
