@@ -97,11 +97,11 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
             return shape
         if shape.dissipated:
             lasts = _made_with_a_set(shape)
-            if lasts and (fine == 'local' or initial is not None and mesh is initial.state.mesh):
+            if lasts and (fine == 'local' or initial is not None and mesh == initial.state.mesh):
                 return shape
             accuracy = (1.0 if lasts else _OF_FIRST_SET) * wanted_accuracy
         # the first mesh is hardly ever fine enough: then nothing else is computed on it
-        new = mesh is first and (initial is None or initial.state.mesh is not mesh)
+        new = mesh is first and (initial is None or initial.state.mesh != mesh)
         better = None
         if new and fine == 'local' and not surely_within(shape, accuracy):
             better = foreseen(shape, accuracy, _DOUBTFUL)
@@ -171,12 +171,16 @@ def _mode_is_missed(shape: Shape, accuracy: float) -> bool:
     mesh = shape.state.made_on
     if not mode_may_be_missed(shape) or mesh.yields and not shape.state.culled:
         return False  # what has yielded would yield again
-    free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
-    there = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
-                        shape.state.history, shape.far_end, culled=shape.state.culled)
+    there = _freed(shape)
     moved = np.linalg.norm(there.positions - shape.positions, axis=1).max()
     turned = np.abs(there.frames - shape.frames).max()  # a straight DLO may have shed a turn
     return not there.converged or moved > accuracy or turned > _TURNED
+
+
+def _freed(shape: Shape) -> Shape:
+    """Return the equilibrium beside a Shape on its mesh without the series."""
+    return equilibrium(shape.state.made_on.local, shape.gripper, shape.element_strains,
+                       shape.state.history, shape.far_end, culled=shape.state.culled)
 
 
 def _fine_enough_to_bend(mesh: Discretization, fine: str) -> Discretization:
@@ -257,10 +261,7 @@ def _refined(mesh: Discretization, fine: str, shape: Shape,
     if elements >= _MANY and not np.isfinite(from_mesh):
         return None
     if fine != 'local':
-        free = Discretization(around, s, 'local', 0)
-        there = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
-                            shape.state.history, shape.far_end, culled=shape.state.culled)
-        from_mesh = there.error_estimate
+        from_mesh = _freed(shape).error_estimate
         if shape.error_estimate > 1.5 * from_mesh or from_mesh < 0.3 * _MARGIN * accuracy:
             terms = min(terms + max(2, terms // 4), _MOST_TERMS)
     if from_mesh > 0.8 * _MARGIN * accuracy:
@@ -341,51 +342,37 @@ def _times(shape: Shape) -> float | None:
     return _FREE if shape.far_end is None else _HELD
 
 
-def _told(shape: Shape) -> bool:
-    """Whether the error of a Shape comes from arcs and loads alone, and not from what varies."""
-    mesh = shape.state.made_on
-    return bool(shape.state.culled and shape.far_end is None and mesh.basis == 'local'
-                and not mesh.rod.varies and not callable(mesh.surroundings.load)
-                and shape.element_strains.shape[0] > 2)
-
-
 def _points(mesh: Discretization) -> Floats:
     """Return (n,) arc lengths of point masses and loads, m."""
     loads = [one.s for one in mesh.surroundings.point_loads if one.s is not None]
     return np.array([s for s, _ in mesh.rod.point_masses] + loads)
 
 
-def _foresee(shape: Shape) -> Any:
-    """Return what `discretization_errors` does of a Shape; (infinity,) where that is not told."""
-    if not _told(shape):
-        return (np.inf,)
-    mesh = shape.state.made_on
-    around = mesh.surroundings
-    mass: Any = around.rod.mass_per_length  # nothing varies
-    load: Any = np.zeros(3) if around.load is None else around.load
-    spread = -mass * around.gravity - load
-    return discretization_errors(mesh.free, shape.gripper.rotation, shape.element_strains, spread)
-
-
 def foreseen(shape: Shape, accuracy: float,
              least: float = 0.0) -> tuple[Discretization, Floats] | None:
     """Return the mesh on which a Shape will be within an `accuracy` (m), and its strains there.
 
-    None where that is not told, the shape is off by `least` accuracies or less, or no mesh is fine
-    enough.
+    None where its error does not come from arcs and loads alone, it is off by `least` accuracies or
+    less, or no mesh is fine enough.
     """
     known, elements = shape.state.made_on, shape.element_strains.shape[0]
-    own, *rest = _foresee(shape)
-    if not least * accuracy < own <= _TOLD_FINER * shape.s[-1] or elements >= _MOST_ELEMENTS:
+    around = known.surroundings
+    if (not shape.state.culled or shape.far_end is not None or known.basis != 'local'
+            or known.rod.varies or callable(around.load) or not 2 < elements < _MOST_ELEMENTS):
         return None
-    off, shares, one, there = rest
+    mass: Any = known.rod.mass_per_length  # nothing varies
+    load: Any = 0.0 if around.load is None else around.load
+    own, off, shares, one, there = discretization_errors(
+        known.free, shape.gripper.rotation, shape.element_strains, -mass * around.gravity - load)
+    if not least * accuracy < own <= _TOLD_FINER * shape.s[-1]:
+        return None
     most = min(_FARTHEST * elements, _MOST_ELEMENTS)
     wanted = min(max(ceil(sqrt(one / (_AIM * accuracy))), ceil(_FINER * elements)), most)
-    breaks, points = known.surroundings.breaks, _points(known)
+    breaks, points = around.breaks, _points(known)
     if points.size:
         breaks = np.union1d(breaks, points)
         breaks = breaks[(breaks > 0) & (breaks < known.s[-1])]
     s = nodes_at(known.s, shares, wanted, breaks)
     strains = np.empty((s.size - 1, 3))
     resampled_means(known.s, shape.element_strains - off + there / wanted**2, s, strains)
-    return Discretization(known.surroundings, s, 'local', 0), strains
+    return Discretization(around, s, 'local', 0), strains

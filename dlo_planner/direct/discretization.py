@@ -342,6 +342,13 @@ class Discretization(Value):
         s = np.sort(np.append(self.s, 0.5 * (self.s[1:] + self.s[:-1])))
         return Discretization(self.surroundings, s, 'local', 0)
 
+    @cached_property
+    def local(self) -> Discretization:
+        """The same elements, one unknown strain in each."""
+        if self.basis == 'local':
+            return self
+        return Discretization(self.surroundings, self.s, 'local', 0)
+
     def within(self, surroundings: Surroundings) -> Discretization:
         """Return the same elements of the rod of other Surroundings, as long or not."""
         length = surroundings.rod.length

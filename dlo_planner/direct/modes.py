@@ -103,8 +103,7 @@ class Linearized:
         mesh, known = self.mesh, self.vibration  # which looks whether it is at rest
         if mesh.basis == 'local' or n <= mesh.n_terms:
             return known
-        free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
-        return self._settled(free, self.strains) or known
+        return self._settled(mesh.local, self.strains) or known
 
     @cached_property
     def finer(self) -> Vibration | None:

@@ -40,7 +40,7 @@ def described_equilibrium(discretization: Discretization, gripper: Pose, strains
 
     Shapes: strains (N, 3).
     """
-    free = Discretization(discretization.surroundings, discretization.s, 'local', 0)
+    free = discretization.local
     system = free.system(gripper.rotation, gripper.position, history)
     series = _Series(system, orthonormal_basis(discretization.basis, discretization.n_terms,
                                                discretization.s))

@@ -723,7 +723,7 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
                      for row in stored['contacts'])
     past = {name.removeprefix(_PAST): array for name, array in stored.items()
             if name.startswith(_PAST)}
-    history = Memory.unpacked(past, stored['frames'], float(stored['s'][-1])) if past else None
+    history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
     values = {name: stored[name] for name in _FILED_ARRAYS}
     values |= {name: stored[name].item() for name in _FILED_NUMBERS}
     return Shape(gripper=pose_of(stored['gripper']), contacts=contacts, far_end=far_end,

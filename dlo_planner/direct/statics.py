@@ -66,9 +66,9 @@ FREELY = Watch()
 freeze(FREELY[:3])  # nodes are of the type of others
 
 
-def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats, method: str = 'newton',
+def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats,
                 memory: Memory | None = None, far_end: FarEnd | None = None, *,
-                culled: bool = False, watch: Watch | None = None,
+                method: str = 'newton', culled: bool = False, watch: Watch | None = None,
                 how: Search | None = None) -> Shape:
     """Return the Shape that the DLO falls into from the given strains.
 
@@ -276,7 +276,7 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
         shape = None if far_end is None else held_nearby(finer, gripper, halved, past, far_end,
                                                          culled)
         if shape is None:
-            shape = equilibrium(finer, gripper, halved, 'newton', past, far_end, culled=culled)
+            shape = equilibrium(finer, gripper, halved, past, far_end, culled=culled)
             if not shape.converged:
                 return np.inf
         there = shape.positions

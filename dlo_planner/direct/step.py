@@ -118,7 +118,7 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: H
                    else mesh.strains_from(initial.s, initial.element_strains))
     watch = _watched(mesh, initial, how.most) if culled else None
     if culled and far_end is None:
-        return equilibrium(mesh, gripper, strains, 'newton', past, culled=True, watch=watch)
+        return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
     if how.strains == 'paper':
         return described_equilibrium(mesh, gripper, strains, how.method, past)
     shape = None
@@ -135,8 +135,8 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: H
     if newton and initial is None and far_end is not None:
         shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
     if shape is None:
-        shape = equilibrium(mesh, gripper, strains, how.method, past, far_end, culled=culled,
-                            watch=watch)
+        shape = equilibrium(mesh, gripper, strains, past, far_end, method=how.method,
+                            culled=culled, watch=watch)
     return shape if clear else replace(shape, converged=False, jumped=True)
 
 
@@ -341,12 +341,12 @@ def _set_down(mesh: Discretization, gripper: Pose, strains: Floats,
     gripper, strains, past, _ = first_shape(bare, gripper, far_end, past) or _led(
         bare, strains, (gripper, gripper), far_ends, past, parts, False)
     if amid:
-        shape = equilibrium(bare, gripper, strains, 'newton', past, far_end)
+        shape = equilibrium(bare, gripper, strains, past, far_end)
         past = replace(firm.past(memory), hold=shape.state.left.hold)
         gripper, strains, past, _ = _grown(firm, shape.gripper, np.array(shape.element_strains),
                                            far_end, past)
     if firm is not mesh:
-        shape = equilibrium(firm, gripper, strains, 'newton', past, far_end)
+        shape = equilibrium(firm, gripper, strains, past, far_end)
         gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.left
     return Predictor(gripper, strains, memory.with_forces(past))
 

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization, with_breaks
-from dlo_planner.direct.dynamics import first_shape, run
+from dlo_planner.direct.dynamics import IntegrationOptions, first_shape, run
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
@@ -163,7 +163,9 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
         if k == 0 and velocity is None:
             start = calm[-1] = shapes[-1] = _at_rest(feed, mesh, grippers[0], start)
         stepper, begun = _begun(feed, mesh, _Later(guide, k), u[k:k + count + 1], start, velocity)
-        reached, solved = run(stepper, begun, count + 1, _TOLERANCE * mesh.s[-1], progress)
+        plan = IntegrationOptions(count + 1, 'generalized_alpha', _TOLERANCE * mesh.s[-1])
+        made = run(stepper, begun, plan, progress)
+        reached, solved = made.reached, made.status == 'complete'
         for j, now in enumerate(reached[1:], start=1):
             place = feed.held(mesh, feed.depth(u[k + j]) - feed.depth(u[k]))
             still = equilibrium(mesh, now.shape.gripper, np.array(now.shape.element_strains),

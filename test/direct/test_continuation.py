@@ -71,7 +71,7 @@ def test_where_nothing_on_the_way_is_found_the_step_is_made_at_once_to_its_end()
         shape = bent(gripper, 1.0)
         if most < 1.0:
             return replace(shape, converged=False, residual=np.inf)
-        return replace(shape, converged=turned > 0.15), 0
+        return replace(shape, converged=turned > 0.15)
 
     shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(0.2))
     assert shape.jumped and shape.converged and np.isfinite(shape.residual)
@@ -112,7 +112,7 @@ def test_what_leaps_in_one_half_of_a_step_is_looked_at_more_closely():
         leapt = shape_change(initial, bent(initial.gripper, 0.0)) > 0.01
         if leapt or there - here > 0.004 and there > 0.012:
             return touching(gripper, 0.05, 1)
-        return touching(gripper, 0.0, 0), 0
+        return touching(gripper, 0.0, 0)
 
     shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
     assert [contact.obstacle for contact in shape.contacts] == [0] and not shape.jumped

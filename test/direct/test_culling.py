@@ -66,7 +66,7 @@ def all_acts(monkeypatch):
 @pytest.fixture
 def free_alone(monkeypatch):
     """Have it fail where a step is made with all that may act."""
-    of_statics, refused = step_module._step, 'the step was made with what does not act'
+    of_statics, refused = step_module._searched, 'the step was made with what does not act'
 
     def free(*arguments, culled):
         assert culled, refused
@@ -78,7 +78,7 @@ def free_alone(monkeypatch):
         assert arguments[-1], refused
         return of_stepper(stepper, *arguments)
 
-    monkeypatch.setattr(step_module, '_step', free)
+    monkeypatch.setattr(step_module, '_searched', free)
     monkeypatch.setattr(Stepper, '_batch', batch)
 
 
@@ -210,7 +210,7 @@ def test_steps_without_what_may_act_leave_nothing_of_it(monkeypatch):
         patch.setattr(np, 'empty', lambda shape, dtype=float: np.full(
             shape, np.nan if dtype is float else 7, dtype))
         now = stepper.begin(start)
-        batch = stepper.steps(now, (), np.array([1.0, 2.0]), Scheme.named('paper', 0.01), Limits())
+        batch = stepper.steps(now, (), np.array([1.0, 2.0]), Scheme('paper', 0.01), Limits())
     assert batch.refused is None and batch.last.free
     assert batch.last.row.plastic.size and not batch.last.row.plastic.any()
     assert not batch.last.row.node_forces.any()

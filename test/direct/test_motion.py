@@ -372,7 +372,7 @@ def test_a_step_is_as_stable_as_the_hessian_that_it_minimized_says(basis, dampin
     grippers = [tilted(0.5 * k * dt) for k in range(7)]
     start = simulator.solve(grippers[0])
     stepper = Stepper(start.mesh, BoundaryMotion(GripTrajectory(grippers, dt)), dt)
-    now, scheme, told = stepper.begin(start), Scheme.named(integrator, dt), []
+    now, scheme, told = stepper.begin(start), Scheme(integrator, dt), []
     for k in range(1, 7):
         batch = stepper.steps(now, (), np.array([float(k)]), scheme, Limits())
         assert batch.refused is None
@@ -488,7 +488,7 @@ def contact_work(simulator, to):
     """Return the work of contacts along the chord of one very slow step, and both shapes."""
     start, dt = simulator.solve(LEVEL), 1e4
     stepper = Stepper(start.mesh, BoundaryMotion(GripTrajectory([LEVEL, to], dt)), dt)
-    batch = stepper.steps(stepper.begin(start), (), np.array([1.0]), Scheme.named('paper', dt),
+    batch = stepper.steps(stepper.begin(start), (), np.array([1.0]), Scheme('paper', dt),
                           Limits())
     assert batch.refused is None
     return batch.last.row.energies[PUSHED], start, batch.last.shape
@@ -587,7 +587,7 @@ def steps_of(wire, grippers, dt, elements, halvings, change=None):
     grips = BoundaryMotion(GripTrajectory(grippers, dt))
     stepper = Stepper(simulator.solve(grippers[0]).mesh, grips, dt)
     now = stepper.begin(simulator.solve(grippers[0]))
-    scheme, parts = Scheme.named('generalized_alpha', dt / 2**halvings), 2**halvings
+    scheme, parts = Scheme('generalized_alpha', dt / 2**halvings), 2**halvings
     for k in range(len(grippers) - 1):
         if k == change:
             now = stepper.renewed(now, scheme.dt)
