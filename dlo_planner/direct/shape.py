@@ -66,6 +66,7 @@ class State(Value):
             instance('State.mesh', self.mesh, Discretization, optional=True)
             for name in ('history', 'before'):
                 instance(f'State.{name}', getattr(self, name), Memory, optional=True)
+            put(self, kicks=integer('State.kicks', self.kicks, minimum=0, maximum=10**12))
             if not callable(self.estimate):
                 raise InvalidTask(f'State.estimate = {shown(self.estimate)}: expected a function')
 

@@ -376,7 +376,7 @@ class DirectSimulator(Value):
         """Return the Motion of the DLO under moving grips, with inertia and damping.
 
         Between the instants the grips move along cubic splines with continuous accelerations
-        (`direct.boundary_motion.Guide`), from rest at time 0 unless the DLO moves there. Steps are
+        (`direct.boundary_motion`), from rest at time 0 unless the DLO moves there. Steps are
         halved where their local error, a gain of energy or Newton's method asks for it.
 
         Where the motion cannot go on it ends: `Motion.converged` is False then, and `status` and
