@@ -44,7 +44,7 @@ _MANY = 512  # elements: a DLO whose error is not known with so many is given up
 _FIRST_TERMS, _MOST_TERMS = 12, 48
 _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
 _RESOLVED = 2e-4  # of the length: an error below it goes with the mesh, as its leading order does
-_TOLD_FINER = 2e-3  # the same, of what is expected on a finer mesh
+_FORESEEN = 2e-3  # the same, of what is expected on a finer mesh
 _DOUBTFUL = 2.0  # times the accuracy: what is expected to be off by more is off
 _TURNED = 0.1  # rad: it is another equilibrium
 _DEFAULT = 1e-3  # of the length
@@ -297,7 +297,7 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
     """Return whether a Shape is certain to be within `accuracy` (m), without a further solution."""
     here = shape.state.made_on if mesh is None else mesh
     times = _times(shape)
-    if (times is None or not here.told_by_truncation
+    if (times is None or not here.bounded_by_truncation
             or shape.contacts and accuracy < _BEARS * shape.s[-1]
             or shape.stability < _STABLE and (shape.far_end is None or here.basis != 'local')):
         return False
@@ -307,13 +307,13 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
     return bool(times * _truncation(here, strains) <= accuracy)
 
 
-def hanging_surely_within(told: bool | Bools, stability: np.ndarray, truncated: np.ndarray,
+def hanging_surely_within(bounded: bool | Bools, stability: np.ndarray, truncated: np.ndarray,
                           accuracy: float | Floats) -> Bools:
     """Return (n,) what `surely_within` says of DLOs that hang freely.
 
     Shapes: stability (n,), truncated (n,).
     """
-    return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & told
+    return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & bounded
 
 
 def mode_may_be_missed(shape: Shape) -> bool:
@@ -364,7 +364,7 @@ def foreseen(shape: Shape, accuracy: float,
     load: Any = 0.0 if around.load is None else around.load
     own, off, shares, one, there = discretization_errors(
         known.free, shape.gripper.rotation, shape.element_strains, -mass * around.gravity - load)
-    if not least * accuracy < own <= _TOLD_FINER * shape.s[-1]:
+    if not least * accuracy < own <= _FORESEEN * shape.s[-1]:
         return None
     most = min(_FARTHEST * elements, _MOST_ELEMENTS)
     wanted = min(max(ceil(sqrt(one / (_AIM * accuracy))), ceil(_FINER * elements)), most)

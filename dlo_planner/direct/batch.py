@@ -57,7 +57,7 @@ def hanging_shapes(simulator: DirectSimulator, positions: Floats,
         good = columns['converged'] & [not acts_at(mesh, *one) for one in zip(
             columns['element_strains'], columns['positions'], before, strict=True)]
     if simulator.accuracy is not None:
-        good = good & hanging_surely_within(mesh.told_by_truncation, columns['stability'],
+        good = good & hanging_surely_within(mesh.bounded_by_truncation, columns['stability'],
                                             truncated, simulator.accuracy)
     return columns, good
 

@@ -471,7 +471,7 @@ class _Pace:
         batch = stepper.steps(now, self._past, places, scheme, limits)
         made = len(batch.errors)
         if made:
-            self.now, self._past, self._budget = batch.last, batch.past, budget
+            self.now, self._past, self._budget = batch.last, batch.past, batch.budget
             self._at += made * size
             self._steps += [level] * made
             self._errors += batch.errors.tolist()

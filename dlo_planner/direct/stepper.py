@@ -12,7 +12,7 @@ what has become of it: shapes are made of the rows of a StepBuffer when they are
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -44,7 +44,7 @@ from dlo_planner.direct.integrator import (
     stability_at,
     step_problem,
 )
-from dlo_planner.direct.memory import NOWHERE, ContactPoints, Memory
+from dlo_planner.direct.memory import ContactPoints, Memory
 from dlo_planner.direct.shape import Shape, State
 from dlo_planner.direct.statics import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, acts_at, reach_of
 from dlo_planner.energy.loads import node_masses
@@ -64,6 +64,7 @@ _AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched
 _BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors would count
 _AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a time
+NO_GUESS = np.zeros((0, 3))  # read-only arrays are another type for kernels
 
 
 class Row(NamedTuple):
@@ -193,15 +194,14 @@ class TimePoint:
             state=State(mesh, memory, memory, _NOT_ESTIMATED, self.free))
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(NamedTuple):
     """Until when the steps of a StepBatch are good."""
 
     patience: int = MAX_ITERATIONS  # Newton steps after which a step counts as not solved
     error: float = np.inf           # m, local error of a step
     part: float = 0.0               # of the energy that has moved, which a motion may gain,
     noise: float = np.inf           # and J in addition
-    budget: Floats = field(default_factory=lambda: np.zeros(5))  # `integrate` writes there
+    budget: Floats = np.zeros(5)    # as of `integrate`
     touched: bool = False           # whether any error is good since an obstacle was touched
     began: float = 0.0              # J, balance when the motion began
 
@@ -214,6 +214,7 @@ class StepBatch(NamedTuple):
     last: TimePoint          # at the end of the last good step
     past: list[tuple[float, Floats]]  # time and node positions: the last but one, and before
     samples: Floats          # (k, m, 3) places of some nodes after each good step, see `sampled`
+    budget: Floats           # (5,) that of Limits, renewed
     refused: TimePoint | None         # at the end of the step after that, which is not good
 
 
@@ -257,7 +258,7 @@ class Stepper:
         return mesh.hangs or not acts_at(mesh, now.row.bends[0], now.positions, now.positions)
 
     def steps(self, now: TimePoint, past: Sequence[tuple[float, Floats]], places: Floats,
-              scheme: Scheme, limits: Limits, guess: Floats = NOWHERE) -> StepBatch:
+              scheme: Scheme, limits: Limits, guess: Floats = NO_GUESS) -> StepBatch:
         """Return the StepBatch of steps that end at `places` (n,), each the end of one of a Scheme.
 
         It may end before that, where something begins to act. The first search begins with the
@@ -282,13 +283,13 @@ class Stepper:
         how, options = self.coefficients(scheme), self._options(scheme, limits)
         if how.gamma != 1.0 and len(now.row.contacts):
             buffer.touched[PAST] = True
-        system = self._problem(culled)
+        system, budget = self._problem(culled), limits.budget.copy()
         if self.method == 'newton':
             impact = self.coefficients(Scheme('euler', scheme.dt))
             last = integrate(system, self.discretization.full, culled, how, impact, buffer,
-                             limits.budget, options, guess)
+                             budget, options, guess)
         else:
-            last = self._integrated(system, how, buffer, limits.budget, options, guess)
+            last = self._integrated(system, how, buffer, budget, options, guess)
         stopped = bool(buffer.stopped.any())
         end = last if stopped else min(last + 1, PAST + places.size)
         if stopped and last == PAST:
@@ -309,7 +310,8 @@ class Stepper:
         return StepBatch(
             buffer.proofs[PAST + 1:last + 1, 2], kept, ended,
             [(float(buffer.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
-            nodes[PAST + 1:last + 1, self.watched], instant(end) if end > last else None)
+            nodes[PAST + 1:last + 1, self.watched], budget,
+            instant(end) if end > last else None)
 
     def _integrated(self, system: Problem, how: SchemeCoefficients, buffer: StepBuffer,
                     budget: Floats, options: StepOptions, guess: Floats) -> int:

@@ -28,13 +28,12 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.boundary_motion import poses
 from dlo_planner.direct.continuation import LONGEST_TURN, surely_follows
 from dlo_planner.direct.integrator import Scheme
-from dlo_planner.direct.memory import NOWHERE
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, Prescribed, made_by, motion_by
 from dlo_planner.direct.statics import TOLERANCE, equilibrium
 from dlo_planner.direct.step import past_of
-from dlo_planner.direct.stepper import Limits, StepBatch, Stepper, TimePoint
+from dlo_planner.direct.stepper import NO_GUESS, Limits, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
@@ -138,10 +137,10 @@ class AheadStepper(Stepper):
         self._rounds, self._last = rounds, last
 
     def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme, limits: Limits,
-              guess: Floats = NOWHERE) -> StepBatch:
+              guess: Floats = NO_GUESS) -> StepBatch:
         """Return the StepBatch of the first step, which may begin where it was seen ahead."""
         place, size = float(places[0]), scheme.dt / self.dt
-        usual, budget = self.guess(now, scheme.dt), limits.budget.copy()
+        usual = self.guess(now, scheme.dt)
 
         def system(place: float, scheme: Scheme) -> Problem:
             return self.problem(now, place, scheme)
@@ -153,7 +152,6 @@ class AheadStepper(Stepper):
             return system(place + k * size, several), TOLERANCE + self.rounding(several)
 
         def step(guess: Floats | None) -> tuple[StepBatch, Shape, bool]:
-            limits.budget[:] = budget
             batch = super(AheadStepper, self).steps(now, past, places[:1], scheme, limits,
                                                     usual if guess is None else guess)
             shape = (batch.last if batch.refused is None else batch.refused).shape
