@@ -30,8 +30,9 @@ from dlo_planner.direct.integrator import (
 )
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Boxed, Motion
+from dlo_planner.direct.search import MAX_ITERATIONS, Search
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import MAX_ITERATIONS, Search, equilibrium
+from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import past_of
 from dlo_planner.direct.stepper import (
     MOST,

@@ -27,9 +27,9 @@ import numpy as np
 import scipy
 
 from dlo_planner.blas import one_thread
-from dlo_planner.direct.ball_joint import hinge_unknowns, pinned_newton, with_hinge
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory
+from dlo_planner.direct.search import KEPT, Search, hinge_unknowns, minimum, with_hinge
 from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.loads import node_masses
@@ -37,8 +37,8 @@ from dlo_planner.energy.plastic import PlasticSection
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
-from dlo_planner.minimize.contact_solver import constrained_newton, stiffen_penalty
-from dlo_planner.minimize.convergence import residual_of
+from dlo_planner.minimize.contact_solver import stiffen_penalty
+from dlo_planner.minimize.convergence import CONVERGED, residual_of
 from dlo_planner.minimize.hessian import Hessian
 from dlo_planner.minimize.newton import HELD_NEUTRAL
 from dlo_planner.minimize.response import gripper_answers
@@ -49,9 +49,6 @@ from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
 _AT_REST = 1e-4   # residual above which a shape is not at rest; rounding errors are below it
-_SETTLED = 1e-8   # residual of an equilibrium on a finer mesh
-_EXACT = 1e-10    # of the length: violation of a constraint that Newton's method leaves
-_VIOLATED = 1e-6  # of the length: violation with which a finer mesh is not used
 _MOST = 200       # Newton steps on a finer mesh
 _DEPENDENT = 1e-7  # of the largest row: constraint rows below it depend on the others
 
@@ -112,11 +109,10 @@ class Linearized:
 
     def _settled(self, mesh: Discretization, strains: Floats) -> Vibration | None:
         """Return the Vibration on another mesh, in equilibrium near strains (N, 3), or None."""
-        newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
-        found = newtons(self._system(mesh, mesh.past(self.before)), mesh.unknowns(strains),
-                        0.01 * _SETTLED, _MOST, False, _EXACT * mesh.s[-1], np.zeros((0, 6)))
-        if (found.residual > max(_SETTLED, 10 * self.residual)
-                or found.violation > _VIOLATED * mesh.s[-1]):
+        found = minimum(mesh, self._system(mesh, mesh.past(self.before)), self.gripper,
+                        mesh.unknowns(strains), None, Search(_MOST, False))
+        if (found.residual > max(CONVERGED, 10 * self.residual)
+                or found.violation > KEPT * mesh.s[-1]):
             return None
         return _vibration(mesh, found.system, found.state.q)
 

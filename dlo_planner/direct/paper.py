@@ -11,8 +11,9 @@ import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory
+from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import TOLERANCE, shape_of
+from dlo_planner.direct.statics import shape_of
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.geometry.basis import from_components, orthonormal_basis, to_components

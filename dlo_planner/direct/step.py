@@ -19,25 +19,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.ball_joint import hinge_unknowns, own_unknowns, turn_of, with_hinge
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import NOWHERE, Memory
 from dlo_planner.direct.paper import described_equilibrium
-from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import (
+from dlo_planner.direct.search import (
     EXACT,
-    FREELY,
     MAX_ITERATIONS,
     TOLERANCE,
     Search,
-    Watch,
-    equilibrium,
-    held_nearby,
+    hinge_unknowns,
     minimum,
-    shape_of,
-    underway,
+    own_unknowns,
+    turn_of,
+    with_hinge,
 )
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import FREELY, Watch, equilibrium, held_nearby, shape_of, underway
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration

@@ -45,8 +45,9 @@ from dlo_planner.direct.integrator import (
     step_problem,
 )
 from dlo_planner.direct.memory import ContactPoints, Memory
+from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.shape import Shape, State
-from dlo_planner.direct.statics import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, acts_at, reach_of
+from dlo_planner.direct.statics import acts_at, reach_of
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem

@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import FREELY, TOLERANCE, hanging_shape
+from dlo_planner.direct.statics import FREELY, hanging_shape
 from dlo_planner.energy.potential import evaluate, project, unknowns_of
 from dlo_planner.energy.problem import (
     Configuration,

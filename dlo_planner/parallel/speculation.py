@@ -29,9 +29,10 @@ from dlo_planner.direct.boundary_motion import poses
 from dlo_planner.direct.continuation import LONGEST_TURN, surely_follows
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, Prescribed, made_by, motion_by
-from dlo_planner.direct.statics import TOLERANCE, equilibrium
+from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import past_of
 from dlo_planner.direct.stepper import NO_GUESS, Limits, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
