@@ -71,7 +71,16 @@ def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How = 
 
     The search begins with the strains `start` (N, 3), if any, instead of those of `initial`.
     """
-    return _with_set_error(_made(mesh, gripper, initial, how, start))
+    past, shape = past_of(mesh, initial, how.memory), None
+    if (how.method == 'newton' and mesh.may_hang and past.idle
+            and (mesh.hangs or how.far_end is None or initial is not None)):
+        shape = _searched(mesh, gripper, initial, how, past, start, culled=True)
+        given_up = not shape.converged and how.most < np.inf  # then it is made in parts
+        if not (mesh.hangs or given_up or shape.converged and shape.state.culled):
+            shape = None
+    if shape is None:
+        shape = _searched(mesh, gripper, initial, how, past, start, culled=False)
+    return _with_set_error(shape)
 
 
 def _with_set_error(shape: Shape) -> Shape:
@@ -88,19 +97,6 @@ def _with_set_error(shape: Shape) -> Shape:
     return replace(shape, state=replace(
         shape.state, history=replace(after, set_error=max(before.set_error, error)),
         estimate=Constant(error)))
-
-
-def _made(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How,
-          start: Floats | None) -> Shape:
-    """Return what `step` does; how exact its set is, is not known yet."""
-    past = past_of(mesh, initial, how.memory)
-    if (how.method == 'newton' and mesh.may_hang and past.idle
-            and (mesh.hangs or how.far_end is None or initial is not None)):
-        shape = _searched(mesh, gripper, initial, how, past, start, culled=True)
-        if mesh.hangs or (shape.state.culled if shape.converged
-                          else how.most < np.inf):  # then it is made in parts
-            return shape
-    return _searched(mesh, gripper, initial, how, past, start, culled=False)
 
 
 def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How, past: Memory,
