@@ -7,7 +7,7 @@ import pytest
 
 from dlo_planner import PointLoad, Rod
 from dlo_planner.direct.surroundings import Surroundings
-from dlo_planner.energy.loads import dead_load, node_forces, node_masses, node_moments
+from dlo_planner.energy.loads import node_forces, node_masses, node_moments
 
 S = np.array([0, 0.1, 0.4, 0.45, 0.9, 1.2, 1.3])
 
@@ -49,9 +49,3 @@ def test_point_loads_keep_force_moment_and_place():
     np.testing.assert_allclose(forces.sum(axis=0), (1.0, 2.0, 2.0))
     np.testing.assert_allclose(S @ forces, (0.5, 1.0, 1.5 - 1.3))
     np.testing.assert_array_equal(moments[-1], (0.0, 0.3, 0.0))
-
-
-def test_the_rounding_scale_does_not_cancel():
-    pull = np.array([[0.0, 0, 0], [0, 0, 2.0], [0, 0, 2.0]])
-    positions = np.array([[0.0, 0, 0], [1, 0, 3.0], [2, 0, -3.0]])
-    assert dead_load(pull, positions) == (0.0, 12.0)

@@ -12,9 +12,8 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import ContactSet
 from dlo_planner.energy.inertia import InertiaTerm
-from dlo_planner.energy.loads import node_masses
-from dlo_planner.energy.potential import evaluate, unknowns_of
-from dlo_planner.energy.problem import new_configuration, tip_wrench
+from dlo_planner.energy.potential import evaluate
+from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.scene import EDGE, FACE, NODE_FACE
 from dlo_planner.minimize.hessian import assemble, multiply, new_hessian
 from dlo_planner.model.section import Section
@@ -188,13 +187,6 @@ def test_elastic_energy_is_half_the_square_of_the_unknowns(curly, rng):
     np.testing.assert_allclose(state.gradient, q, atol=1e-12)
 
 
-def test_masses_keep_total_and_first_moment(curly):
-    s = np.linspace(0, 1.3, 8)
-    masses = node_masses(curly, s)
-    assert masses.sum() == pytest.approx(0.2 * 1.3 + 0.1 + 0.2)
-    assert masses @ s == pytest.approx(0.2 * 1.3**2 / 2 + 0.1 * 1.3 + 0.2 * 0.65)
-
-
 def test_the_rounding_scale_is_that_of_the_terms(curly, rng):
     # large terms that cancel leave large rounding errors
     system = discretized(curly, 'chebyshev').system(BASE)
@@ -203,19 +195,3 @@ def test_the_rounding_scale_is_that_of_the_terms(curly, rng):
     _, noise = evaluate(system, state)
     terms = np.abs(system.pull * state.positions).sum()
     assert 1e-16 * terms < noise < 1e-14 * (terms + np.sum(state.q**2))
-
-
-def test_unknowns_of_strains_that_the_basis_can_follow(system, rng):
-    q = rng.normal(size=new_configuration(system).q.shape)
-    _, state = at(system, q)
-    again = np.empty_like(q)
-    unknowns_of(system, state.strains, again)
-    np.testing.assert_allclose(again, q, atol=1e-12)
-
-
-def test_the_gripper_carries_all_that_pulls(system, rng):
-    _, state = at(system, rng.normal(size=new_configuration(system).q.shape))
-    total = state.pull.sum(axis=0) + tip_wrench(state)[:3]
-    if state.attached is not None:
-        total += state.attached.force.sum(axis=0)
-    np.testing.assert_allclose(state.base_force, total, atol=1e-12)

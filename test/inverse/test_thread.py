@@ -205,35 +205,6 @@ def test_bad_arguments_are_named(options, named):
     assert named in str(caught.value)
 
 
-def test_wrong_types_are_named():
-    with pytest.raises(InvalidTask, match='cutout = 1'):
-        InverseSimulator(simulator('round')).thread(1)
-    with pytest.raises(InvalidTask, match='simulator = None'):
-        InverseSimulator(None)
-
-
-def test_random_cutouts_replay_or_are_refused(rng):
-    done, refused = 0, 0
-    for _ in range(30):
-        load = 10 ** rng.uniform(-1, 1.3)
-        rod = Rod(1.0, load / 9.81, (1.0, rng.uniform(1, 4)), rng.uniform(0.5, 1.2),
-                  natural_curvature=tuple(rng.normal(size=2)), natural_twist=rng.normal())
-        direct = DirectSimulator(rod, basis='local')
-        goal = CutOut(Pose.looking_along(rng.normal(size=3), rng.normal(size=3)))
-        try:
-            plan = InverseSimulator(direct).thread(goal, depths=np.linspace(0, 0.9, 10))
-        except Infeasible:
-            refused += 1
-            continue
-        for depth, gripper, known in zip(plan.depths, plan.grippers, plan.shapes, strict=True):
-            pierced = direct.solve(gripper, known).at(1.0 - depth)
-            assert np.linalg.norm(pierced.position - goal.center) < 1e-6
-            assert np.linalg.norm(pierced.direction - goal.normal) < 1e-6
-        done += 1
-    assert done >= 20
-    assert done + refused == 30
-
-
 def test_a_dlo_that_is_set_is_threaded_as_it_is():
     # its own weight bends it by 0.5 / m at most, it yields at 0.8 / m
     soft = Rod.circular(0.4, 1.5e-3, 8960.0, 110e9, 0.34, yield_stress=66e6,

@@ -5,23 +5,7 @@
 import numpy as np
 import pytest
 
-from dlo_planner.minimize.dense import lu_factor, lu_solve, softly_solved
-
-
-@pytest.mark.parametrize('size', [1, 2, 7, 20])
-def test_factors_solve_and_tell_the_sign_of_the_determinant(size):
-    rng = np.random.default_rng(size)
-    for _ in range(5):
-        matrix, right = rng.normal(size=(size, size)), rng.normal(size=size)
-        factors, order, found = matrix.copy(), np.empty(size, dtype=np.int64), right.copy()
-        sign = lu_factor(factors, order)
-        lu_solve(factors, order, found)
-        assert sign == np.sign(np.linalg.det(matrix))
-        np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-9, atol=1e-12)
-
-
-def test_what_is_singular_is_told():
-    assert lu_factor(np.zeros((3, 3)), np.empty(3, dtype=np.int64)) == 0
+from dlo_planner.minimize.dense import softly_solved
 
 
 def test_softness_hardly_counts_where_contacts_are_independent():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner.energy.terms import KKTBorder
-from dlo_planner.minimize.kkt import complemented, project_rows
+from dlo_planner.minimize.kkt import complemented
 
 
 def of_matrix(matrix):
@@ -52,12 +52,3 @@ def test_numbers_that_overflowed_are_of_no_use():
     border = of_matrix(np.full((6, 6), np.inf))
     assert complemented(border) == -7
     assert (border.schur == 0).all()
-
-
-@pytest.mark.parametrize('terms', [0, 4])
-def test_rows_are_projected_on_the_basis(terms, rng):
-    basis, values = rng.normal(size=(9, terms)), rng.normal(size=(9, 5, 3))
-    rows = np.empty((5, terms or 9, 3))
-    project_rows(basis, values, rows)
-    expected = np.einsum('ej,eri->rji', basis if terms else np.eye(9), values)
-    np.testing.assert_allclose(rows, expected, atol=1e-14)

@@ -21,7 +21,7 @@ from dlo_planner.minimize.hessian import (
     solve,
     solve_held,
 )
-from dlo_planner.minimize.lanczos import largest_eigenvalue, lowest_mode
+from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import newton
 
 
@@ -97,19 +97,6 @@ def test_one_sweep_finds_what_assembling_and_factorizing_do(basis, gravity, curl
                 np.testing.assert_allclose(at_once.gain, apart.gain, atol=1e-9)
             else:  # it is filled, for other shifts
                 assert is_definite(system, at_once, 0.1 - lowest)
-
-
-def test_largest_eigenvalue_grows_row_by_row(rng):
-    for _ in range(60):
-        size = rng.integers(2, 25)
-        diagonal = rng.normal(size=size) * 10 ** rng.uniform(-3, 3)
-        side = np.abs(rng.normal(size=size)) * 10 ** rng.uniform(-14, 3, size=size)
-        top, last = 0.0, 1.0
-        for k in range(size):
-            top, last = largest_eigenvalue(diagonal, side, k + 1, top, last)
-            matrix = (np.diag(diagonal[:k + 1]) + np.diag(side[:k], 1) + np.diag(side[:k], -1))
-            values = np.linalg.eigvalsh(matrix)
-            assert top == pytest.approx(values[-1], abs=1e-12 * np.abs(values).max())
 
 
 def test_lowest_mode_is_the_dense_one(problem):
