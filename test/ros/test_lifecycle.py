@@ -25,7 +25,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dlo_planner import (
     CutOut,
     DirectSimulator,
-    InvalidTask,
     InverseSimulator,
     Limits,
     Pose,
@@ -144,12 +143,6 @@ def test_parameters_are_judged_when_it_is_configured(monkeypatch, context, witne
         assert set_section('tube')
         assert change(witness, 'configure') and change(witness, 'activate')
         assert not set_section('oval')  # from now on, at once
-
-
-def test_a_start_with_odd_parameters_fails_with_the_reason(monkeypatch, context):
-    with pytest.raises(InvalidTask, match="rod.section = 'oval'"), \
-            planner_here(monkeypatch, context, rod__section='oval'):
-        pass
 
 
 def test_obstacles_are_heard_in_every_state(monkeypatch, context, witness):
