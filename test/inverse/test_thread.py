@@ -14,7 +14,6 @@ from dlo_planner import (
     CutOut,
     DirectSimulator,
     Infeasible,
-    InvalidTask,
     InverseSimulator,
     Pose,
     Rod,
@@ -186,23 +185,6 @@ def test_one_depth_needs_no_others(name):
                                    atol=1e-8)
         np.testing.assert_allclose(alone.grippers[0].direction, many.grippers[-1].direction,
                                    atol=1e-8)
-
-
-@pytest.mark.parametrize(('options', 'named'), [
-    ({'depths': [-0.1]}, 'depths[0] = -0.1'),
-    ({'depths': [0.1, 1.5]}, 'depths[1] = 1.5'),
-    ({'depths': [0.3, 0.2]}, 'depths[1] = 0.2'),
-    ({'depths': []}, 'depths has shape (0,)'),
-    ({'depths': [np.nan]}, 'depths[0] = nan'),
-    ({'depths': 'all'}, "depths = 'all'"),
-    ({'method': 'guess'}, "method = 'guess'"),
-    ({'start': 3}, 'start = 3'),
-    ({'linear_speed': 0.0}, 'linear_speed = 0.0'),
-])
-def test_bad_arguments_are_named(options, named):
-    with pytest.raises(InvalidTask) as caught:
-        InverseSimulator(simulator('round')).thread(GOAL, **options)
-    assert named in str(caught.value)
 
 
 def test_a_dlo_that_is_set_is_threaded_as_it_is():

@@ -5,7 +5,6 @@
 import threading
 import time
 
-import rclpy
 from planner_process import PATIENCE
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -13,9 +12,7 @@ from rclpy.node import Node
 from dlo_planner.ros.lifecycle import PatientExecutor
 
 
-def test_a_busy_callback_costs_the_executor_nothing(domain):
-    context = rclpy.Context()
-    rclpy.init(context=context)
+def test_a_busy_callback_costs_the_executor_nothing(context):
     node = Node('busy', context=context)
     executor = PatientExecutor(2, context=context)
     rounds = 0
@@ -34,7 +31,6 @@ def test_a_busy_callback_costs_the_executor_nothing(domain):
     seconds = time.monotonic() - begun
     executor.shutdown()
     node.destroy_node()
-    rclpy.try_shutdown(context=context)
     assert done.is_set()
     # waits of 50 ms and a few wake-ups; a busy loop makes hundreds
     assert rounds < 34 + seconds / 0.05

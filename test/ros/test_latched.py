@@ -5,7 +5,6 @@
 import time
 
 import pytest
-import rclpy
 from planner_process import PATIENCE, until
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.event_handler import PublisherEventCallbacks
@@ -28,10 +27,8 @@ class Hearer(Entities, Node):
 
 
 @pytest.fixture
-def pair(domain):
+def pair(context):
     """Yield a node that sends, one that hears, what it heard, and a function that spins."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
     sender, hearer = Node('sender', context=context), Hearer(context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(hearer)
@@ -49,7 +46,6 @@ def pair(domain):
     executor.shutdown()
     sender.destroy_node()
     hearer.destroy_node()
-    rclpy.try_shutdown(context=context)
 
 
 def hear(hearer, heard):

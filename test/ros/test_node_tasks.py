@@ -12,8 +12,8 @@ import yaml
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Goals
 from nav_msgs.srv import GetPlan
-from node_inside import GOAL, HERE, state, until
-from planner_process import PATIENCE, ROOT, drain
+from node_inside import GOAL, HERE, state
+from planner_process import PATIENCE, ROOT, drain, until
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from nav_msgs.msg import Goals
-from node_inside import GOAL, HERE, box, clear, state, until
-from planner_process import PATIENCE, drain
+from node_inside import GOAL, HERE, box, clear, state
+from planner_process import PATIENCE, drain, until
 from visualization_msgs.msg import Marker
 
 from dlo_planner import Pose

@@ -3,7 +3,6 @@
 """Values given at the start: taken with their types, and named where they mean nothing."""
 
 import pytest
-import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -11,14 +10,6 @@ from dlo_planner import InvalidTask
 from dlo_planner.ros.node import declare, take_overrides
 from dlo_planner.settings.build import NEEDED
 from dlo_planner.settings.parameters import PARAMETERS, unknown_parameter
-
-
-@pytest.fixture
-def context(domain):
-    context = rclpy.Context()
-    rclpy.init(context=context)
-    yield context
-    rclpy.try_shutdown(context=context)
 
 
 def node_with(context, **values):

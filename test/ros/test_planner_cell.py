@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from planner_process import ROOM, drain, first, quiet, steps, under_way, until
+from planner_process import drain, first, quiet, steps, under_way, until
 from scipy.interpolate import CubicSpline
 from streams import largest
 from visualization_msgs.msg import Marker
@@ -216,21 +216,6 @@ def test_what_streams_is_what_was_proved_until_it_is_canceled_and_decelerates(cl
     assert np.ptp(late) < 0.05 + waited
     answer = client.trigger('execute')  # what was not finished has to be planned again
     assert not answer.success and 'canceled' in answer.message
-
-
-def test_a_robot_whose_poses_vanish_is_not_moved_on(client, robot, begun):
-    assert client.proof(begun)['report'] == 'held'
-    drain(client.executions)
-    client.set_parameters(constraints__path__position=0.0, constraints__path__angle=0.0)
-    assert client.trigger('execute').success
-    time.sleep(1.0)
-    robot.close()  # the command goes on without it: its distance is not what is looked at here
-    code, reason, _ = client.execution_in('stopped')
-    client.set_parameters(constraints__path__position=ROOM['constraints.path.position'],
-                          constraints__path__angle=ROOM['constraints.path.angle'])
-    assert code == 409 and 'incoming_command_timeout = 2 s' in reason
-    answer = client.trigger('execute')
-    assert not answer.success and 'incoming_command_timeout' in answer.message
 
 
 def test_obstacles_that_change_void_the_plan_and_end_its_execution(client, begun):

@@ -85,7 +85,7 @@ def differences(way, times, step):
 @pytest.mark.every(2)
 @pytest.mark.parametrize('turn', [0.3, 2.9])
 def test_velocities_and_accelerations_are_those_of_the_poses_in_world_axes(rng, turn):
-    for _ in range(8):
+    for _ in range(4):
         way = fastest(random_plan(rng, turn))
         step = 1e-4 * way.duration
         times = rng.uniform(2 * step, way.duration - 2 * step, 100)
@@ -118,7 +118,7 @@ def test_limits_are_never_exceeded(rng, jerks):
 
 
 def test_it_is_at_rest_at_both_ends_and_beyond(rng):
-    for _ in range(10):
+    for _ in range(3):
         made = random_plan(rng, 2.0)
         way = fastest(made)
         times = np.array([-1.0, 0.0, way.duration, way.duration + 1])
@@ -195,20 +195,14 @@ def test_without_limits_it_is_as_good_as_at_once():
     assert fastest(made, Limits(*[np.inf] * 4)).duration > 1.0  # jerks alone limit it too
 
 
-def test_nonsense_is_named(plan):
+def test_nonsense_is_named():
     one, other = Pose.identity(), Pose((0.1, 0, 0), (0, 0, 0, 1))
     for made, named in ((through([one]), 'plan has 1'), (through([one, one]), 'plan.times'),
                         (through([one, other, one], [0, 0, 1]), r'plan.times\[1\]'),
                         (through([one, other, other], [0, 2, 1]), r'plan.times\[2\]'),
-                        (through([one, other], [0, np.nan]), 'plan.times'),
-                        ('plan', "plan = 'plan'")):
+                        (through([one, other], [0, np.nan]), 'plan.times')):
         with pytest.raises(InvalidTask, match=named):
             Trajectory(made)
-    with pytest.raises(InvalidTask, match='limits'):
-        Trajectory(plan, 3)
-    for times in ([np.nan], 'now', None):
-        with pytest.raises(InvalidTask, match='times'):
-            fastest(plan).at(times)
 
 
 def test_bounds_hold_everywhere(rng):
