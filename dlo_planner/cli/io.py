@@ -87,7 +87,7 @@ def described(command: Callable[..., Any]) -> Callable[..., Any]:
 
     for decorator in (
             click.option('--obstacles', type=READ, metavar='FILE',
-                         help='YAML list of obstacles around the DLO: box, sphere, plane, sheet...'),
+                         help='YAML list of obstacles around the DLO: box, sphere, sheet, ...'),
             click.option('-p', '--parameter', 'changes', multiple=True, metavar='NAME=VALUE',
                          help='A parameter that counts more than the file, as rod.length=0.8.'),
             click.argument('config')):
