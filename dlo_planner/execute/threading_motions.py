@@ -25,7 +25,8 @@ from dlo_planner.identify.observing import Swing
 from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered, step_response
 from dlo_planner.identify.vibration import FreeVibration
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.tasks import Approach, Thread
+from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose

@@ -29,7 +29,7 @@ from dlo_planner.execute.threading_loop import ThreadingLoop
 from dlo_planner.execute.threading_motions import Threading
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing
-from dlo_planner.inverse.tasks import Thread
+from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.ros.plan import (
