@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -133,32 +133,25 @@ class Judge:
         return violated(self.margins(waypoint, commanded))
 
 
-class MotionFigures(Protocol):
-    """Figures of a motion in time, as `InMotion` has them; nan: not looked at."""
+def motion_margins(figures: Mapping[str, float], most: float, touches: bool) -> Iterator[Margin]:
+    """Yield how much of each demand a motion leaves, by its figures as `InMotion` names them.
 
-    clearance: float
-    contact_force: float
-    contact_lost: float
-    bend_margin: float
-    position_error: float
-
-
-def motion_margins(motion: MotionFigures, most: float, touches: bool) -> Iterator[Margin]:
-    """Yield how much of each demand a motion leaves, of what was looked at.
-
-    most: largest position error, m; touches: whether the DLO means to touch something.
+    Those that are nan were not looked at. most: largest position error, m; touches: whether the
+    DLO means to touch something.
     """
+    error = figures['position_error']
     margins = (
-        Margin('clearance', motion.clearance, 'in motion the DLO is {over:.3g} m in the sheet or '
-               'an obstacle'),
-        Margin('contact', 0.0 if touches else -motion.contact_force, 'in motion the DLO touches '
-               'something, with {over:.3g} N'),
-        Margin('contact_lost', -motion.contact_lost, 'the DLO loses a contact that the plan keeps, '
-               '{over:.2%} of the time'),
-        Margin('max_bend_curvature', motion.bend_margin, 'in motion the DLO is bent by {over:.3g} '
-               '1/m more than max_bend_curvature'),
-        Margin('tolerance', most - motion.position_error, 'in motion the DLO misses by {found:.3g} '
-               'm: expected at most {limit:.3g} m', motion.position_error, most))
+        Margin('clearance', figures['clearance'],
+               'in motion the DLO is {over:.3g} m in the sheet or an obstacle'),
+        Margin('contact', 0.0 if touches else -figures['contact_force'],
+               'in motion the DLO touches something, with {over:.3g} N'),
+        Margin('contact_lost', -figures['contact_lost'],
+               'the DLO loses a contact that the plan keeps, {over:.2%} of the time'),
+        Margin('max_bend_curvature', figures['bend_margin'],
+               'in motion the DLO is bent by {over:.3g} 1/m more than max_bend_curvature'),
+        Margin('tolerance', most - error,
+               'in motion the DLO misses by {found:.3g} m: expected at most {limit:.3g} m',
+               error, most))
     return (one for one in margins if not np.isnan(one.room))
 
 

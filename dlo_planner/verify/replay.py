@@ -251,11 +251,11 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
         return 'the motion could not be simulated to its end'
     if 'reason' in figures:
         return str(figures['reason'])
-    lost = replace(motion, contact_lost=figures['contact_lost'])  # at rest, too
+    moved = {**vars(motion), 'contact_lost': figures['contact_lost']}  # at rest, too
     broken = violated((
         Margin('workspace', figures.get('workspace_margin', np.inf), 'the gripper is {over:.3g} m '
                'beyond its workspace'),
-        *motion_margins(lost, missed + figures['tolerance'], means_to_touch(plan))))
+        *motion_margins(moved, missed + figures['tolerance'], means_to_touch(plan))))
     if broken is not None:
         return broken[2]
     if not np.isfinite(figures['tolerance']):
