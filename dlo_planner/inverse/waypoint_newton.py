@@ -25,10 +25,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.sensitivity import gripper_answers, node_twists, twists_inside
+from dlo_planner.direct.search import MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import FREELY, MAX_ITERATIONS, TOLERANCE, hanging_shape
+from dlo_planner.direct.statics import FREELY, hanging_shape
 from dlo_planner.energy.potential import evaluate, project, unknowns_of
 from dlo_planner.energy.problem import (
     Configuration,
@@ -73,6 +73,7 @@ from dlo_planner.minimize.newton import (
     new_workspace,
     thorough,
 )
+from dlo_planner.minimize.response import gripper_answers, node_twists, twists_inside
 from dlo_planner.minimize.riccati import answer_to_turn
 from dlo_planner.minimize.solve import outputs
 from dlo_planner.model.arrays import Floats, Ints
