@@ -24,7 +24,7 @@ from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.equilibria import hanging_shapes
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.tasks import Thread
+from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
 from dlo_planner.model.pose import Pose

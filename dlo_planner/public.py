@@ -21,15 +21,13 @@ from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.tasks import (
-    HoldContact,
-    Insert,
-    Minimize,
-    SlideContact,
-    Thread,
-    ThreadSequence,
-    ThreadTwo,
-)
+from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
+from dlo_planner.inverse.tasks.insert import Insert
+from dlo_planner.inverse.tasks.lay_on_line import LayOnLine
+from dlo_planner.inverse.tasks.minimize import Minimize
+from dlo_planner.inverse.tasks.thread import Thread
+from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence
+from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Box, Capsule, Cylinder, Ellipsoid, Plane, Sheet, Sphere
 from dlo_planner.model.pose import Pose
@@ -45,7 +43,8 @@ from dlo_planner.verify.robustness import robustness
 
 __all__ = ['Box', 'Capsule', 'ClosedLoop', 'CutOut', 'Cylinder', 'DeadlineExceeded',
            'DirectSimulator', 'DloPlannerError', 'Ellipsoid', 'FarEnd', 'HoldContact', 'Infeasible',
-           'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator', 'Limits', 'Minimize',
-           'NotConverged', 'Observer', 'Plan', 'Plane', 'PointLoad', 'Pose', 'Rod', 'Shape',
-           'Sheet', 'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo', 'Trajectory',
-           'Uncertainty', 'Workspace', 'fit_rod', 'replay', 'robustness', 'solve_many']
+           'Insert', 'InvalidRod', 'InvalidTask', 'InverseSimulator', 'LayOnLine', 'Limits',
+           'Minimize', 'NotConverged', 'Observer', 'Plan', 'Plane', 'PointLoad', 'Pose', 'Rod',
+           'Shape', 'Sheet', 'SlideContact', 'Sphere', 'Thread', 'ThreadSequence', 'ThreadTwo',
+           'Trajectory', 'Uncertainty', 'Workspace', 'fit_rod', 'replay', 'robustness',
+           'solve_many']

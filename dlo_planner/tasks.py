@@ -3,7 +3,9 @@
 """Tasks beyond those of the package itself: what plans keep, tasks of one's own, tasks as files."""
 
 from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.inverse.tasks import Approach, MoveTo, threading_of
+from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.inverse.tasks.move_to import MoveTo
+from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.plan import PlanStatus, concatenate

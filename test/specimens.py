@@ -22,6 +22,7 @@ from dlo_planner import (
     HoldContact,
     Insert,
     InverseSimulator,
+    LayOnLine,
     Limits,
     Minimize,
     Observer,
@@ -46,7 +47,7 @@ from dlo_planner import (
 from dlo_planner.arm.joint_trajectory import JointTrajectory
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.identify import Observation, ObservedMotion, Steered, correct
-from dlo_planner.inverse.task import PlanContext
+from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.parallel import CellGrid, capability_map
 from dlo_planner.penalties import (
     AwayFrom,
@@ -114,7 +115,8 @@ def values():
     examples += [Thread(hole, DEPTHS), ThreadTwo(hole, FAR, DEPTHS), Insert(hole, DEPTHS),
                  ThreadSequence((hole, FAR), depths=DEPTHS), Approach(hole, plan.shapes[0], 0.05),
                  HoldContact(contact, 0.5), SlideContact(contact, [0.5]), Requirements(),
-                 Minimize(PositionAt(1.0, (0.9, 0, 0.9))), MoveTo([LEVEL])]
+                 Minimize(PositionAt(1.0, (0.9, 0, 0.9))), MoveTo([LEVEL]),
+                 LayOnLine(LEVEL)]
     examples += [observer, estimate, estimate.miss(plan), correct(estimate, plan), ClosedLoop(0.01),
                  Steered(Trajectory(plan, tolerance=np.inf), [1.0, 0.5, 0.1])]
     return {type(one).__name__: one for one in examples} | {
@@ -268,12 +270,12 @@ def _of_tasks(known):
     over_bar = known['InverseSimulator.hold_contact'].simulator
     free, touching = (PlanContext(one, one, start, touching=start is LEVEL)
                       for one, start in ((known['DirectSimulator'], back), (over_bar, LEVEL)))
-    names = ('Thread', 'ThreadTwo', 'ThreadSequence', 'Insert', 'Approach', 'Minimize',
-             'HoldContact', 'SlideContact', 'MoveTo')
+    names = [name for name in PUBLIC if isinstance(known.get(name), Task)]
     return {
         'KeepTangent.begin': 0.0, 'KeepTangent.end': 0.5, 'ThreadTwo.first': known['CutOut'],
         'Approach.first': known['Shape'], 'context': free,
-        'MoveTo.poses': [LEVEL], 'HoldContact.solve.context': touching,
+        'MoveTo.poses': [LEVEL], 'LayOnLine.line': LEVEL, 'LayOnLine.positions': [0.0],
+        'HoldContact.solve.context': touching,
         'SlideContact.solve.context': touching,
         'task': known['Thread'], 'requirements': None, 'allow_plastic': True,
         'Requirements.limits': Limits(), 'workspace': None,

@@ -38,7 +38,8 @@ from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.tasks import Approach, Thread
+from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, concatenate

@@ -21,7 +21,7 @@ from dlo_planner import (
 )
 from dlo_planner import tasks as inverse
 from dlo_planner.cell.tasks import RODS, Task, draw_task, even_radius
-from dlo_planner.inverse.tasks import cutouts_of
+from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance
 from dlo_planner.model.obstacles import Obstacle

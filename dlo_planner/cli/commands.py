@@ -37,7 +37,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.fit import fit_rod
 from dlo_planner.inverse.task import Task
-from dlo_planner.inverse.tasks import threading_of
+from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose

@@ -26,14 +26,11 @@ from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered, st
 from dlo_planner.identify.vibration import FreeVibration
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import Task
-from dlo_planner.inverse.tasks import (
-    Approach,
-    HoldContact,
-    Insert,
-    MoveTo,
-    SlideContact,
-    cutouts_of,
-)
+from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
+from dlo_planner.inverse.tasks.insert import Insert
+from dlo_planner.inverse.tasks.move_to import MoveTo
+from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose

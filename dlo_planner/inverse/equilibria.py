@@ -45,7 +45,6 @@ from dlo_planner.minimize.convergence import Minimum
 from dlo_planner.minimize.hessian import assemble, factorize, new_hessian
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.model.arrays import Bools, Floats, Ints
-from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between, turned_by
 from dlo_planner.model.rod import Rod
 
@@ -310,32 +309,32 @@ _OPPOSITE = 1e-9  # 1 + cosine of two unit vectors
 
 
 class Candidate(NamedTuple):
-    """A shape with which a threading can begin."""
+    """A shape with which a plan can begin."""
 
     shape: Shape  # near the first one
     reference: Floats  # (3, 3) rotation of the gripper since which it must not roll
     depth: float  # depth of the shape, m
 
 
-def start_candidates(simulator: DirectSimulator, cutout: CutOut,
+def start_candidates(simulator: DirectSimulator, direction: Floats,
                      start: Pose | None) -> Iterator[Candidate]:
-    """Yield the Candidates for a threading: their free ends point along the normal, at depth 0.
+    """Yield the Candidates whose free ends point along a unit vector (3,), at depth 0.
 
-    The free end's roll about the normal is a choice. With the first candidate the gripper is not
+    The free end's roll about it is a choice. With the first candidate the gripper is not
     rolled: seen along its own axis it stands as `start` does (or upright, without one). A curved
     DLO may have several such rolls; the one that turns the gripper least comes first. The others
     follow in steps, unless the DLO is round and straight, so that all rolls are alike.
     """
-    upright = Pose.looking_along((0.0, 0.0, 0.0), cutout.normal).rotation
+    upright = Pose.looking_along((0.0, 0.0, 0.0), direction).rotation
     preferred = upright
     if start is not None:
-        preferred = least_turn(start.direction, cutout.normal) @ start.rotation
+        preferred = least_turn(start.direction, direction) @ start.rotation
     discretization = simulator.discretization(Pose.from_rotation((0, 0, 0), upright), None)
     system = discretization.system(upright)
 
     def end_rolled(angle: float) -> tuple[Floats, Floats, Floats]:
         """Return strains, gripper rotation, and the reference of its roll."""
-        strains, base = integrate_from_tip(system, turned_by(angle * cutout.normal) @ preferred)
+        strains, base = integrate_from_tip(system, turned_by(angle * direction) @ preferred)
         return strains, base, least_turn(preferred[:, 0], base[:, 0]) @ preferred
 
     def roll(angle: float) -> float:

@@ -12,17 +12,13 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.task import PlanContext, Task, checked_speed
-from dlo_planner.inverse.tasks import (
-    Approach,
-    HoldContact,
-    Insert,
-    Minimize,
-    SlideContact,
-    Thread,
-    ThreadSequence,
-    ThreadTwo,
-)
-from dlo_planner.inverse.tasks.minimize import Penalty, PenaltyResult
+from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
+from dlo_planner.inverse.tasks.insert import Insert
+from dlo_planner.inverse.tasks.minimize import Minimize, Penalty, PenaltyResult
+from dlo_planner.inverse.tasks.thread import Thread
+from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence
+from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.checks import flag, instance, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
@@ -39,8 +35,8 @@ from dlo_planner.progress import OnProgress, Progress
 class InverseSimulator(Value):
     """Finds the gripper poses that make the DLO's shape do a task.
 
-    `plan` takes any task; there is a method for each one of this package, which says what its
-    arguments mean. These all of them have:
+    `plan` takes any task; the methods are shorthands for most tasks of this package, which say what
+    their arguments mean. These all of them have:
 
         start           Pose of the gripper before
         linear_speed    m/s, and angular_speed, rad/s: limits for the plan's times
@@ -104,8 +100,7 @@ class InverseSimulator(Value):
         Parameters
         ----------
         task : Task
-            `Thread`, `ThreadTwo`, `ThreadSequence`, `Insert`, `Approach`, `HoldContact`,
-            `SlideContact`, `Minimize`, or one of your own.
+            Any of the package, as `Thread` or `LayOnLine`, or one of your own.
         start : Pose, optional
             Pose of the gripper now. If None, the plan begins at the best pose.
         initial : Shape, optional

@@ -84,9 +84,9 @@ class PlanContext:
         touched = self.touching
         return Judge(
             speeds, self.progress, required.workspace, () if touched else self.simulator.obstacles,
-            Surface.of(rod), None if required.allow_plastic else _yield_limits(self.given.rod),
-            None if touched else self.simulator.without_obstacles(), required.tolerance,
-            required.stability)
+            Surface.of(rod), tolerance=required.tolerance, stability=required.stability,
+            yield_limits=None if required.allow_plastic else _yield_limits(self.given.rod),
+            simulator=None if touched else self.simulator.without_obstacles())
 
     def builder(self, depths: ArrayLike) -> PlanBuilder:
         """Return a PlanBuilder: it takes one Waypoint per depth, in order, and judges each.

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The demands on a plan, and what breaks them at a waypoint."""
+"""The demands on a plan as named margins, at a waypoint and of a motion, and which is broken."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -59,6 +59,8 @@ class Judge:
     pressed: int | None = None
     # largest force (N) and moment (N m) of the gripper and of what holds the far end; None: any
     wrench_limits: tuple[float | None, float | None] = (None, None)
+    # largest angle of the DLO against its direction at a waypoint, rad. If None, any
+    angle_tolerance: float | None = None
 
     def silent(self, simulator: DirectSimulator | None = None) -> Judge:
         """Return the same demands for a search, whose steps are not reported."""
@@ -88,6 +90,10 @@ class Judge:
             yield Margin('tolerance', self.tolerance - waypoint.position_error, 'the DLO is '
                          '{found:.3g} m off, tolerance = {limit:g} m', waypoint.position_error,
                          self.tolerance)
+        if self.angle_tolerance is not None:
+            yield Margin('angle_tolerance', self.angle_tolerance - waypoint.misalignment, 'the DLO '
+                         'is {found:.3g} rad off its direction, angle_tolerance = {limit:g} rad',
+                         waypoint.misalignment, self.angle_tolerance)
         yield Margin('clearance', waypoint.clearance, 'the DLO is {over:.3g} m in the sheet around '
                      'a cut-out (infinite, if no Sheet among the obstacles has this hole): it '
                      'would need as much more room')
@@ -125,6 +131,28 @@ class Judge:
                   commanded: Pose | None = None) -> tuple[str, float, str] | None:
         """Return constraint, amount and words of the demand that a Waypoint breaks, or None."""
         return violated(self.margins(waypoint, commanded))
+
+
+def motion_margins(figures: Mapping[str, float], most: float, touches: bool) -> Iterator[Margin]:
+    """Yield how much of each demand a motion leaves, by its figures as `InMotion` names them.
+
+    Those that are nan were not looked at. most: largest position error, m; touches: whether the
+    DLO means to touch something.
+    """
+    error = figures['position_error']
+    margins = (
+        Margin('clearance', figures['clearance'],
+               'in motion the DLO is {over:.3g} m in the sheet or an obstacle'),
+        Margin('contact', 0.0 if touches else -figures['contact_force'],
+               'in motion the DLO touches something, with {over:.3g} N'),
+        Margin('contact_lost', -figures['contact_lost'],
+               'the DLO loses a contact that the plan keeps, {over:.2%} of the time'),
+        Margin('max_bend_curvature', figures['bend_margin'],
+               'in motion the DLO is bent by {over:.3g} 1/m more than max_bend_curvature'),
+        Margin('tolerance', most - error,
+               'in motion the DLO misses by {found:.3g} m: expected at most {limit:.3g} m',
+               error, most))
+    return (one for one in margins if not np.isnan(one.room))
 
 
 def violated(margins: Iterable[Margin]) -> tuple[str, float, str] | None:

@@ -36,11 +36,12 @@ class Waypoint(NamedTuple):
         """Smallest of the clearances, m."""
         return min((float(min(rooms)) for rooms in self.clearances), default=np.inf)
 
-    def with_via_point(self, center: Floats, s: float) -> Waypoint:
-        """Return the same waypoint, its error that of the worse of this and another center."""
-        other = float(np.linalg.norm(self.shape.frame_at(s)[1] - center))
-        return self._replace(position_error=max(self.position_error, other),
-                             via_points=(*self.via_points, (center, s, None)))
+    def with_via_point(self, center: Floats, s: float, normal: Floats | None = None) -> Waypoint:
+        """Return the same waypoint, its errors those of the worse of this and another center."""
+        other = waypoint_at(self.shape, center, s, normal)
+        return self._replace(misalignment=max(self.misalignment, other.misalignment),
+                             position_error=max(self.position_error, other.position_error),
+                             via_points=(*self.via_points, *other.via_points))
 
 
 class Holes:

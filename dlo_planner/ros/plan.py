@@ -23,7 +23,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.inverse.task import Task
-from dlo_planner.inverse.tasks import cutouts_of, threading_of
+from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan

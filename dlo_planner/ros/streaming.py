@@ -29,7 +29,10 @@ from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing
-from dlo_planner.inverse.tasks import Insert, Thread, ThreadSequence, ThreadTwo, cutouts_of
+from dlo_planner.inverse.tasks.insert import Insert
+from dlo_planner.inverse.tasks.thread import Thread
+from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
+from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.ros.plan import PlanningServer, refuse_tolerance

@@ -5,7 +5,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -15,16 +15,13 @@ from dlo_planner.files import text_of, writable
 from dlo_planner.inverse.plain_tasks import classes_below, from_plain
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.inverse.tasks import (
-    Approach,
-    Insert,
-    Thread,
-    ThreadSequence,
-    ThreadTwo,
-    cutouts_of,
-)
-from dlo_planner.inverse.tasks.thread import trim_to_clearance
+from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.inverse.tasks.insert import Insert
+from dlo_planner.inverse.tasks.thread import Thread, trim_to_clearance
+from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
+from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.checks import instance, shown
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, concatenate
 from dlo_planner.plan.requirements import Limits
@@ -34,12 +31,6 @@ from dlo_planner.settings.build import limits_of, tolerance_of
 from dlo_planner.settings.yaml_files import load_yaml, yaml_of
 
 _LONGEST = 100_000  # characters of a text: read within a second
-# type -> field that says where -> whether it lists several
-_PLACES = {'Thread': {'cutout': False}, 'Approach': {'cutout': False}, 'Insert': {'bore': False},
-           'HoldContact': {'contact': False}, 'SlideContact': {'contact': False},
-           'ThreadTwo': {'first': False, 'second': False}, 'ThreadSequence': {'cutouts': True},
-           'MoveTo': {'poses': True}}
-_POSES = 'contact', 'poses'  # which of them are poses, no cut-outs
 
 
 def task_to_yaml(task: Task) -> str:
@@ -87,10 +78,25 @@ def open_task(text: str, name: str = 'task') -> dict[str, Any]:
     return dict(content)
 
 
+def _places(kind: object) -> list[tuple[str, bool, bool]]:
+    """Return the fields of a class of tasks that say where, by their types.
+
+    And of each whether it lists several, and whether those are poses, no cut-outs.
+    """
+    found = []
+    for task in (one for one in classes_below(Task) if one.__name__ == kind):
+        for name, hint in get_type_hints(task).items():
+            several = get_origin(hint) is tuple
+            place = get_args(hint)[0] if several else hint
+            if place in (Pose, CutOut):
+                found.append((name, several, place is Pose))
+    return found
+
+
 def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: float | None = None,
                name: str = 'task') -> Task:
     """Return the task of an open one."""
-    if pose is not None and content.get('type') not in _PLACES:
+    if pose is not None and not _places(content.get('type')):
         raise InvalidTask(f'{name}: a pose has no meaning for a {content.get("type")}: expected '
                           'none')
     moved, own = dict(content), _poses_in(content, name)
@@ -111,8 +117,8 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
             cutout['radius'] = radius
         return cutout
 
-    for field, several in _PLACES.get(str(content.get('type')), {}).items():
-        given, bare = content.get(field), field in _POSES
+    for field, several, bare in _places(content.get('type')):
+        given = content.get(field)
         moved[field] = [placed(one, bare) for one in given or ()] if several else placed(
             given, bare)
     task = from_plain(name, moved)
@@ -123,14 +129,14 @@ def close_task(content: Mapping[str, Any], pose: Pose | None = None, radius: flo
 def _poses_in(content: Mapping[str, Any], name: str) -> list[Pose | None]:
     """Return the poses of an open task's places, None for one that is left out."""
     found: list[Pose | None] = []
-    for field, several in _PLACES.get(str(content.get('type')), {}).items():
+    for field, several, bare in _places(content.get('type')):
         given = content.get(field)
         if several and not (isinstance(given, list) and given):
             raise InvalidTask(f'{name}.{field} = {shown(given)}: expected a list of them')
         for place in given or () if several else [given]:
             if not isinstance(place, dict | None):
                 raise InvalidTask(f'{name}.{field} = {shown(place)}: expected names and values')
-            pose = place if field in _POSES else (place or {}).get('pose')
+            pose = place if bare else (place or {}).get('pose')
             if pose is not None and not isinstance(pose := from_plain(f'{name}.{field}', pose),
                                                    Pose):
                 raise InvalidTask(f'{name}.{field}: expected a pose, {{position, quaternion}}')
@@ -141,7 +147,7 @@ def _poses_in(content: Mapping[str, Any], name: str) -> list[Pose | None]:
 def poses_of(task: Task) -> tuple[Pose, ...]:
     """Return the poses of a task's cut-outs, bore or contact, or its own; none for other tasks."""
     found: list[Pose] = []
-    for field, several in _PLACES.get(type(task).__name__, {}).items():
+    for field, several, _ in _places(type(task).__name__):
         places = getattr(task, field)
         found += [one if isinstance(one, Pose) else one.pose
                   for one in (places if several else [places])]

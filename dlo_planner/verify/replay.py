@@ -16,7 +16,7 @@ from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.model.checks import instance, items, number, shown
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.rod import Surface, before
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import Judge, Margin, motion_margins, violated
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.continuity import apart
 from dlo_planner.plan.goals import DirectionAt, PositionAt
@@ -251,21 +251,13 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
         return 'the motion could not be simulated to its end'
     if 'reason' in figures:
         return str(figures['reason'])
-    if figures.get('workspace_margin', 0.0) < 0:
-        return f'the gripper is {-figures["workspace_margin"]:.3g} m beyond its workspace'
-    if motion.clearance < 0:
-        return f'in motion the DLO is {-motion.clearance:.3g} m in the sheet or an obstacle'
-    if motion.contact_force > 0 and not means_to_touch(plan):
-        return f'in motion the DLO touches something, with {motion.contact_force:.3g} N'
-    if figures['contact_lost'] > 0:
-        return (f'the DLO loses a contact that the plan keeps, {figures["contact_lost"]:.2%} of '
-                'the time')
-    if motion.bend_margin < 0:
-        return (f'in motion the DLO is bent by {-motion.bend_margin:.3g} 1/m more than '
-                'max_bend_curvature')
-    if motion.position_error > missed + figures['tolerance']:
-        return (f'in motion the DLO misses by {motion.position_error:.3g} m: expected at most '
-                f'{missed + figures["tolerance"]:.3g} m')
+    moved = {**vars(motion), 'contact_lost': figures['contact_lost']}  # at rest, too
+    broken = violated((
+        Margin('workspace', figures.get('workspace_margin', np.inf), 'the gripper is {over:.3g} m '
+               'beyond its workspace'),
+        *motion_margins(moved, missed + figures['tolerance'], means_to_touch(plan))))
+    if broken is not None:
+        return broken[2]
     if not np.isfinite(figures['tolerance']):
         return 'its trajectory has no tolerance, nothing was made calm'
     return ''

@@ -19,7 +19,7 @@ from dlo_planner import (
     Rod,
     Trajectory,
 )
-from dlo_planner.inverse.tasks import Approach
+from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.tasks import concatenate
 from dlo_planner.trajectory.calm_search import CalmSearch
 from dlo_planner.trajectory.dynamic_check import InMotion

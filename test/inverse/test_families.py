@@ -27,7 +27,7 @@ def followed(**options):
     """Return the condition and the first Passing."""
     simulator = DirectSimulator(ROD, **{'n_elements': 40, 'basis': 'local'} | options)
     aligned = Aligned(simulator, CUTOUT.normal)
-    guess, reference, depth = next(start_candidates(simulator, CUTOUT, None))
+    guess, reference, depth = next(start_candidates(simulator, CUTOUT.normal, None))
     return aligned, aligned.from_guess(guess, depth, reference)
 
 
@@ -117,7 +117,7 @@ def test_with_an_accuracy_they_end_where_another_mesh_is_needed(accuracy):
     heavy = Rod(0.8, 0.5, (0.2, 0.5), 0.3, natural_curvature=(0.3, 0.2), natural_twist=0.4)
     simulator = DirectSimulator(heavy, accuracy=accuracy)  # None: its own
     aligned, depths = Aligned(simulator, CUTOUT.normal), np.linspace(0.01, 0.6, 30)
-    guess, reference, depth = next(start_candidates(simulator, CUTOUT, None))
+    guess, reference, depth = next(start_candidates(simulator, CUTOUT.normal, None))
     first = aligned.from_guess(guess, depth, reference)
     many, few = aligned.onward(first, depths), one_by_one(aligned, first, depths)
     mesh = first.shape.state.mesh

@@ -35,7 +35,7 @@ from dlo_planner import (
 from dlo_planner.direct.storage import NOT_FINITE
 from dlo_planner.inverse.plain_tasks import from_plain, to_plain
 from dlo_planner.inverse.task import PlanContext, Task
-from dlo_planner.inverse.tasks import threading_of
+from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.model.value import put
 from dlo_planner.penalties import DirectionAt, PositionAt
 from dlo_planner.plan.waypoint import Waypoint

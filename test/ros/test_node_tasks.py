@@ -29,6 +29,7 @@ from dlo_planner import (
     HoldContact,
     Insert,
     InverseSimulator,
+    LayOnLine,
     Minimize,
     PointLoad,
     Pose,
@@ -70,7 +71,8 @@ TASKS = {
     Approach: approach, HoldContact: lambda: HoldContact(ON_BAR, 0.5),
     SlideContact: lambda: SlideContact(ON_BAR, np.linspace(0.45, 0.55, 4)),
     Minimize: lambda: Minimize(PositionAt(1.0, (0.8, 0.0, 0.8))),
-    MoveTo: lambda: MoveTo([Pose(HERE.position + np.array([0.0, 0.0, 0.15]), HERE.quaternion)])}
+    MoveTo: lambda: MoveTo([Pose(HERE.position + np.array([0.0, 0.0, 0.15]), HERE.quaternion)]),
+    LayOnLine: lambda: LayOnLine(Pose.looking_along((0.8, 0.0, 0.9), (1.0, 0.2, 0.0)))}
 
 
 @pytest.fixture

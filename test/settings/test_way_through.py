@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod, Sphere
-from dlo_planner.inverse.tasks import threading_of
+from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace

@@ -1,15 +1,9 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The inverse tasks: one frozen value for each."""
+"""The inverse tasks: a file here is one or two of them, and known to files that name a task."""
 
-from dlo_planner.inverse.tasks.approach import Approach
-from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
-from dlo_planner.inverse.tasks.insert import Insert
-from dlo_planner.inverse.tasks.minimize import Minimize
-from dlo_planner.inverse.tasks.move_to import MoveTo
-from dlo_planner.inverse.tasks.thread import Thread
-from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of, threading_of
-from dlo_planner.inverse.tasks.thread_two import ThreadTwo
+from importlib import import_module
+from pkgutil import iter_modules
 
-__all__ = ['Approach', 'HoldContact', 'Insert', 'Minimize', 'MoveTo', 'SlideContact',
-           'Thread', 'ThreadSequence', 'ThreadTwo', 'cutouts_of', 'threading_of']
+for _file in iter_modules(__path__):
+    import_module(f'{__name__}.{_file.name}')

@@ -208,7 +208,7 @@ def insert(simulator: DirectSimulator, bore: CutOut, depths: Floats, start: Pose
         shape = passing.shape
         return holes.passed(waypoint_at(shape, bore.center, shape.s[-1], bore.normal))
 
-    for begin, *_ in start_candidates(simulator, bore, start):
+    for begin, *_ in start_candidates(simulator, bore.normal, start):
         demands.progress.check()
         family = Insertion(simulator, bore, begin.frames[-1], depths)
         builder = PlanBuilder(family.depths, demands)

@@ -156,8 +156,8 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
 
 def first_choice(simulator: DirectSimulator, task: Threading) -> Plan:
     """Return the Plan of a Threading that begins with its first Candidate, without a route."""
-    return thread_from(simulator, task, next(start_candidates(simulator, task.cutouts[0],
-                                                              task.start)))
+    return thread_from(simulator, task, next(start_candidates(
+        simulator, task.cutouts[0].normal, task.start)))
 
 
 def thread(simulator: DirectSimulator, task: Threading) -> Plan:
@@ -172,7 +172,7 @@ def thread(simulator: DirectSimulator, task: Threading) -> Plan:
     quick = quick_simulator(simulator)
     own = quick is simulator
     trial = task if own else replace(task, demands=task.demands.silent(quick), method='coupled')
-    candidates = start_candidates(quick, task.cutouts[0], task.start)
+    candidates = start_candidates(quick, task.cutouts[0].normal, task.start)
     first: tuple[Candidate, Rolls | None] = next(candidates), None
 
     def planned(task: Threading, way: tuple[Candidate, Rolls | None]) -> Plan:
