@@ -157,8 +157,10 @@ def add_far_grip(spec: mujoco.MjSpec, chain: Chain, grip: str) -> None:
     spec.worldbody.add_body(name='far grip', mocap=True).add_site(name='grip')
     spec.body(f'piece {len(chain.masses) - 1}').add_site(name='end', pos=(0.5 * chain.cell, 0, 0))
     kind = mujoco.mjtEq.mjEQ_WELD if grip == 'clamped' else mujoco.mjtEq.mjEQ_CONNECT
-    spec.add_equality(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1='end', name2='grip',
-                      active=False, data=[0.0] * 10 + [chain.length])
+    held = spec.add_equality(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1='end',
+                             name2='grip', active=False)
+    if grip == 'clamped':
+        held.data[10] = chain.length  # a rad counts as so many m
 
 
 def set_springs(model: mujoco.MjModel, chain: Chain) -> Floats:

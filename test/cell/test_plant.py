@@ -339,13 +339,18 @@ def test_what_makes_no_sense_is_refused(make, named):
 def test_a_held_far_end_stays_where_it_is_held(grip):
     rod, far = Rod(1.0, 0.05, 0.1, 0.08, radius=2e-3), FarEnd(Pose.looking_along(
         (0.75, 0.1, 0.95), (1.0, 0.2, 0.3)), grip)
-    plant, direct, s = Plant(rod, at(), cells=40, far_end=far), DirectSimulator(rod), np.linspace(
-        0, 1, 21)
+    coarse, plant = (Plant(rod, at(), cells=cells, far_end=far) for cells in (20, 40))
+    direct, s = DirectSimulator(rod), np.linspace(0, 1, 21)
+
+    def off(one, shape):
+        return np.linalg.norm(one.points(s) - shape.positions_at(s), axis=1).max()
+
     moved = Pose.looking_along((0.03, 0.05, 1.04), (1.0, 0.1, -0.2))
     shape = None
     for k in range(2):
         shape = direct.solve(moved if k else at(), shape, far_end=far)
-        assert np.linalg.norm(plant.points(s) - shape.positions_at(s), axis=1).max() < 2e-3
+        assert off(plant, shape) < 6e-3  # it hardly stands: stability 0.12, 0.06
+        assert k or off(plant, shape) < 0.4 * off(coarse, shape)
         assert np.linalg.norm(plant.tip.position - far.pose.position) < 1e-4
         if grip == 'clamped':
             assert plant.tip.direction @ far.pose.direction > 1 - 1e-5
