@@ -287,18 +287,16 @@ class ParameterizedMesh:
         mesh = self.at(x)
 
         def solved(gripper: Pose, initial: Shape | None, _far_end: FarEnd | None = None,
-                   _most: int | None = None) -> tuple[Shape, Any]:
+                   _most: float = np.inf) -> Shape:
             strains = mesh.natural if initial is None else initial.element_strains
             if initial is not None and len(strains) != mesh.s.size - 1:
                 strains = mesh.strains_from(initial.s * (mesh.s[-1] / initial.s[-1]), strains)
-            result: tuple[Shape, Any] = equilibrium(mesh, gripper, strains)
-            return result
+            return equilibrium(mesh, gripper, strains)
 
         if before is None or not followed:
-            return solved(gripper, before)[0]
+            return solved(gripper, before)
         # first the equilibrium at x in the gripper's pose of `before`: following starts from one
-        result: Shape = follow(solved, solved(before.gripper, before)[0], gripper)
-        return result
+        return follow(solved, solved(before.gripper, before), gripper)
 
     def slopes(self, x: Floats, shape: Shape, s: Floats, sensitivity: Sensitivity) -> Floats:
         """Return (m, 3, n) derivatives by x of the points at s (m,) of an equilibrium at x.

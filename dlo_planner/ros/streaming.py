@@ -35,15 +35,21 @@ from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
-from dlo_planner.ros.plan import PlanningServer, refuse_tolerance
+from dlo_planner.ros.plan import (
+    PlanningServer,
+    deadline_refusal,
+    refuse_tolerance,
+    tool_path,
+)
 from dlo_planner.ros.state import Looking, PlanResult, State, Store
-from dlo_planner.ros.status import Part, Shared, Statistics, stamp_text
+from dlo_planner.ros.status import Part, Shared, Statistics
 from dlo_planner.ros.worker import Worker, persistent
 from dlo_planner.view.scene import axes_primitives
 from msg_helpers.diagnostics import OK, WARN, status_msg
-from msg_helpers.poses import pose_stamped_msg
-from msg_helpers.trajectories import plan_path, poses_ahead
+from msg_helpers.poses import pose_stamped_msg, stamp_text
+from msg_helpers.trajectories import poses_ahead
 
+MISS_EXPECTED = 'miss expected at most [m]'  # of the cut-out in motion, 95 %
 _STANDOFF = 0.05  # of the length, where none is given, and the plan does not stop before the hole
 
 
@@ -145,7 +151,7 @@ class ClosedLoopDrive:
                 self._aimed = loop.aimed
                 statistics.corrected(loop.aimed.correction, loop.refusal)
         if np.isfinite(looking.promised):
-            statistics.expected(looking.promised)
+            statistics.note({MISS_EXPECTED: looking.promised})
         if work is not None and work is not self._computing:
             self._computing = work
             threading.Thread(target=self._compute, args=(work,), name='closed loop',
@@ -197,9 +203,7 @@ class ClosedLoopDrive:
         try:
             result = persistent(partial(self._worker.result, work, wanted, self._deadline))
         except DeadlineExceeded as error:
-            result = Refused(Cause.PLANNING_DEADLINE, f'no plan was found in {error.elapsed:.3g} s:'
-                             ' expected threading.planning_deadline = '
-                             f'{error.seconds:g} s at most')
+            result = deadline_refusal(error)
         except Exception as error:  # whatever it is, the loop has to end by it
             result = error
         if result is not None:  # it is still wanted
@@ -262,9 +266,7 @@ class TrajectoryStreamer(Part):
                          response: GetPlan.Response) -> GetPlan.Response:
         made = self._execute(request.start.header.stamp, request=request)
         if made is not None:
-            back, plan = made.scene.tool.inverse(), made.plan
-            response.plan = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
-                                      made.scene.frame_id, made.stamp)
+            response.plan = tool_path(made)
         return response
 
     def _execute(self, wanted: Time | None, answer: Any = None,
@@ -376,7 +378,7 @@ class TrajectoryStreamer(Part):
         else:
             seconds = execution.done - execution.begin
             reason = f'the execution stopped after {seconds:.2f} s of its way: {execution.reason}'
-            self.statistics.plan_void(execution.reason)
+            self.statistics.note({'report': 'void', 'report reason': execution.reason})
             self.status.failed('execute', execution.cause, reason)
         self.status.tell('execute', execution.cause, reason, self._stamp,
                             progress(execution))

@@ -207,16 +207,6 @@ def test_where_no_trial_is_an_equilibrium_there_is_none(monkeypatch):
     assert nearest_goals(simulator, goals, shape, 0.3, 0.3) is None
 
 
-def test_steps_that_come_nearer_by_the_same_part_are_extrapolated(rng):
-    goal, begin = rng.normal(size=(2, 6))
-    first = 0.4 * (goal - begin)
-    there = begin + first
-    extrapolated = nearest_module._extrapolated
-    np.testing.assert_allclose(extrapolated(0.4 * (goal - there), first, first), goal - there,
-                               atol=1e-12)
-    assert np.array_equal(extrapolated(first, first, first), first)  # nothing is known
-
-
 def test_the_free_axis_lies_between_gripper_and_direction():
     rotation = np.array(GRIPPER.rotation)
     axis = free_axis(rotation, NORMAL)

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from wires import threaded
 
-from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
+from dlo_planner import Limits, Pose, Trajectory
 from dlo_planner.cell.robot import Robot, Timetable
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Ahead, Execution, places_ahead
@@ -15,9 +16,7 @@ from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.identify.steering import Change, Steered
 from msg_helpers.trajectories import poses_ahead, stamped_poses
 
-WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
-PLAN = InverseSimulator(DirectSimulator(WIRE)).thread(
-    CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0))), depths=np.linspace(0, 0.95, 12))
+PLAN = threaded()
 TOOL = Pose((0, 0, 0.1), (0, 0.6, 0, 0.8))
 WAY = Trajectory(PLAN, Limits(), tolerance=np.inf)
 PERIOD, STEP, HORIZON = 0.02, 0.01, 1.0

@@ -8,8 +8,8 @@ import time
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
-from node_inside import GOAL, HERE, box, clear, state, until
-from planner_process import PATIENCE, drain, first, in_time
+from node_inside import GOAL, HERE, box, clear, state
+from planner_process import PATIENCE, drain, first, in_time, until
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool

@@ -77,18 +77,6 @@ def test_a_file_that_is_not_there_is_said_in_a_line(domain, tmp_path):
         assert 'Traceback' not in planner.log
 
 
-@pytest.mark.sweep
-def test_whole_numbers_in_yaml_are_taken_for_doubles(domain, tmp_path):
-    config = tmp_path / 'whole.yaml'
-    config.write_text('dlo_planner:\n  ros__parameters:\n    rod: {length: 2, density: 8960, '
-                      'diameter: 0.001, youngs_modulus: 1.1e11, poisson_ratio: 0.34}\n'
-                      '    gravity: [0, 0, -10]\n')
-    arguments = ('--params-file', str(config))
-    with running_planner(tmp_path, *arguments) as planner, connected_client(planner) as client:
-        path, _ = client.predict_shape(Pose.looking_along((0, 0, 5), (0, 0, -1)))
-        assert path.poses[-1].pose.position.z == pytest.approx(3.0)
-
-
 def test_bad_parameters_end_the_start_with_a_reason(domain, tmp_path):
     with running_planner(tmp_path, '-p', 'gravity:=[down]') as planner:
         assert planner.process.wait(timeout=2 * PATIENCE) == 1
