@@ -122,8 +122,8 @@ class Plant:
         instance('gripper', gripper, Pose)
         self.truth = Truth() if truth is None else instance('truth', truth, Truth)
         self._chain = chain_of(rod, self.truth, integer('cells', cells, minimum=4, maximum=200))
-        if instance('far_end', far_end, FarEnd, optional=True) is not None and (
-                far_end.grip not in ('clamped', 'pinned')):
+        instance('far_end', far_end, FarEnd, optional=True)
+        if far_end is not None and far_end.grip not in ('clamped', 'pinned'):
             raise InvalidTask(f'far_end.grip = {far_end.grip!r}: expected clamped or pinned')
         self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3),
                     far_end)
