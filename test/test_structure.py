@@ -21,8 +21,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ('dlo_planner', 'msg_helpers')
 # Rings that are still there: so many files of a room import each other. Fewer is better, none is
 # right; a ring through two rooms is never allowed.
-RINGS = {'dlo_planner.direct': 7, 'dlo_planner.plan': 2, 'dlo_planner.execute': 2,
-         'dlo_planner.ros': 2}
+RINGS = {'dlo_planner.plan': 2}
 OF_NAMED_TUPLES = ('_replace', '_asdict', '_fields', '_make', '_field_defaults')  # are public
 # what numba and the standard library keep private, and there is no other way to; it only shrinks
 KNOWN = {

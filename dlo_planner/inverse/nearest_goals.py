@@ -14,16 +14,17 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.sensitivity import gripper_answers, node_twists, twists_inside
+from dlo_planner.direct.search import MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, hanging_shape
+from dlo_planner.direct.statics import hanging_shape
 from dlo_planner.energy.potential import unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, with_gripper
 from dlo_planner.inverse.waypoint_newton import orthonormal, turn_by
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.convergence import CONVERGED
 from dlo_planner.minimize.newton import NEUTRAL, Workspace, minimize, new_workspace, thorough
+from dlo_planner.minimize.response import gripper_answers, node_twists, twists_inside
 from dlo_planner.minimize.solve import outputs
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import pose_of

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.sensitivity import node_twists, twists_inside
+from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import FREELY, TOLERANCE, hanging_shape
+from dlo_planner.direct.statics import FREELY, hanging_shape
 from dlo_planner.energy.potential import evaluate, project, unknowns_of
 from dlo_planner.energy.problem import (
     Configuration,
@@ -57,6 +57,7 @@ from dlo_planner.minimize.hessian import (
 from dlo_planner.minimize.kkt import add_to
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import WELL_STABLE, largest_turn_between
+from dlo_planner.minimize.response import node_twists, twists_inside
 from dlo_planner.minimize.riccati import answer_to_turn
 from dlo_planner.minimize.solve import outputs
 from dlo_planner.model.arrays import Floats, Ints

@@ -24,7 +24,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DeadlineExceeded, InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.inverse.task import Task
-from dlo_planner.inverse.tasks.thread_sequence import threading_of
+from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
@@ -37,7 +37,6 @@ from dlo_planner.ros.status import Outcome, Part, Shared, proof_figures
 from dlo_planner.settings.tasks import (
     Present,
     close_task,
-    cutouts_of,
     open_task,
     plan_task,
     poses_of,

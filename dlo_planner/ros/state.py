@@ -81,7 +81,7 @@ class Proof:
 
 
 class Looking(NamedTuple):
-    """How a threading in a closed loop stands, see `ThreadingLoop`."""
+    """How a threading in a closed loop stands, see `TaskLoop`."""
 
     phase: str = 'look'
     tries: int = 0

@@ -63,7 +63,7 @@ def all_acts(monkeypatch):
 @pytest.fixture
 def free_alone(monkeypatch):
     """Have it fail where a step is made with all that may act."""
-    of_statics, refused = step_module._step, 'the step was made with what does not act'
+    of_statics, refused = step_module._searched, 'the step was made with what does not act'
 
     def free(*arguments, culled):
         assert culled, refused
@@ -75,7 +75,7 @@ def free_alone(monkeypatch):
         assert arguments[-1], refused
         return of_stepper(stepper, *arguments)
 
-    monkeypatch.setattr(step_module, '_step', free)
+    monkeypatch.setattr(step_module, '_searched', free)
     monkeypatch.setattr(Stepper, '_batch', batch)
 
 

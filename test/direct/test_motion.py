@@ -330,7 +330,7 @@ def test_a_step_is_as_stable_as_the_hessian_that_it_minimized_says(basis, dampin
     grippers = [tilted(0.5 * k * dt) for k in range(7)]
     start = simulator.solve(grippers[0])
     stepper = Stepper(start.mesh, BoundaryMotion(GripTrajectory(grippers, dt)), dt)
-    now, scheme, told = stepper.begin(start), Scheme.named(integrator, dt), []
+    now, scheme, told = stepper.begin(start), Scheme(integrator, dt), []
     for k in range(1, 7):
         batch = stepper.steps(now, (), np.array([float(k)]), scheme, Limits())
         assert batch.refused is None
@@ -509,7 +509,7 @@ def steps_of(wire, grippers, dt, elements, halvings, change=None):
     grips = BoundaryMotion(GripTrajectory(grippers, dt))
     stepper = Stepper(simulator.solve(grippers[0]).mesh, grips, dt)
     now = stepper.begin(simulator.solve(grippers[0]))
-    scheme, parts = Scheme.named('generalized_alpha', dt / 2**halvings), 2**halvings
+    scheme, parts = Scheme('generalized_alpha', dt / 2**halvings), 2**halvings
     for k in range(len(grippers) - 1):
         if k == change:
             now = stepper.renewed(now, scheme.dt)

@@ -234,3 +234,13 @@ def threading_of(cutouts: Sequence[CutOut],
         return Thread(cutouts[0], depths)
     return ThreadTwo(*cutouts, depths) if len(cutouts) == 2 else ThreadSequence(
         cutouts, None, depths)
+
+
+def cutouts_of(task: Task | None) -> tuple[CutOut, ...]:
+    """Return the cut-outs that the DLO passes in a task, in their order; none for other tasks."""
+    if isinstance(task, ThreadTwo):
+        return task.first, task.second
+    if isinstance(task, ThreadSequence):
+        return task.cutouts
+    one = getattr(task, 'cutout', None) or getattr(task, 'bore', None)
+    return () if one is None else (one,)
