@@ -47,7 +47,7 @@ computed:
 
 real-time:
 	$(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m 'real_time $(QUICK)' \
-	  -rR --reruns 1 --reruns-delay 5 --max-suite-reruns 5 test/ros test/cell test/view
+	  -rR --reruns 1 --reruns-delay 5 --max-suite-reruns 5 test/ros test/view
 
 oldest:
 	$(PYTHON) -m venv build/oldest

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the closed loop does when something goes wrong: wire of 1.5 mm, holes of 5 mm radius.
 
-python -m benchmarks.cell_trust [--cases nominal slip ...] [--seeds 0:100] [--jobs 2]
-                                [--output trust.jsonl]
+python -m benchmarks.cell_trust [--tasks thread two ...] [--cases nominal slip ...]
+                                [--seeds 0:100] [--jobs 2] [--output trust.jsonl]
 python -m benchmarks.cell_trust --judge trust.jsonl [trust_2.jsonl ...] [--page docs/benchmarks]
 
 Each seed is a task of its own (hole and start), a DLO, gripper, sheet and damping of its own that
@@ -30,6 +30,7 @@ from scipy.stats import beta
 
 from benchmarks import page, report
 from benchmarks.cell.drivers import Driver, Looking
+from benchmarks.cell.other_tasks import KINDS, draw_other
 from benchmarks.cell.run import Outcome, run
 from dlo_planner.cell.camera import BAD
 from dlo_planner.cell.cases import CASES, NOMINAL, case, strikes_inside
@@ -42,7 +43,8 @@ HEADS = ['case', 'runs', 'happened', 'clean', 'refused before the sheet', 'in it
          'struck inside', 'CPU [s]']
 
 
-def driven(name: str, seed: int, driver: Driver | None = None) -> dict[str, Any]:
+def driven(name: str, seed: int, driver: Driver | None = None,
+           kind: str = 'thread') -> dict[str, Any]:
     """Return what came of a case and a seed, as what JSON can hold.
 
     Parameters
@@ -52,6 +54,8 @@ def driven(name: str, seed: int, driver: Driver | None = None) -> dict[str, Any]
     seed : int
     driver : callable, optional
         Driver. If None, the one of the closed loop.
+    kind : str, optional
+        'thread', or one of `other_tasks.KINDS`.
     """
     disturbances, camera = case(name, seed)
     if driver is None:
@@ -60,14 +64,23 @@ def driven(name: str, seed: int, driver: Driver | None = None) -> dict[str, Any]
     began = process_time()
     error, outcome = '', Outcome(seed, '')
     try:
-        outcome = run(draw_task(seed, DLO, RADIUS), driver, seed=seed, unknowns=VERY_UNCERTAIN,
+        task = draw_task(seed, DLO, RADIUS) if kind == 'thread' else draw_other(
+            kind, seed, DLO, RADIUS)
+        outcome = run(task, driver, seed=seed, unknowns=VERY_UNCERTAIN,
                       disturbances=disturbances, camera=camera)
     except Exception:  # a fault of the driver or the cell: one run of hundreds, which is told
         error = format_exc()
     times = disturbances.times
-    return {'case': name, 'seed': seed, 'event_s': times[0] if times else None,
+    known = said(outcome, times)
+    if kind in ('insert', 'hold'):  # which touch what they are to touch
+        known['clean'] = outcome.threaded and not outcome.rammed
+    if kind == 'hold' and outcome.threaded:
+        known['covered'] = outcome.miss <= outcome.promised
+        known['stays'] = [[round(outcome.miss, 6), round(outcome.promised, 6)]]
+    return {'case': name if kind == 'thread' else f'{kind}, {name}', 'seed': seed,
+            'event_s': times[0] if times else None,
             'happened': all(time < outcome.time for time in times),
-            'cpu_s': round(process_time() - began, 2), 'error': error, **said(outcome, times)}
+            'cpu_s': round(process_time() - began, 2), 'error': error, **known}
 
 
 def said(outcome: Outcome, times: Sequence[float] = ()) -> dict[str, Any]:
@@ -118,7 +131,8 @@ def line(name: str, found: list[dict[str, Any]]) -> list[str]:
 
 def table(found: list[dict[str, Any]]) -> str:
     """Return the rows of all cases in Markdown, and below it in what the driver refused."""
-    by_case = {name: [one for one in found if one['case'] == name] for name in CASES}
+    names = [*CASES, *sorted({one['case'] for one in found} - {*CASES})]
+    by_case = {name: [one for one in found if one['case'] == name] for name in names}
     rows = report.markdown(HEADS, [line(name, of_it) for name, of_it in by_case.items() if of_it])
     causes = Counter((one['case'], one['phase'], one['refused'].split(':')[0])
                      for one in found if one['refused'])
@@ -168,15 +182,16 @@ def shown(found: list[dict[str, Any]]) -> str:
     return '\n'.join(lines)
 
 
-def all_driven(names: list[str], seeds: range, jobs: int) -> Iterator[dict[str, Any]]:
-    """Yield what comes of all cases and seeds, as they are done."""
+def all_driven(kinds: list[str], names: list[str], seeds: range,
+               jobs: int) -> Iterator[dict[str, Any]]:
+    """Yield what comes of all tasks, cases and seeds, as they are done."""
+    every = [(name, seed, None, kind) for seed in seeds for kind in kinds for name in names]
     if jobs == 1:
-        yield from (driven(name, seed) for seed in seeds for name in names)
+        yield from (driven(*one) for one in every)
         return
     # a fresh start: a fork could take over locks of threads that it has not
     with ProcessPoolExecutor(jobs, get_context('spawn')) as executor:
-        for future in as_completed([executor.submit(driven, name, seed)
-                                    for seed in seeds for name in names]):
+        for future in as_completed([executor.submit(driven, *one) for one in every]):
             yield future.result()
 
 
@@ -190,10 +205,11 @@ def main(arguments: list[str] | None = None) -> int:
             publish(options.page, lines, found)
         return told(found)
     seeds, began, found = range(*map(int, options.seeds.split(':'))), perf_counter(), []
-    for one in all_driven(options.cases, seeds, options.jobs):
+    total = len(seeds) * len(options.tasks) * len(options.cases)
+    for one in all_driven(options.tasks, options.cases, seeds, options.jobs):
         found.append(one)
-        print(f'{len(found)} of {len(seeds) * len(options.cases)} in {perf_counter() - began:.0f} '
-              f's: {one["case"]} {one["seed"]}: {ended(one)}', flush=True)
+        print(f'{len(found)} of {total} in {perf_counter() - began:.0f} s: {one["case"]} '
+              f'{one["seed"]}: {ended(one)}', flush=True)
         if options.output:
             with options.output.open('a') as file:
                 file.write(json.dumps(one, allow_nan=False) + '\n')
@@ -222,6 +238,8 @@ def _parser() -> argparse.ArgumentParser:
                                      description=__doc__.splitlines()[0])
     parser.add_argument('--cases', nargs='+', choices=list(CASES), default=list(CASES),
                         metavar='CASE', help=f'of {", ".join(CASES)}; default: all')
+    parser.add_argument('--tasks', nargs='+', choices=['thread', *KINDS], default=['thread'],
+                        metavar='TASK', help=f'of thread, {", ".join(KINDS)}; default: thread')
     parser.add_argument('--seeds', default='0:100', help='from:to (default: %(default)s)')
     parser.add_argument('--jobs', type=int, default=2, help='processes (default: %(default)s)')
     parser.add_argument('--judge', nargs='+', type=Path, help='outputs, instead of runs')

@@ -30,8 +30,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import ALL_LATCHED, CHANGES, LATCHED, REQUEST
 from dlo_planner.ros.state import DONE
-from dlo_planner.ros.status import stamp_text
-from msg_helpers.poses import header, pose_stamped_msg
+from msg_helpers.poses import header, pose_stamped_msg, stamp_text
 
 Told = tuple[int, str, dict[str, str]]  # code, message, values
 

@@ -16,7 +16,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.step import corrected_by, past_of
 from dlo_planner.execute.judge import aimed_anew
 from dlo_planner.execute.limiter import frames_of, velocities
-from dlo_planner.execute.threading_motions import Threading, way_back, way_in, way_to_standoff
+from dlo_planner.execute.loop_motions import LoopTask, way_back, way_in, way_to_standoff
 from dlo_planner.identify.correction import correct
 from dlo_planner.identify.fit import fit_rod
 from dlo_planner.identify.observation import Observation
@@ -24,6 +24,7 @@ from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.equilibria import hanging_shapes
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Plane, Sheet
 from dlo_planner.model.pose import Pose
@@ -125,7 +126,7 @@ def corrections() -> None:
 def closed_loop() -> None:
     """Use the kernels that a plan of a closed loop may need, or a correction."""
     direct = DirectSimulator(_THIN, n_elements=16, n_terms=4)
-    task = Threading(InverseSimulator(direct), _hole(0.0), np.array([0.0, 0.1]), 0.1)
+    task = LoopTask(InverseSimulator(direct), Thread(_hole(0.0), [0.0, 0.1]), 0.1)
     here = Pose((-1.2, 0, 0), (0, 0, 0, 1))
     observer = Observer(direct, Uncertainty(0.05, 0.05, 0.05, natural_curvature=0.1))
     estimate = observer.update(observer.begin(), Observation(here, direct.solve(here).positions))

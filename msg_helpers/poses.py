@@ -36,6 +36,12 @@ def seconds_of(stamp: Time | Duration) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
+def stamp_text(stamp: Time) -> str:
+    """Return a builtin_interfaces/Time as seconds with nine digits."""
+    instance('stamp', stamp, Time)
+    return f'{stamp.sec}.{stamp.nanosec:09d}'
+
+
 def time_msg(seconds: float, stamp: Time | None = None) -> Time:
     """Return builtin_interfaces/Time of seconds on its clock, or after another one."""
     begin = Time() if stamp is None else instance('stamp', stamp, Time)

@@ -3,11 +3,10 @@
 """A node in the process of a test: its state at hand, what it is sent, what is waited for."""
 
 import threading
-import time
 from contextlib import contextmanager
 
 import rclpy
-from planner_process import PATIENCE, ROOM, WIRE
+from planner_process import ROOM, WIRE, until
 from rclpy.parameter import Parameter
 from visualization_msgs.msg import Marker
 
@@ -72,14 +71,6 @@ class Alive:
 def state(node):
     """Return what the node knows."""
     return node.shared.store.state
-
-
-def until(wanted, timeout=PATIENCE):
-    """Wait until `wanted()`; return whether it is."""
-    end = time.monotonic() + timeout
-    while not wanted() and time.monotonic() < end:
-        time.sleep(0.01)
-    return wanted()
 
 
 def box(number, x=3.0, size=0.1, namespace='cell'):

@@ -31,13 +31,7 @@ from dlo_planner import (
     fit_rod,
     solve_many,
 )
-from dlo_planner.direct.sensitivity import (
-    Sensitivity,
-    _strains_by,
-    gripper_answers,
-    node_twists,
-    twists_inside,
-)
+from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import closest_point_in_element, signed_distance
 from dlo_planner.energy.plastic import return_map
@@ -47,8 +41,7 @@ from dlo_planner.geometry.kinematics import frame_along, nearest_place
 from dlo_planner.identify import Observation, correct, parameters, residuals
 from dlo_planner.identify.residuals import nearest
 from dlo_planner.inverse.equilibria import integrate_from_tip
-from dlo_planner.inverse.nearest_goals import _nearest_goals
-from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
+from dlo_planner.inverse.waypoint_newton import _nearest_goals, follow_goals, solve_goals
 from dlo_planner.kernels import files
 from dlo_planner.kernels.cache import key_of
 from dlo_planner.minimize.active_set import update_active_set
@@ -57,6 +50,12 @@ from dlo_planner.minimize.contact_table import kkt_residual, touching, update_fr
 from dlo_planner.minimize.convergence import gradient_noise
 from dlo_planner.minimize.expected_error import discretization_errors
 from dlo_planner.minimize.newton import follow_homotopy, newton_descent
+from dlo_planner.minimize.response import (
+    gripper_answers,
+    node_twists,
+    strain_answers,
+    twists_inside,
+)
 from dlo_planner.minimize.semismooth import update_multipliers
 from dlo_planner.minimize.solve import solve_free, solve_step
 from dlo_planner.penalties import PositionAt, Through
@@ -68,7 +67,7 @@ KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_a
            sweeps_through, evaluate, closest_point_in_element, nearest, signed_distance, return_map,
            update_active_set, update_friction, follow_homotopy, gradient_noise, touching,
            kkt_residual, update_multipliers, gripper_answers, clearance.element_rooms,
-           swept._distances, workspace._distances, _strains_by, parameters._moved_points,
+           swept._distances, workspace._distances, strain_answers, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free, solve_contact,
            predictor_corrector, discretization_errors, equidistribute, node_twists,
            twists_inside, fill_residuals, fill_rows, _nearest_goals]

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.cell.other_tasks import OtherTask
 from dlo_planner.cell.camera import Camera, Image
 from dlo_planner.cell.tasks import Task
 from dlo_planner.cell.truth import Unknowns
@@ -31,13 +32,14 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, Infeasible, InvalidTask
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.guards import Guards, Heard
-from dlo_planner.execute.threading_loop import ThreadingLoop
-from dlo_planner.execute.threading_motions import Threading
+from dlo_planner.execute.loop_motions import LoopTask
+from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, concatenate
@@ -136,12 +138,13 @@ class _Looking:
     """The command of the driver: the pose of the gripper, period by period."""
 
     def __init__(self, driver: Looking, task: Task) -> None:
-        simulator = DirectSimulator(task.rod, obstacles=[task.sheet])
+        simulator = DirectSimulator(task.rod, obstacles=task.obstacles)
         self._observing = Observing(simulator, driver.seeing)
-        self._loop = ThreadingLoop(
-            Threading(InverseSimulator(simulator), task.cutout,
-                      np.linspace(0, task.depth, _WAYPOINTS), _STANDOFF * task.rod.length,
-                      driver.limits or Limits()),
+        goal = task.goal if isinstance(task, OtherTask) else Thread(
+            task.cutout, np.linspace(0, task.depth, _WAYPOINTS))
+        self._loop = TaskLoop(
+            LoopTask(InverseSimulator(simulator), goal, _STANDOFF * task.rod.length,
+                     driver.limits or Limits(), None if task.cutouts else task.room),
             self._observing, task.start, guards=_GUARDS, look=driver.look, period=_TICKS * PERIOD,
             horizon=_HORIZON)
         self._cutout = task.cutout

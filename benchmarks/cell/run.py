@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.cell.drivers import PERIOD, Command, Driver
+from benchmarks.cell.other_tasks import OtherTask
+from dlo_planner import Insert
 from dlo_planner.cell.camera import Camera, Image, Viewer
 from dlo_planner.cell.disturbances import UNDISTURBED, Disturbances
 from dlo_planner.cell.plant import STEP, TOUCH, Plant
@@ -112,10 +114,10 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     viewer = None if camera is None else Viewer(instance('camera', camera, Camera), rng)
     instance('disturbances', disturbances, Disturbances)
     course = disturbances.draw(np.random.default_rng([seed, 79]))
-    sheet = replace(task.sheet, friction=disturbances.friction)
+    bodies = [replace(one, friction=disturbances.friction) for one in task.bodies]
 
     def hung(cells: int) -> Plant:
-        return Plant(task.rod, task.start, [sheet], truth=truth, cells=cells, step=step,
+        return Plant(task.rod, task.start, bodies, truth=truth, cells=cells, step=step,
                      damping=number('damping', damping, minimum=0) * truth.damping, course=course)
 
     try:
@@ -129,10 +131,13 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     if viewer is None and not driven.refused:
         again = _drive(hung(round(CELLS / _FINER)), _Again(driven.poses), task, None, None, 0.0)
         driven, moved = _extrapolated(driven, again)
-    passage, miss = plant.passage(task.cutout), driven.miss
-    threaded = (passage.depth > task.depth - _SHORT * task.rod.length
+    depth, miss = plant.passage(task.cutout).depth, driven.miss
+    threaded = (depth > task.depth - _SHORT * task.rod.length
                 and miss < task.radius and not driven.refused)
-    return Outcome(seed, driven.refused, bool(threaded), passage.depth, miss, driven.force,
+    if isinstance(task, OtherTask) and not task.cutouts:  # a contact
+        miss, depth = task.off(plant.points([task.rod.length - task.depth])), task.depth
+        threaded = bool(plant.forces.any()) and miss < task.radius and not driven.refused
+    return Outcome(seed, driven.refused, bool(threaded), depth, miss, driven.force,
                    plant.time, driven.promised, moved, str(getattr(command, 'phase', '')),
                    tuple(driven.stays))
 
@@ -196,6 +201,8 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
     """Move the gripper until the command is done, or gives up."""
     driven, arrived, robot = _Driven(), list[Image](), Robot(task.start, lag)
     told, inside = _told(command, arrived, plant, robot), False
+    # its wall leads the DLO, once it is inside
+    in_bore = isinstance(task, OtherTask) and isinstance(task.goal, Insert)
     for count in range(int(_LONGEST / PERIOD)):
         if viewer is not None:
             arrived.extend(viewer.images(plant, task.cutout))
@@ -216,18 +223,19 @@ def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,
         except NotConverged:
             driven.force = np.inf
             break
-        driven.force = float(plant.largest_forces[0])
+        driven.force = float(plant.largest_forces.max())
         if watch is not None:
             watch(plant)
         if driven.force > _STOP:
             break
         if count % _LOOKED_AT == 0:
-            passage = plant.passage(task.cutout)
-            if passage.depth > 0:
-                driven.crossings[count] = np.array([passage.y, passage.z])
+            passed = [one for one in map(plant.passage, task.cutouts) if one.depth > 0]
+            if passed and not (inside and in_bore):
+                worst = max(passed, key=lambda one: one.miss)
+                driven.crossings[count] = np.array([worst.y, worst.z])
                 if not inside:
                     driven.promises[count] = driven.expected
-            inside = passage.depth > 0
+            inside = bool(passed)
         if not inside:
             driven.expected = float(getattr(command, 'promised', np.nan))
     return driven

@@ -30,7 +30,8 @@ if not hasattr(mujoco.mjtIntegrator, 'mjINT_DISCRETE'):
 # It would write a file wherever it is; the plant sees by itself what goes wrong.
 mujoco.set_mju_user_warning(lambda message: None)
 
-__all__ = ['DLO', 'SCENE', 'Chain', 'add_chain', 'add_gripper', 'chain_of', 'mujoco', 'set_springs']
+__all__ = ['DLO', 'SCENE', 'Chain', 'add_chain', 'add_far_grip', 'add_gripper', 'chain_of',
+           'mujoco', 'set_springs']
 
 _GAUSS = np.polynomial.legendre.leggauss(5)
 _ORDERS = (1, 0, 2), (2, 0, 1)  # axes of the hinges in the order of the strains
@@ -149,6 +150,17 @@ def add_chain(gripper: mujoco.MjsBody, chain: Chain) -> None:
         last = k == len(chain.masses) - 1
         _add_geom(piece, chain, k, (0.5 if last else 1) * chain.cell)
         parent, at = piece, chain.cell
+
+
+def add_far_grip(spec: mujoco.MjSpec, chain: Chain, grip: str) -> None:
+    """Add what may hold the free end, a body that is placed; it does not hold as yet."""
+    spec.worldbody.add_body(name='far grip', mocap=True).add_site(name='grip')
+    spec.body(f'piece {len(chain.masses) - 1}').add_site(name='end', pos=(0.5 * chain.cell, 0, 0))
+    kind = mujoco.mjtEq.mjEQ_WELD if grip == 'clamped' else mujoco.mjtEq.mjEQ_CONNECT
+    held = spec.add_equality(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1='end',
+                             name2='grip', active=False)
+    if grip == 'clamped':
+        held.data[10] = chain.length  # a rad counts as so many m
 
 
 def set_springs(model: mujoco.MjModel, chain: Chain) -> Floats:

@@ -24,12 +24,14 @@ from dlo_planner.cell.chain import (
     DLO,
     SCENE,
     add_chain,
+    add_far_grip,
     add_gripper,
     chain_of,
     mujoco,
     set_springs,
 )
 from dlo_planner.cell.disturbances import Bump, Course
+from dlo_planner.cell.robot import nearer
 from dlo_planner.cell.truth import Truth
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.model.arrays import Floats
@@ -38,6 +40,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES, Capsule, Obstacle, Plane, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value
 
 STEP = 2e-3      # s, of time in runs of the cell
@@ -45,6 +48,8 @@ TOUCH = 0.05     # N: a larger contact force counts as a touch
 _GRAVITY = (0.0, 0.0, -9.81)
 _STILL = 1e-8     # rad per `Chain.slowness`: a DLO that moves no faster is at rest
 _SETTLING = 0.02  # of `Chain.slowness`: step of time while it settles
+_STILL_HELD = 1e-5  # the same of one whose far end is held
+_LED = 400        # steps in which that is led there
 _DRAG = 0.05      # part of all velocities that is taken away in each step while it settles
 _LONGEST = 20_000  # steps until it is at rest
 _MOVED = 1e-4     # rad, largest angle in a displacement by a mode
@@ -98,6 +103,8 @@ class Plant:
         Gravity in m/s^2.
     course : Course, optional
         What disturbs it, but for lag and friction, which are the robot's and the obstacles'.
+    far_end : FarEnd, optional
+        What holds the far end, clamped or pinned: it is led there straight from where it hangs.
 
     Raises
     ------
@@ -110,12 +117,16 @@ class Plant:
     def __init__(self, rod: Rod, gripper: Pose, obstacles: Iterable[Obstacle] = (), *,
                  truth: Truth | None = None, cells: int = 40, step: float = 1e-3,
                  damping: float = 0.005, gravity: ArrayLike = _GRAVITY,
-                 course: Course | None = None) -> None:
+                 course: Course | None = None, far_end: FarEnd | None = None) -> None:
         instance('rod', rod, Rod)
         instance('gripper', gripper, Pose)
         self.truth = Truth() if truth is None else instance('truth', truth, Truth)
         self._chain = chain_of(rod, self.truth, integer('cells', cells, minimum=4, maximum=200))
-        self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3))
+        instance('far_end', far_end, FarEnd, optional=True)
+        if far_end is not None and far_end.grip not in ('clamped', 'pinned'):
+            raise InvalidTask(f'far_end.grip = {far_end.grip!r}: expected clamped or pinned')
+        self._build(items('obstacles', obstacles, OBSTACLES), vector('gravity', gravity, 3),
+                    far_end)
         self._step = number('step', step, above=0, maximum=0.01)
         self.time = 0.0
         self.measured = gripper  # where it truly is, Truth and Course say
@@ -125,6 +136,8 @@ class Plant:
         self._held = self._holding(gripper, 0.0)
         self._settle()
         self._damp(number('damping', damping, minimum=0))
+        if far_end is not None:
+            self._hold(far_end)
         # (n,) N, sums of the sizes of each obstacle's contact forces, means over the
         # last `move`, as a sensor of that sampling time shows an impact; and the largest so far
         self.forces = np.zeros(len(self._obstacles))
@@ -168,7 +181,7 @@ class Plant:
     def tip(self) -> Pose:
         """Pose of the free end, x axis = tangent."""
         place = self._nodes(self._data)[0][-1]
-        return Pose.from_rotation(place, self._data.xmat[-1].reshape(3, 3))
+        return Pose.from_rotation(place, self._data.xmat[self._last + 1].reshape(3, 3))
 
     def passage(self, cutout: CutOut) -> Passage:
         """Return the Passage of a cut-out, at its true place (shifted by the Truth)."""
@@ -190,22 +203,27 @@ class Plant:
         shapes = np.array([self._displacement(data, here, vector) for vector in vectors.T])
         return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), shapes
 
-    def _build(self, obstacles: Sequence[Obstacle], gravity: Floats) -> None:
+    def _build(self, obstacles: Sequence[Obstacle], gravity: Floats,
+               far_end: FarEnd | None) -> None:
         spec = mujoco.MjSpec()
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         spec.option.gravity = gravity
         add_chain(add_gripper(spec, self._chain), self._chain)
+        if far_end is not None:
+            add_far_grip(spec, self._chain, far_end.grip)
         for k, obstacle in enumerate(obstacles):
             add_obstacle(spec, obstacle, k)
         self._obstacles = obstacles
         self._model = model = spec.compile()
         self._stiffness = set_springs(model, self._chain)
         model.geom_solref[:], model.geom_solimp[:] = _STIFF_CONTACT
+        model.eq_solref[:], model.eq_solimp[:] = _STIFF_CONTACT
         names = [model.geom(k).name.split('/')[0] for k in range(model.ngeom)]
         self._owner = [int(name) if name else None for name in names]
         self._shift_sheets()
+        self._last = len(self._chain.masses)  # of the bodies that are pieces
         self._data = mujoco.MjData(model)
         self._heavy = np.append(np.full(3, model.body_mass[1]), model.body_inertia[1])
 
@@ -229,19 +247,32 @@ class Plant:
 
     def _settle(self) -> None:
         """Let the DLO come to rest from its natural shape, with much damping and no obstacles."""
+        self._data.qpos[7:] = self._model.qpos_spring[7:]
+        self._come_to_rest()
+
+    def _hold(self, far_end: FarEnd) -> None:
+        """Lead the far end straight to where it is held, with much damping and no obstacles."""
+        begin = self.tip
+        self._data.eq_active[0] = 1
+        self._come_to_rest([nearer(begin, far_end.pose, share)
+                            for share in np.linspace(0, 1, _LED)], _STILL_HELD)
+
+    def _come_to_rest(self, leading: Sequence[Pose] = (), still: float = _STILL) -> None:
         model, data = self._model, self._data
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-        data.qpos[7:] = model.qpos_spring[7:]
         slowness = self._chain.slowness
         model.opt.timestep = _SETTLING * slowness
         model.dof_damping[6:] = slowness * self._stiffness
-        for _ in range(_LONGEST):
+        for k in range(_LONGEST):
+            if k < len(leading):
+                data.mocap_pos[0] = leading[k].position
+                data.mocap_quat[0] = np.roll(leading[k].quaternion, 1)
             self._place(*self._held)
             data.qvel[:6] = 0
             mujoco.mj_step(model, data)
             speed = np.abs(data.qvel[6:]).max() * slowness
             data.qvel *= 1 - _DRAG
-            if speed < _STILL:
+            if speed < still and k >= len(leading):
                 break
         else:
             raise NotConverged(f'gripper = {self.measured!r}: the DLO does not come to rest in it')
@@ -328,8 +359,9 @@ class Plant:
     def _nodes(self, data: Any) -> tuple[Floats, Floats]:
         """Return places (n + 1, 3) and tangents (n + 1, 3) at the ends of the cells."""
         mujoco.mj_kinematics(self._model, data)
-        tangents = data.xmat[1:].reshape(-1, 3, 3)[:, :, 0].copy()
-        places = data.xpos[1:].copy()
+        own = slice(1, self._last + 2)
+        tangents = data.xmat[own].reshape(-1, 3, 3)[:, :, 0].copy()
+        places = data.xpos[own].copy()
         places[1:] += 0.5 * self._chain.cell * tangents[1:]
         return places, tangents
 

@@ -10,7 +10,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, number
 from dlo_planner.model.cutout import CutOut
-from dlo_planner.model.obstacles import Sheet
+from dlo_planner.model.obstacles import Obstacle, Sheet
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
@@ -56,6 +56,21 @@ class Task(Value):
     def sheet(self) -> Sheet:
         """The Sheet around the hole."""
         return Sheet.around(self.cutout, _SIDE, _SIDE, _THICKNESS)
+
+    @property
+    def cutouts(self) -> tuple[CutOut, ...]:
+        """The cut-outs, in their order."""
+        return (self.cutout,)
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """What the planner knows of."""
+        return (self.sheet,)
+
+    @property
+    def bodies(self) -> tuple[Obstacle, ...]:
+        """What there is."""
+        return self.obstacles
 
     @property
     def radius(self) -> float:

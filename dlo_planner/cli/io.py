@@ -6,10 +6,9 @@ import csv
 import json
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import MISSING, Field, fields
 from functools import wraps
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import click
 import numpy as np
@@ -22,9 +21,10 @@ from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.extras import extra
 from dlo_planner.files import text_of, writable
 from dlo_planner.identify.observation import Observation
+from dlo_planner.inverse.plain_tasks import from_plain
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import row, shown
-from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.settings.build import direct_of, doubts
@@ -87,7 +87,7 @@ def described(command: Callable[..., Any]) -> Callable[..., Any]:
 
     for decorator in (
             click.option('--obstacles', type=READ, metavar='FILE',
-                         help='YAML list of boxes, spheres, capsules and planes around the DLO.'),
+                         help='YAML list of obstacles around the DLO: box, sphere, sheet, ...'),
             click.option('-p', '--parameter', 'changes', multiple=True, metavar='NAME=VALUE',
                          help='A parameter that counts more than the file, as rod.length=0.8.'),
             click.argument('config')):
@@ -252,31 +252,23 @@ def _points_of_table(path: Path) -> Floats:
 
 
 def _obstacle(name: str, content: object) -> Obstacle:
-    if not isinstance(content, dict) or len(content) != 1:
-        raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}')
-    kind, attributes = next(iter(content.items()))
-    if kind not in _KINDS or not isinstance(attributes, dict):
-        raise InvalidTask(f'{name}: expected one of {", ".join(_KINDS)}, with its values')
-    known = [item.name for item in _fields_of(_KINDS[kind])]
-    for key in attributes:
-        if key not in known:
-            raise InvalidTask(f'{name}.{kind}.{key}: expected one of {", ".join(known)}')
-    for item in _fields_of(_KINDS[kind]):
-        if item.default is MISSING and item.name not in attributes:
-            raise InvalidTask(f'{name}.{kind}: expected {item.name}')
+    """Return what {kind: {field: value}} says: the class in small letters, its fields."""
+    kind, given = next(iter(content.items())) if (
+        isinstance(content, dict) and len(content) == 1) else ('', None)
+    if kind not in _KINDS or not isinstance(given, dict):
+        raise InvalidTask(f'{name} = {shown(content)}: expected one of {", ".join(_KINDS)}, with '
+                          'its values')
+    named = {'type': _KINDS[kind], **given}
+    if 'pose' in given:
+        named['pose'] = pose_of(f'{name}.pose', given['pose'])
     try:
-        return _KINDS[kind](**{key: pose_of(f'{name}.pose', part) if key == 'pose' else part
-                               for key, part in attributes.items()})
+        return cast(Obstacle, from_plain(f'{name}.{kind}', named))
     except DloPlannerError as error:
-        raise InvalidTask(f'{name}: {error}') from None
+        said = str(error)
+        raise InvalidTask(said if said.startswith(name) else f'{name}: {said}') from None
 
 
-def _fields_of(kind: Any) -> tuple[Field[Any], ...]:
-    return fields(kind)
-
-
-_KINDS: dict[str, Callable[..., Obstacle]] = {
-    one.__name__.lower(): one for one in OBSTACLES if one is not Sheet}  # that has holes
+_KINDS = {one.__name__.lower(): one.__name__ for one in OBSTACLES}
 
 
 def _numbers(name: str, content: Any, keys: str) -> ArrayLike:

@@ -44,7 +44,7 @@ _MANY = 512  # elements: a DLO whose error is not known with so many is given up
 _FIRST_TERMS, _MOST_TERMS = 12, 48
 _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
 _RESOLVED = 2e-4  # of the length: an error below it goes with the mesh, as its leading order does
-_TOLD_FINER = 2e-3  # the same, of what is expected on a finer mesh
+_FORESEEN = 2e-3  # the same, of what is expected on a finer mesh
 _DOUBTFUL = 2.0  # times the accuracy: what is expected to be off by more is off
 _TURNED = 0.1  # rad: it is another equilibrium
 _DEFAULT = 1e-3  # of the length
@@ -70,8 +70,8 @@ class Wanted(NamedTuple):
 
 
 def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
-                         how: How) -> tuple[Shape, int]:
-    """Return a Shape on a mesh for an accuracy, and the number of kicks.
+                         how: How) -> Shape:
+    """Return a Shape on a mesh for an accuracy.
 
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
     A shape that misses the accuracy on the largest mesh says so: `converged` is False. What is in
@@ -87,33 +87,35 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
         mesh = bent_mesh(mesh, gripper, far_end, fine)
     begin, start, kicks = initial, None, 0
     while True:
-        shape, kicked = step(mesh, gripper, begin, how, start)
-        kicks += kicked
+        shape = step(mesh, gripper, begin, how, start)
+        kicks += shape.state.kicks
+        if kicks > shape.state.kicks:  # those on the meshes before count as well
+            shape = replace(shape, state=replace(shape.state, kicks=kicks))
         if shape.converged and shape.hinge is not None:  # on finer meshes it is another shape
-            return replace(shape, converged=False), kicks
+            return replace(shape, converged=False)
         if not shape.converged:
-            return shape, kicks
+            return shape
         if shape.dissipated:
             lasts = _made_with_a_set(shape)
-            if lasts and (fine == 'local' or initial is not None and mesh is initial.state.mesh):
-                return shape, kicks
+            if lasts and (fine == 'local' or initial is not None and mesh == initial.state.mesh):
+                return shape
             accuracy = (1.0 if lasts else _OF_FIRST_SET) * wanted_accuracy
         # the first mesh is hardly ever fine enough: then nothing else is computed on it
-        new = mesh is first and (initial is None or initial.state.mesh is not mesh)
+        new = mesh is first and (initial is None or initial.state.mesh != mesh)
         better = None
         if new and fine == 'local' and not surely_within(shape, accuracy):
             better = foreseen(shape, accuracy, _DOUBTFUL)
         if better is None:
             kinked = shape.dissipated and mesh.basis != fine  # no series follows where it yields
             if not kinked and fine_enough(shape, accuracy):
-                return shape, kicks
+                return shape
             better = foreseen(shape, accuracy) if fine == 'local' else None
         if better is not None:
             mesh, start = better
         else:
             finer = _refined(mesh, fine, shape, accuracy)
             if finer is None:
-                return judged(shape, wanted_accuracy), kicks
+                return judged(shape, wanted_accuracy)
             mesh = finer
             start = _smooth_start(mesh, shape) if _hangs_resolved(shape) else None
         if not _way_counts(shape, initial):
@@ -169,12 +171,16 @@ def _mode_is_missed(shape: Shape, accuracy: float) -> bool:
     mesh = shape.state.made_on
     if not mode_may_be_missed(shape) or mesh.yields and not shape.state.culled:
         return False  # what has yielded would yield again
-    free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
-    there, _ = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
-                           shape.state.history, shape.far_end, culled=shape.state.culled)
+    there = _freed(shape)
     moved = np.linalg.norm(there.positions - shape.positions, axis=1).max()
     turned = np.abs(there.frames - shape.frames).max()  # a straight DLO may have shed a turn
     return not there.converged or moved > accuracy or turned > _TURNED
+
+
+def _freed(shape: Shape) -> Shape:
+    """Return the equilibrium beside a Shape on its mesh without the series."""
+    return equilibrium(shape.state.made_on.local, shape.gripper, shape.element_strains,
+                       shape.state.history, shape.far_end, culled=shape.state.culled)
 
 
 def _fine_enough_to_bend(mesh: Discretization, fine: str) -> Discretization:
@@ -255,10 +261,7 @@ def _refined(mesh: Discretization, fine: str, shape: Shape,
     if elements >= _MANY and not np.isfinite(from_mesh):
         return None
     if fine != 'local':
-        free = Discretization(around, s, 'local', 0)
-        there, _ = equilibrium(free, shape.gripper, shape.element_strains, 'newton',
-                               shape.state.history, shape.far_end, culled=shape.state.culled)
-        from_mesh = there.error_estimate
+        from_mesh = _freed(shape).error_estimate
         if shape.error_estimate > 1.5 * from_mesh or from_mesh < 0.3 * _MARGIN * accuracy:
             terms = min(terms + max(2, terms // 4), _MOST_TERMS)
     if from_mesh > 0.8 * _MARGIN * accuracy:
@@ -294,23 +297,23 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
     """Return whether a Shape is certain to be within `accuracy` (m), without a further solution."""
     here = shape.state.made_on if mesh is None else mesh
     times = _times(shape)
-    if (times is None or not here.told_by_truncation
+    if (times is None or not here.bounded_by_truncation
             or shape.contacts and accuracy < _BEARS * shape.s[-1]
             or shape.stability < _STABLE and (shape.far_end is None or here.basis != 'local')):
         return False
-    if here is shape.state.mesh:
-        return bool(times * _truncation(here, shape.element_strains) <= accuracy)
-    strains = here.strains_from(shape.s, shape.element_strains)
+    strains = shape.element_strains
+    if not here.has_nodes(shape.s):
+        strains = here.strains_from(shape.s, strains)
     return bool(times * _truncation(here, strains) <= accuracy)
 
 
-def hanging_surely_within(told: bool | Bools, stability: np.ndarray, truncated: np.ndarray,
+def hanging_surely_within(bounded: bool | Bools, stability: np.ndarray, truncated: np.ndarray,
                           accuracy: float | Floats) -> Bools:
     """Return (n,) what `surely_within` says of DLOs that hang freely.
 
     Shapes: stability (n,), truncated (n,).
     """
-    return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & told
+    return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & bounded
 
 
 def mode_may_be_missed(shape: Shape) -> bool:
@@ -339,51 +342,37 @@ def _times(shape: Shape) -> float | None:
     return _FREE if shape.far_end is None else _HELD
 
 
-def _told(shape: Shape) -> bool:
-    """Whether the error of a Shape comes from arcs and loads alone, and not from what varies."""
-    mesh = shape.state.made_on
-    return bool(shape.state.culled and shape.far_end is None and mesh.basis == 'local'
-                and not mesh.rod.varies and not callable(mesh.surroundings.load)
-                and shape.element_strains.shape[0] > 2)
-
-
 def _points(mesh: Discretization) -> Floats:
     """Return (n,) arc lengths of point masses and loads, m."""
     loads = [one.s for one in mesh.surroundings.point_loads if one.s is not None]
     return np.array([s for s, _ in mesh.rod.point_masses] + loads)
 
 
-def _foresee(shape: Shape) -> Any:
-    """Return what `discretization_errors` does of a Shape; (infinity,) where that is not told."""
-    if not _told(shape):
-        return (np.inf,)
-    mesh = shape.state.made_on
-    around = mesh.surroundings
-    mass: Any = around.rod.mass_per_length  # nothing varies
-    load: Any = np.zeros(3) if around.load is None else around.load
-    spread = -mass * around.gravity - load
-    return discretization_errors(mesh.free, shape.gripper.rotation, shape.element_strains, spread)
-
-
 def foreseen(shape: Shape, accuracy: float,
              least: float = 0.0) -> tuple[Discretization, Floats] | None:
     """Return the mesh on which a Shape will be within an `accuracy` (m), and its strains there.
 
-    None where that is not told, the shape is off by `least` accuracies or less, or no mesh is fine
-    enough.
+    None where its error does not come from arcs and loads alone, it is off by `least` accuracies or
+    less, or no mesh is fine enough.
     """
     known, elements = shape.state.made_on, shape.element_strains.shape[0]
-    own, *rest = _foresee(shape)
-    if not least * accuracy < own <= _TOLD_FINER * shape.s[-1] or elements >= _MOST_ELEMENTS:
+    around = known.surroundings
+    if (not shape.state.culled or shape.far_end is not None or known.basis != 'local'
+            or known.rod.varies or callable(around.load) or not 2 < elements < _MOST_ELEMENTS):
         return None
-    off, shares, one, there = rest
+    mass: Any = known.rod.mass_per_length  # nothing varies
+    load: Any = 0.0 if around.load is None else around.load
+    own, off, shares, one, there = discretization_errors(
+        known.free, shape.gripper.rotation, shape.element_strains, -mass * around.gravity - load)
+    if not least * accuracy < own <= _FORESEEN * shape.s[-1]:
+        return None
     most = min(_FARTHEST * elements, _MOST_ELEMENTS)
     wanted = min(max(ceil(sqrt(one / (_AIM * accuracy))), ceil(_FINER * elements)), most)
-    breaks, points = known.surroundings.breaks, _points(known)
+    breaks, points = around.breaks, _points(known)
     if points.size:
         breaks = np.union1d(breaks, points)
         breaks = breaks[(breaks > 0) & (breaks < known.s[-1])]
     s = nodes_at(known.s, shares, wanted, breaks)
     strains = np.empty((s.size - 1, 3))
     resampled_means(known.s, shape.element_strains - off + there / wanted**2, s, strains)
-    return Discretization(known.surroundings, s, 'local', 0), strains
+    return Discretization(around, s, 'local', 0), strains

@@ -11,7 +11,8 @@ import numpy as np
 
 from dlo_planner.direct.accuracy import hanging_surely_within
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.statics import MAX_ITERATIONS, TOLERANCE, acts_at, hangs_still
+from dlo_planner.direct.search import MAX_ITERATIONS, TOLERANCE
+from dlo_planner.direct.statics import acts_at, hangs_still
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at
@@ -57,7 +58,7 @@ def hanging_shapes(simulator: DirectSimulator, positions: Floats,
         good = columns['converged'] & [not acts_at(mesh, *one) for one in zip(
             columns['element_strains'], columns['positions'], before, strict=True)]
     if simulator.accuracy is not None:
-        good = good & hanging_surely_within(mesh.told_by_truncation, columns['stability'],
+        good = good & hanging_surely_within(mesh.bounded_by_truncation, columns['stability'],
                                             truncated, simulator.accuracy)
     return columns, good
 

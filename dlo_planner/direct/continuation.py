@@ -28,7 +28,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
 
-Equilibrium: TypeAlias = Callable[..., 'tuple[Shape, int]']  # see `follow`
+Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, far end, `How.most`)
 
 LONGEST_TURN = 0.25     # rad: longer steps of the gripper are cut in any case
 _LONGEST_SHIFT = 0.05   # of the length: the same, of a DLO that touches
@@ -71,17 +71,17 @@ def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: Fa
 
 
 def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: bool,
-              halvings: int | None, tried: tuple[Shape, int] | None = None) -> Shape:
+              halvings: int | None, tried: Shape | None = None) -> Shape:
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
     turn = angle_between(previous.gripper.rotation, goal.gripper.rotation)
     if last or not _is_long(previous, previous, goal, turn, at_once):
         if not (last or at_once or previous.contacts or goal.far_end is not None):
             most = _LEAP + _FOLLOWING * turn
-        shape, kicks = tried or equilibrium(goal.gripper, previous, goal.far_end, most)
+        shape = tried or equilibrium(goal.gripper, previous, goal.far_end, most)
         if not shape.converged and (shape.jumped or goal.far_end is not None):
             return shape  # it went in parts already: the way is blocked, or out of reach
-        good = shape.converged and not kicks and _continues(previous, shape, turn)
+        good = sound(previous, shape)
         if good and (last or not _is_doubtful(previous, shape, turn)):
             if last or not shape.contacts or not _is_long(previous, shape, goal, turn, at_once):
                 return shape
@@ -102,7 +102,7 @@ def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: 
         if shape is None:
             return _jumped(middle)
         if not shape.converged and most < np.inf:  # given up on its way: now to where it leads
-            shape, _ = equilibrium(goal.gripper, previous, goal.far_end, np.inf)
+            shape = equilibrium(goal.gripper, previous, goal.far_end, np.inf)
         return _jumped(shape)
     rest = _followed(equilibrium, middle, goal, False, min(left, _AFTER) if middle.jumped else left)
     if not rest.converged and shape is not None and shape.converged:
@@ -115,20 +115,20 @@ def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: 
 
 
 def _by_halves(equilibrium: Equilibrium, previous: Shape, goal: _Grips,
-               shape: Shape) -> tuple[bool, tuple[Shape, int]]:
-    """Return whether two half steps lead to `shape` as well; and the first, with its kicks.
+               shape: Shape) -> tuple[bool, Shape]:
+    """Return whether two half steps lead to `shape` as well; and the first.
 
     They do not where one of them alone changes as much as both: what leaps does so in any step.
     """
     there = _partway(previous, goal)
     first = equilibrium(there.gripper, previous, there.far_end, np.inf)
-    if not sound(previous, *first):
+    if not sound(previous, first):
         return False, first
-    end, kicks = equilibrium(goal.gripper, first[0], goal.far_end, np.inf)
-    agree = (sound(first[0], end, kicks) and not _changes(shape, end)
+    end = equilibrium(goal.gripper, first, goal.far_end, np.inf)
+    agree = (sound(first, end) and not _changes(shape, end)
              and shape_change(shape, end) <= _SAME)
     if agree:
-        most = max(shape_change(previous, first[0]), shape_change(first[0], end))
+        most = max(shape_change(previous, first), shape_change(first, end))
         agree = most <= max(_LEAP_OFF, _EVENLY * shape_change(previous, shape))
     return agree, first
 
@@ -172,20 +172,16 @@ def _halvings(previous: Shape, goal: _Grips) -> int:
     return min(max(ceil(log2(max(size / _SHORTEST, 1.0))), _LEAST), _MOST)
 
 
-def sound(previous: Shape, shape: Shape, kicks: int) -> bool:
+def sound(previous: Shape, shape: Shape) -> bool:
     """Return whether nothing speaks against a step of the grips from `previous` to `shape`."""
-    turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
-    return shape.converged and kicks == 0 and _continues(previous, shape, turn)
+    return (shape.converged and not shape.state.kicks and not fell(previous, shape)
+            and not _passes(previous, shape))
 
 
-def _continues(previous: Shape, shape: Shape, turn: float) -> bool:
-    return not _fell(previous, shape, turn) and not _passes(previous, shape)
-
-
-def surely_follows(previous: Shape, shape: Shape, kicks: int) -> bool:
+def surely_follows(previous: Shape, shape: Shape) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
     turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
-    return (sound(previous, shape, kicks) and not _is_doubtful(previous, shape, turn)
+    return (sound(previous, shape) and not _is_doubtful(previous, shape, turn)
             and not _is_long(previous, shape, _Grips(shape.gripper, shape.far_end), turn, False))
 
 
@@ -195,14 +191,10 @@ def fell(previous: Shape, shape: Shape) -> bool:
     It changed more than the gripper's turn (and, in contact, its shift) can cause; or, in contact
     or with its far end held, it lost energy that neither work nor friction accounts for.
     """
-    return _fell(previous, shape,
-                 angle_between(previous.gripper.rotation, shape.gripper.rotation))
-
-
-def _fell(previous: Shape, shape: Shape, turn: float) -> bool:
     if shape.far_end is not None or shape.pinned:
         return _lost(previous, shape)
     change = shape_change(previous, shape)
+    turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
     if not (previous.contacts or shape.contacts):
         return change > _LEAP + _FOLLOWING * turn
     # where it touches, the gripper's displacement deforms the DLO as well

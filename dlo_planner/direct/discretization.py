@@ -257,8 +257,8 @@ class Discretization(Value):
         return node_moments(self.surroundings, self.s)
 
     @cached_property
-    def told_by_truncation(self) -> bool:
-        """Whether `truncation` bounds the error: nothing varies, little natural twist."""
+    def bounded_by_truncation(self) -> bool:
+        """Whether `truncation_error` bounds the error: nothing varies, little natural twist."""
         around = self.surroundings
         return not (around.rod.varies or around.point_loads or callable(around.load)
                     or bool(very_twisted(np.abs(self.natural[:, 0]) @ self.free.lengths)))
@@ -341,6 +341,13 @@ class Discretization(Value):
         """The same rod, every element halved, one unknown strain per half."""
         s = np.sort(np.append(self.s, 0.5 * (self.s[1:] + self.s[:-1])))
         return Discretization(self.surroundings, s, 'local', 0)
+
+    @cached_property
+    def local(self) -> Discretization:
+        """The same elements, one unknown strain in each."""
+        if self.basis == 'local':
+            return self
+        return Discretization(self.surroundings, self.s, 'local', 0)
 
     def within(self, surroundings: Surroundings) -> Discretization:
         """Return the same elements of the rod of other Surroundings, as long or not."""
@@ -454,8 +461,8 @@ def graded_mesh(s: Floats, strains: Floats, elements: int,
 
     Shapes: s (N + 1,), strains (N, 3), breaks (n,).
     """
-    told = np.round(strains * s[-1], _DIGITS) / s[-1]  # a mesh is not graded to rounding errors
-    return nodes_at(s, equidistribute(np.diff(s), told), elements, breaks)
+    known = np.round(strains * s[-1], _DIGITS) / s[-1]  # a mesh is not graded to rounding errors
+    return nodes_at(s, equidistribute(np.diff(s), known), elements, breaks)
 
 
 def nodes_at(s: Floats, shares: Floats, elements: int,

@@ -19,11 +19,20 @@ import scipy
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.integrator import Scheme, credit_renewal
+from dlo_planner.direct.integrator import (
+    DAMPED,
+    KINETIC,
+    RUBBED,
+    STATIC,
+    WORK,
+    Scheme,
+    credit_renewal,
+)
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Boxed, Motion
+from dlo_planner.direct.search import MAX_ITERATIONS, Search
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import MAX_ITERATIONS, Search, equilibrium
+from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import past_of
 from dlo_planner.direct.stepper import (
     MOST,
@@ -107,8 +116,7 @@ def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd |
         _meets('initial', 'far end', 'far_ends[0]', end, _allowed(far_end, end), length)
     past = past_of(discretization, initial, memory)
     strains = discretization.strains_from(initial.s, initial.element_strains)
-    first, _ = equilibrium(discretization, gripper, strains, 'newton', past, far_end,
-                           how=Search(0, False))
+    first = equilibrium(discretization, gripper, strains, past, far_end, how=Search(0, False))
     first = replace(first, converged=True)  # nothing was solved yet that could have failed
     if initial.state.mesh is discretization and _alike(first, initial):
         first = initial
@@ -197,7 +205,7 @@ class IntegrationOptions:
 
     def scheme(self, dt: float, halvings: int) -> Scheme:
         """Return the Scheme of a step of dt (s), halved so often."""
-        return Scheme.named(self.integrator, dt / (1 << halvings))
+        return Scheme(self.integrator, dt / (1 << halvings))
 
 
 class InitialConditions(NamedTuple):
@@ -267,7 +275,7 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
     """
     for halvings in range(1, _SHORTER + 1):
         parts = 1 << halvings
-        brief = replace(scheme, dt=scheme.dt / parts)
+        brief = scheme._replace(dt=scheme.dt / parts)
         begun = now if now.touched else stepper.renewed(now, brief.dt)
         last = begun
         for at in now.place + (place - now.place) * np.arange(1, parts + 1) / parts:
@@ -316,8 +324,7 @@ def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
     if own is None:
         return None
     coarse, fine = (
-        equilibrium(each, shape.gripper, strains, 'newton', each.past(shape.state.history),
-                    shape.far_end)[0]
+        equilibrium(each, shape.gripper, strains, each.past(shape.state.history), shape.far_end)
         for each, strains in ((own, np.array(shape.element_strains)),
                               (own.finer, np.repeat(shape.element_strains, 2, axis=0))))
     moved = np.abs(coarse.positions - shape.positions).max()
@@ -357,25 +364,14 @@ def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     if not begun.start.converged:
         ended = Run([first], [], 0.0, 'unsolved', 'the shape at time 0 was not found')
         return _motion(stepper, ended, plan.tolerance, None)
-    made = _run(stepper, first, plan, progress)
+    made = run(stepper, first, plan, progress)
     trace = Trace([instant.place for instant in made.reached],
                   [instant.positions for instant in made.reached], made.samples)
     estimate = partial(error_of, stepper, begun, replace(plan, steps=tuple(made.steps)), trace)
     return _motion(stepper, made, plan.tolerance, estimate)
 
 
-def run(stepper: Stepper, first: TimePoint, instants: int, tolerance: float,
-        progress: Progress) -> tuple[list[TimePoint], bool]:
-    """Return the TimePoints at 0, 1, 2 ... of a motion that goes on from `first`.
-
-    And whether all steps were good; the last TimePoint is where it ended, see `Run`.
-    """
-    plan = IntegrationOptions(instants, 'generalized_alpha', tolerance)
-    made = _run(stepper, first, plan, progress)
-    return made.reached, made.status == 'complete'
-
-
-def _run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: Progress) -> Run:
+def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: Progress) -> Run:
     """Return the Run that begins with the TimePoint `first`."""
     pace, reached = _Pace(stepper, first, plan), [first]
     while len(reached) < plan.instants:
@@ -410,7 +406,7 @@ class _Pace:
         self._steps: list[int] = []
         self._errors: list[float] = []
         self._samples: list[Floats] = []
-        self._budget = np.array([first.balance, first.potential, first.potential, first.kinetic,
+        self._budget = np.array([first.balance, *first.energies[[STATIC, STATIC, KINETIC]],
                                 first.balance])
         self._began = first.balance
         mesh = stepper.discretization
@@ -476,7 +472,7 @@ class _Pace:
         batch = stepper.steps(now, self._past, places, scheme, limits)
         made = len(batch.errors)
         if made:
-            self.now, self._past, self._budget = batch.last, batch.past, budget
+            self.now, self._past, self._budget = batch.last, batch.past, batch.budget
             self._at += made * size
             self._steps += [level] * made
             self._errors += batch.errors.tolist()
@@ -519,15 +515,14 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
         message = (f'the local errors of its steps add up to {made.local:.3g} m, more than the '
                    f'tolerance of {tolerance:.3g} m: see error_estimate')
     given = {} if estimate is None else {'_estimate': estimate}
-    kinetic, potential, work, losses = (
-        np.array([getattr(instant, name) for instant in reached])
-        for name in ('kinetic', 'potential', 'work', 'losses'))
+    energies = np.array([instant.energies for instant in reached])
     # a motion that is not complete is not converged
     shapes: Any = Boxed(len(reached), partial(_shapes, reached), made.status == 'complete')
     return Motion(
         stepper.dt * places, shapes,
-        np.array([instant.velocities for instant in reached]), kinetic, potential, work,
-        losses, tolerance, made.status, message, **given)
+        np.array([instant.velocities for instant in reached]), energies[:, KINETIC],
+        energies[:, STATIC], energies[:, WORK], energies[:, DAMPED:RUBBED + 1], tolerance,
+        made.status, message, **given)
 
 
 def _shapes(reached: list[TimePoint]) -> tuple[Shape, ...]:

@@ -15,8 +15,7 @@ the grip, the plastic strain, forces and anchors of contacts) is kept in the row
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,7 +72,10 @@ ELASTIC, STATIC, KINETIC, WORK, POWER, DAMPED, DISSIPATED, RUBBED, PUSHED = rang
 
 
 class SchemeCoefficients(Record):
-    """Of a `Scheme` of integration and of a DLO's damping, as kernels want them."""
+    """Of a `Scheme` of integration and of a DLO's damping, as kernels want them.
+
+    `stiffness` is 2 / dt^2 in Eq. 9.
+    """
 
     alpha_m: float
     alpha_f: float
@@ -82,7 +84,7 @@ class SchemeCoefficients(Record):
     dt: float             # s
     stiffness: float      # 1/s^2, acceleration per displacement
     velocity_gain: float  # 1/s, velocity per displacement
-    third: float          # s^3, `Scheme.third`
+    third: float          # s^3, local error per divided difference of four places
     slow: float           # 1/s, damping in proportion to mass
     viscous: float        # s, damping in proportion to stiffness
     masses: Floats        # (N + 1,) kg, of the nodes
@@ -779,59 +781,35 @@ def _move_on(how, course, row):
 
 
 INTEGRATORS = ('generalized_alpha', 'paper')
+_HIGH = 0.85  # of the fastest vibrations: what one step of generalized alpha leaves
 
 
-@dataclass(frozen=True)
-class Scheme:
-    """Coefficients of the family, for one step length dt in s."""
+class Scheme(NamedTuple):
+    """A scheme of integration, and the length of its steps.
 
-    alpha_m: float
-    alpha_f: float
-    beta: float
-    gamma: float
-    dt: float
+    'generalized_alpha' is of second order; one step leaves `_HIGH` of the fastest vibrations, and
+    slow ones are hardly damped. 'paper' is Eq. 8 to 10: constant acceleration over a step, taken at
+    its end; as a Newmark method beta = 1/2, gamma = 1, of first order, and it damps: a vibration of
+    angular frequency w loses the part w dt / 4 of its amplitude per radian. 'euler' is the implicit
+    one.
+    """
 
-    @classmethod
-    def named(cls, name: str, dt: float, high_frequency: float = 0.85) -> Self:
-        """Return the scheme `name` of INTEGRATORS.
-
-        'generalized_alpha' is of second order; `high_frequency` is what one step leaves of the
-        fastest vibrations (1: all of them), and slow ones are hardly damped. 'paper' is Eq. 8 to
-        10: constant acceleration over a step, taken at its end; as a Newmark method beta = 1/2,
-        gamma = 1, of first order, and it damps: a vibration of angular frequency w loses the part
-        w dt / 4 of its amplitude per radian. 'euler' is the implicit one.
-        """
-        if name == 'euler':
-            return cls(0.0, 0.0, 1.0, 1.0, dt)
-        if name == 'paper':
-            return cls(0.0, 0.0, 0.5, 1.0, dt)
-        alpha_m = (2 * high_frequency - 1) / (high_frequency + 1)
-        alpha_f = high_frequency / (high_frequency + 1)
-        return cls(alpha_m, alpha_f, 0.25 * (1 - alpha_m + alpha_f) ** 2,
-                   0.5 - alpha_m + alpha_f, dt)
-
-    @property
-    def stiffness(self) -> float:
-        """Acceleration at the end per distance from the anchor, 1/s^2: 2 / dt^2 in Eq. 9."""
-        return (1 - self.alpha_m) / ((1 - self.alpha_f) * self.beta * self.dt**2)
-
-    @property
-    def velocity_gain(self) -> float:
-        """Velocity at the end per distance from the anchor, 1/s."""
-        return self.gamma / (self.beta * self.dt)
-
-    @property
-    def third(self) -> float:
-        """Local error per divided difference of four places, s^3, to leading order.
-
-        What the scheme's position differs by from Taylor's series of the true one:
-        (1/6 - beta - (alpha_f - alpha_m) / 2) dt^3 x'''. Accelerations are no measure of it: they
-        are those that keep the DLO's length, and tell of changes of the step as well.
-        """
-        return 6 * abs(1 / 6 - self.beta - 0.5 * (self.alpha_f - self.alpha_m)) * self.dt**3
+    name: str  # of INTEGRATORS, or 'euler'
+    dt: float  # s
 
     def coefficients(self, damping: tuple[float, float], masses: Floats) -> SchemeCoefficients:
         """Return them for kernels, of a DLO with Rayleigh's damping and these node masses."""
+        dt = self.dt
+        alpha_m, alpha_f, beta, gamma = 0.0, 0.0, 1.0, 1.0
+        if self.name == 'paper':
+            beta = 0.5
+        elif self.name == 'generalized_alpha':
+            alpha_m, alpha_f = (2 * _HIGH - 1) / (_HIGH + 1), _HIGH / (_HIGH + 1)
+            beta, gamma = 0.25 * (1 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f
+        # The scheme's position differs from Taylor's series of the true one by (1/6 - beta
+        # - (alpha_f - alpha_m) / 2) dt^3 d3x/dt3. Accelerations are no measure of it: they are
+        # those that keep the DLO's length, and tell of changes of the step as well.
+        third = 6 * abs(1 / 6 - beta - 0.5 * (alpha_f - alpha_m)) * dt**3
         return SchemeCoefficients(*(float(one) for one in (
-            self.alpha_m, self.alpha_f, self.beta, self.gamma, self.dt, self.stiffness,
-            self.velocity_gain, self.third, *damping)), masses)
+            alpha_m, alpha_f, beta, gamma, dt, (1 - alpha_m) / ((1 - alpha_f) * beta * dt**2),
+            gamma / (beta * dt), third, *damping)), masses)

@@ -143,37 +143,26 @@ class Memory(Value):
                 'tangents': self.tangents}
 
     @classmethod
-    def unpacked(cls, arrays: Mapping[str, Any], frames: Floats, length: float) -> Memory:
-        """Return the past from a file, if it can be of a DLO of that length, m.
-
-        Older files lack some: tangents are those of `frames` (N + 1, 3, 3).
-        """
+    def unpacked(cls, arrays: Mapping[str, Any], length: float) -> Memory:
+        """Return the past from a file, if it can be of a DLO of that length, m."""
         s = row('past_s', arrays['s'], least=2, minimum=0)
         if s[0] != 0 or (np.diff(s) <= 0).any() or abs(s[-1] - length) > _SAME * length:
             raise InvalidTask(f'past_s = {shown(s.tolist())}: expected arc lengths that grow from '
                               f'0 to {length:g}')
         count, bodies = np.size(arrays.get('point_element', ())), len(arrays.get('node_force', ()))
-        none = np.zeros((count, 3))
-        way = len(arrays['positions'])
-        given = {'point_shear': none, 'point_slid': none, 'tangents': frames[:way, :, 0],
-                 'set_error': 0.0, **arrays}
-        springs = np.asarray(given.get('set', ()))
-        if springs.ndim > 2:  # 0.1.0: layers apart
-            springs = springs.reshape(len(springs), -1)
-        strain = s.size - 1, *(springs.shape[1:] or (0,))
+        strain = s.size - 1, *(np.shape(arrays.get('set', ()))[1:2] or (0,))
+        ends = (s.size if np.size(arrays.get('positions', ())) else 0, 3)
         points = ContactPoints(
-            _filed(given, 'point_element', (count,), 0, s.size - 2, int),
-            _filed(given, 'point_obstacle', (count,), -bodies, bodies - 1, int),
-            _filed(given, 'point_multiplier', (count,)),
-            _filed(given, 'point_fraction', (count,), 0.0, 1.0),
-            *(_filed(given, f'point_{name}', (count, 3)) for name in ContactPoints._fields[4:]))
-        ends = (s.size if way else 0, 3)
-        return cls(s, _filed({'set': springs}, 'set', strain),
-                   float(_filed(given, 'lost', (), 0.0)),
-                   _filed(given, 'hold', (min(np.size(given.get('hold', ())), 6),)),
-                   _filed(given, 'node_force', (bodies, s.size)), points,
-                   _filed(given, 'positions', ends), _filed(given, 'tangents', ends),
-                   set_error=float(_filed(given, 'set_error', (), 0.0)))
+            _filed(arrays, 'point_element', (count,), 0, s.size - 2, int),
+            _filed(arrays, 'point_obstacle', (count,), -bodies, bodies - 1, int),
+            _filed(arrays, 'point_multiplier', (count,)),
+            _filed(arrays, 'point_fraction', (count,), 0.0, 1.0),
+            *(_filed(arrays, f'point_{name}', (count, 3)) for name in ContactPoints._fields[4:]))
+        return cls(s, _filed(arrays, 'set', strain), float(_filed(arrays, 'lost', (), 0.0)),
+                   _filed(arrays, 'hold', (min(np.size(arrays.get('hold', ())), 6),)),
+                   _filed(arrays, 'node_force', (bodies, s.size)), points,
+                   _filed(arrays, 'positions', ends), _filed(arrays, 'tangents', ends),
+                   set_error=float(_filed(arrays, 'set_error', (), 0.0)))
 
 
 def _filed(arrays: Mapping[str, Any], name: str, shape: tuple[int, ...], lowest: float = -np.inf,

@@ -18,18 +18,18 @@ M x = mu K x with mu = 1 / omega^2; K is positive definite at a stable shape.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy
 
 from dlo_planner.blas import one_thread
-from dlo_planner.direct.ball_joint import hinge_unknowns, pinned_newton, with_hinge
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.sensitivity import gripper_answers
+from dlo_planner.direct.memory import Memory
+from dlo_planner.direct.search import KEPT, Search, hinge_unknowns, minimum, with_hinge
 from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.loads import node_masses
@@ -37,21 +37,18 @@ from dlo_planner.energy.plastic import PlasticSection
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
-from dlo_planner.minimize.contact_solver import constrained_newton, stiffen_penalty
-from dlo_planner.minimize.convergence import residual_of
+from dlo_planner.minimize.contact_solver import stiffen_penalty
+from dlo_planner.minimize.convergence import CONVERGED, residual_of
 from dlo_planner.minimize.hessian import Hessian
 from dlo_planner.minimize.newton import HELD_NEUTRAL
+from dlo_planner.minimize.response import gripper_answers
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import integer, items, results, shown
+from dlo_planner.model.checks import results, shown
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Constant, Value, brief, freeze, put
 
-if TYPE_CHECKING:
-    from dlo_planner.direct.shape import Shape
-
 _AT_REST = 1e-4   # residual above which a shape is not at rest; rounding errors are below it
-_SETTLED = 1e-8   # residual of an equilibrium on a finer mesh
-_EXACT = 1e-10    # of the length: violation of a constraint that Newton's method leaves
-_VIOLATED = 1e-6  # of the length: violation with which a finer mesh is not used
 _MOST = 200       # Newton steps on a finer mesh
 _DEPENDENT = 1e-7  # of the largest row: constraint rows below it depend on the others
 
@@ -71,75 +68,56 @@ class Vibration:
     resistance: np.ndarray  # (N, 3) length times stiffness of the elements, N m^3
 
 
+@dataclass(frozen=True)
 class Linearized:
-    """A converged Shape, and the Vibrations about it on its own mesh and on finer ones.
+    """An equilibrium, and the Vibrations about it on its own mesh and on finer ones."""
 
-    Raises InvalidTask where there are none, with its `name`.
-    """
-
-    def __init__(self, shape: Shape, name: str = 'shape'):
-        _check(shape, name)
-        self.shape, self.name, self._mesh = shape, name, shape.state.made_on
-        self._past = shape.state.held
+    name: str             # in messages
+    mesh: Discretization
+    gripper: Pose
+    far_end: FarEnd | None
+    strains: Floats       # (N, 3) 1/m
+    residual: float
+    before: Memory        # what the step began with that led there,
+    held: Memory          # and the same under the forces after it
 
     @cached_property
     def vibration(self) -> Vibration:
-        """The Vibration about the shape."""
-        mesh, gripper = self._mesh, self.shape.gripper
-        system = mesh.system(gripper.rotation, gripper.position, self._past, self.shape.far_end)
-        q = mesh.unknowns(self.shape.element_strains)
+        """The Vibration about the equilibrium; raises InvalidTask where it is none."""
+        system = self._system(self.mesh, self.held)
+        q = self.mesh.unknowns(self.strains)
         residual = residual_of(system, _state(system, q))
         if residual > _AT_REST:
             raise InvalidTask(f'{self.name}: expected one in equilibrium, not in motion; at rest '
                               f'its residual would be {residual:.2g}')
-        return _vibration(mesh, system, q)
+        return _vibration(self.mesh, system, q)
 
     def resolving(self, n: int) -> Vibration:
         """Return a Vibration that resolves n modes: without a series of fewer than n terms.
 
         A series of N_c terms resolves N_c / 2 modes in each plane well.
         """
-        mesh, known = self._mesh, self.vibration
+        mesh, known = self.mesh, self.vibration  # which looks whether it is at rest
         if mesh.basis == 'local' or n <= mesh.n_terms:
             return known
-        free = Discretization(mesh.surroundings, mesh.s, 'local', 0)
-        return self._settled(free, self.shape.element_strains) or known
+        return self._settled(mesh.local, self.strains) or known
 
     @cached_property
     def finer(self) -> Vibration | None:
         """The Vibration with every element halved and without the series; None: not found."""
-        return self._settled(self._mesh.finer, np.repeat(self.shape.element_strains, 2, axis=0))
+        return self._settled(self.mesh.finer, np.repeat(self.strains, 2, axis=0))
 
     def _settled(self, mesh: Discretization, strains: Floats) -> Vibration | None:
         """Return the Vibration on another mesh, in equilibrium near strains (N, 3), or None."""
-        shape = self.shape
-        past = mesh.past(shape.state.before)
-        system = mesh.system(shape.gripper.rotation, shape.gripper.position, past, shape.far_end)
-        q = mesh.unknowns(strains)
-        newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
-        found = newtons(system, q, 0.01 * _SETTLED, _MOST, False, _EXACT * mesh.s[-1],
-                        np.zeros((0, 6)))
-        if (found.residual > max(_SETTLED, 10 * shape.residual)
-                or found.violation > _VIOLATED * mesh.s[-1]):
+        found = minimum(mesh, self._system(mesh, mesh.past(self.before)), self.gripper,
+                        mesh.unknowns(strains), None, Search(_MOST, False))
+        if (found.residual > max(CONVERGED, 10 * self.residual)
+                or found.violation > KEPT * mesh.s[-1]):
             return None
         return _vibration(mesh, found.system, found.state.q)
 
-
-def _check(shape: Shape, name: str) -> None:
-    """Raise InvalidTask for a shape without vibrations that are linear and known."""
-    if shape.parts is not None:
-        raise InvalidTask(f'{name}: expected one held at its end; of a DLO grasped inside each of '
-                          'Shape.parts vibrates by itself')
-    if shape.state.mesh is None or shape.state.before is None:
-        raise InvalidTask(f'{name}: expected one that comes from a simulator')
-    if not shape.converged:
-        raise InvalidTask(f'{name} is {shape.status}: expected a converged one')
-    around = shape.state.mesh.surroundings
-    if around.has_moments:
-        raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
-    if any(around.obstacles[contact.obstacle].friction for contact in shape.contacts):
-        raise InvalidTask(f'{name}: expected one that touches nothing with friction, whose law is '
-                          'not linear however small the vibrations are')
+    def _system(self, mesh: Discretization, past: Memory) -> Problem:
+        return mesh.system(self.gripper.rotation, self.gripper.position, past, self.far_end)
 
 
 def _state(system: Problem, q: Floats) -> Configuration:
@@ -247,7 +225,7 @@ def _free(held: Floats) -> Floats | None:
     return result
 
 
-MOST = 1000         # modes that may be asked for
+MOST_MODES = 1000       # modes that may be asked for
 _TIE = 1e-10        # added to the stiffness: a motion without stiffness and mass is held by it
 _NEUTRAL = 1e-2     # part of a mode's stiffness due to _TIE from which on the mode is neutral
 _MASSLESS = 1e-11   # of the largest mu: a motion with less moves no mass
@@ -346,29 +324,27 @@ class Modes(Value):
         return found
 
 
-def modes_of(shape: Shape, n: int) -> Modes:
-    """Return the Modes of a Shape; see `Shape.modes`."""
-    n, linear = integer('n', n, minimum=1, maximum=MOST), Linearized(shape)
-    vibration = linear.resolving(n)
-    squares, found = solved(vibration, n, 'shape')
-    return modes_from(linear, vibration, squares, found, np.arange(squares.size))
+def modes_of(linear: Linearized, n: int, spare: int = 0) -> Modes:
+    """Return the n slowest Modes, from a Vibration that resolves `spare` more."""
+    vibration = linear.resolving(n + spare)
+    squares, found = solved(vibration, n, linear.name)
+    return _modes(linear, vibration, squares, found, np.arange(squares.size))
 
 
-def modes_from(linear: Linearized, vibration: Vibration, squares: Floats, found: Floats,
-               places: Ints, overlap: Floats | None = None) -> Modes:
-    """Return the Modes that `solved` found about a Linearized shape.
+def _modes(linear: Linearized, vibration: Vibration, squares: Floats, found: Floats,
+           places: Ints, overlap: Floats | None = None) -> Modes:
+    """Return the Modes that `solved` found.
 
     Shapes: squares (n,), found (c, n), overlap (n,), places (n,).
     """
-    shape = linear.shape
     rates = np.sqrt(squares)
     displacements = np.moveaxis(vibration.jacobian @ found, 2, 0)
     # the damping matrix: drag M + viscosity times the elastic stiffness alone, weight damps nothing
-    damping: Any = shape.state.made_on.rod.damping
+    damping: Any = linear.mesh.rod.damping
     drag, viscosity = damping
     viscous = np.einsum('ei,eim->m', vibration.resistance, (vibration.strains @ found) ** 2)
     participation = np.einsum('k,mki,kij->mj', vibration.masses, displacements, vibration.carried)
-    return Modes(shape.s, vibration.masses, rates / (2 * np.pi),
+    return Modes(linear.mesh.s, vibration.masses, rates / (2 * np.pi),
                  (drag + viscosity * viscous) / (2 * rates), displacements, participation, overlap,
                  partial(_error, linear, rates, places))
 
@@ -433,54 +409,18 @@ def _error(linear: Linearized, rates: Floats, places: Ints) -> Floats:
 # Modes along a path, matched by likeness: a mode stays itself where frequencies cross.
 
 
-_SPARE = 4     # more modes than asked for are computed: a followed one may have become faster
+SPARE = 4      # more modes than asked for are computed: a followed one may have become faster
 _EQUAL = 1e-6  # relative difference of squares of frequencies that count as one
 
 
-def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
-    """Return the Modes of each shape; mode i of one continues mode i of the one before.
-
-    The n slowest modes of the first shape are followed: the modes of the next shape are assigned
-    so that the sum of `Modes.overlap` is largest. Modes of equal frequency, as of a round DLO that
-    hangs straight, are first turned together so as to be most like those before. Where an overlap
-    is small, the steps along the path are too long to tell which mode is which.
-
-    Parameters
-    ----------
-    shapes : iterable of Shape
-        In the order of the path, as from `DirectSimulator.track`; meshes may differ.
-    n : int, optional
-        How many modes; there may be fewer, see `Shape.modes`.
-
-    Raises
-    ------
-    InvalidTask
-        A shape that has no modes, see `Shape.modes`, or fewer than the one before.
-    """
-    from dlo_planner.direct.shape import Shape  # noqa: PLC0415  (it imports this file)
-    shapes = items('shapes', shapes, Shape)
-    n = integer('n', n, minimum=1, maximum=MOST)
-    tracked: list[Modes] = []
-    for k, shape in enumerate(shapes):
-        linear = Linearized(shape, f'shapes[{k}]')
-        if not tracked:
-            vibration = linear.resolving(n + _SPARE)
-            squares, found = solved(vibration, n, linear.name)
-            tracked.append(modes_from(linear, vibration, squares, found,
-                                      np.arange(squares.size)))
-        else:
-            tracked.append(_continued(tracked[-1], linear))
-    return tuple(tracked)
-
-
-def _continued(before: Modes, linear: Linearized) -> Modes:
+def continued(before: Modes, linear: Linearized) -> Modes:
     """Return the Modes of a Linearized shape that continue the Modes `before`."""
-    vibration = linear.resolving(len(before) + _SPARE)
-    squares, found = solved(vibration, len(before) + _SPARE, linear.name)
+    vibration = linear.resolving(len(before) + SPARE)
+    squares, found = solved(vibration, len(before) + SPARE, linear.name)
     if squares.size < len(before):
         raise InvalidTask(f'{linear.name}: expected one with {len(before)} modes or more, as the '
                           f'one before, it has {squares.size}')
-    weighted = displacements_on(before, linear.shape.s) * vibration.masses[:, None]
+    weighted = _displacements_on(before, linear.mesh.s) * vibration.masses[:, None]
     like = np.einsum('mki,kic->mc', weighted, vibration.jacobian)  # products with the coordinates
     for one in _equal(squares):
         found[:, one] = _turned(like, found[:, one])
@@ -488,11 +428,11 @@ def _continued(before: Modes, linear: Linearized) -> Modes:
     _, places = scipy.optimize.linear_sum_assignment(-np.abs(product))
     likeness = product[np.arange(len(before)), places]
     signs = np.where(likeness < 0, -1.0, 1.0)
-    return modes_from(linear, vibration, squares[places], found[:, places] * signs, places,
-                      np.minimum(np.abs(likeness), 1.0))
+    return _modes(linear, vibration, squares[places], found[:, places] * signs, places,
+                  np.minimum(np.abs(likeness), 1.0))
 
 
-def displacements_on(modes: Modes, s: np.ndarray) -> np.ndarray:
+def _displacements_on(modes: Modes, s: np.ndarray) -> np.ndarray:
     """Return (n, N + 1, 3) the displacements of Modes, m, on another mesh: nodes s (N + 1,), m.
 
     Linear between the nodes of the modes. A DLO of another length is scaled to this one.

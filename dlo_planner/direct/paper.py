@@ -11,8 +11,9 @@ import numpy as np
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory
+from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import TOLERANCE, shape_of
+from dlo_planner.direct.statics import shape_of
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.geometry.basis import from_components, orthonormal_basis, to_components
@@ -33,14 +34,14 @@ _SLIGHT = 1e-2  # rad over the length
 
 
 def described_equilibrium(discretization: Discretization, gripper: Pose, strains: Floats,
-                          method: str, history: Memory) -> tuple[Shape, int]:
-    """Return the Shape whose (q_d, q_kappa, q_tau) are series, and how often it left a saddle.
+                          method: str, history: Memory) -> Shape:
+    """Return the Shape whose (q_d, q_kappa, q_tau) are series.
 
     `residual` is that of the series' coefficients; `stability` is the DLO's own, freed from them.
 
     Shapes: strains (N, 3).
     """
-    free = Discretization(discretization.surroundings, discretization.s, 'local', 0)
+    free = discretization.local
     system = free.system(gripper.rotation, gripper.position, history)
     series = _Series(system, orthonormal_basis(discretization.basis, discretization.n_terms,
                                                discretization.s))
@@ -59,7 +60,7 @@ def described_equilibrium(discretization: Discretization, gripper: Pose, strains
         strains, kicks = system.natural + system.scale * kicked, kicks + 1
     ended = Minimum(state, residual, reached.stability, iterations, kicks, system,
                     evaluations=evaluations)
-    return shape_of(free, gripper, ended, history), kicks
+    return shape_of(free, gripper, ended, history)
 
 
 class _Series:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory, mapped
-from dlo_planner.direct.modes import Linearized, Modes, modes_of
+from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, continued, modes_of
 from dlo_planner.direct.storage import load, pose_of, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import frame_along, positions_along
@@ -59,12 +59,14 @@ class State(Value):
     before: Memory | None = field(default=None, compare=False)  # what the step began with
     estimate: Callable[[], float] = field(default=_NOT_KNOWN, compare=False)  # m, `error_estimate`
     culled: bool = field(default=False, compare=False)  # found without what may act, which does not
+    kicks: int = field(default=0, compare=False)  # how often the search for it left a saddle
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Discretization):  # else a simulator made it
             instance('State.mesh', self.mesh, Discretization, optional=True)
             for name in ('history', 'before'):
                 instance(f'State.{name}', getattr(self, name), Memory, optional=True)
+            put(self, kicks=integer('State.kicks', self.kicks, minimum=0, maximum=10**12))
             if not callable(self.estimate):
                 raise InvalidTask(f'State.estimate = {shown(self.estimate)}: expected a function')
 
@@ -543,7 +545,8 @@ class Shape(Pictured):
             The shape is not converged, neutral, one of a motion, grasped inside (take its `parts`)
             or from a file; dead moments act, or it touches something with friction.
         """
-        return modes_of(self, n)
+        n = integer('n', n, minimum=1, maximum=MOST_MODES)
+        return modes_of(_linearized(self), n)
 
     def stiffness_matrix(self) -> Floats:
         """Return (c, c), J: second derivative of the potential by the coordinates of vibrations.
@@ -558,21 +561,21 @@ class Shape(Pictured):
         InvalidTask
             As `modes`.
         """
-        return Linearized(self).vibration.stiffness
+        return _linearized(self).vibration.stiffness
 
     def mass_matrix(self) -> Floats:
         """Return (c, c), J s^2: second derivative of the kinetic energy by the velocities.
 
         In the coordinates of `stiffness_matrix`, for shapes as there; it may be singular.
         """
-        return Linearized(self).vibration.mass
+        return _linearized(self).vibration.mass
 
     def jacobian(self) -> Floats:
         """Return (N_L + 1, 3, c), m, world axes: displacement of the nodes by the coordinates.
 
         In those of `stiffness_matrix`, for shapes as there; the grips at rest.
         """
-        return Linearized(self).vibration.jacobian
+        return _linearized(self).vibration.jacobian
 
 
 def kernel_arrays(shape: Shape) -> tuple[Floats, Floats, Floats, Floats]:
@@ -643,6 +646,55 @@ def carried(shape: Shape, displacement: Floats) -> Shape:
                    energy=shape.energy + float(displacement @ shape.gripper_wrench[:3]))
 
 
+def modes_along(shapes: Iterable[Shape], n: int = 4) -> tuple[Modes, ...]:
+    """Return the Modes of each shape; mode i of one continues mode i of the one before.
+
+    The n slowest modes of the first shape are followed: the modes of the next shape are assigned
+    so that the sum of `Modes.overlap` is largest. Modes of equal frequency, as of a round DLO that
+    hangs straight, are first turned together so as to be most like those before. Where an overlap
+    is small, the steps along the path are too long to tell which mode is which.
+
+    Parameters
+    ----------
+    shapes : iterable of Shape
+        In the order of the path, as from `DirectSimulator.track`; meshes may differ.
+    n : int, optional
+        How many modes; there may be fewer, see `Shape.modes`.
+
+    Raises
+    ------
+    InvalidTask
+        A shape that has no modes, see `Shape.modes`, or fewer than the one before.
+    """
+    shapes = items('shapes', shapes, Shape)
+    n = integer('n', n, minimum=1, maximum=MOST_MODES)
+    followed: list[Modes] = []
+    for k, shape in enumerate(shapes):
+        linear = _linearized(shape, f'shapes[{k}]')
+        followed.append(continued(followed[-1], linear) if followed
+                        else modes_of(linear, n, SPARE))
+    return tuple(followed)
+
+
+def _linearized(shape: Shape, name: str = 'shape') -> Linearized:
+    """Return what vibrates about a Shape; raise InvalidTask where that is not linear or known."""
+    mesh, state = shape.state.mesh, shape.state
+    if shape.parts is not None:
+        raise InvalidTask(f'{name}: expected one held at its end; of a DLO grasped inside each of '
+                          'Shape.parts vibrates by itself')
+    if mesh is None or state.before is None:
+        raise InvalidTask(f'{name}: expected one that comes from a simulator')
+    if not shape.converged:
+        raise InvalidTask(f'{name} is {shape.status}: expected a converged one')
+    if mesh.surroundings.has_moments:
+        raise InvalidTask(f'{name}: expected one without dead moments, which have no potential')
+    if any(shape.obstacles[contact.obstacle].friction for contact in shape.contacts):
+        raise InvalidTask(f'{name}: expected one that touches nothing with friction, whose law is '
+                          'not linear however small the vibrations are')
+    return Linearized(name, mesh, shape.gripper, shape.far_end, shape.element_strains,
+                      shape.residual, state.before, state.held)
+
+
 _ARRAYS = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 _PAST = 'past_'
 _FILED_ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
@@ -672,7 +724,7 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
                      for row in stored['contacts'])
     past = {name.removeprefix(_PAST): array for name, array in stored.items()
             if name.startswith(_PAST)}
-    history = Memory.unpacked(past, stored['frames'], float(stored['s'][-1])) if past else None
+    history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
     values = {name: stored[name] for name in _FILED_ARRAYS}
     values |= {name: stored[name].item() for name in _FILED_NUMBERS}
     return Shape(gripper=pose_of(stored['gripper']), contacts=contacts, far_end=far_end,

@@ -320,7 +320,7 @@ class DirectSimulator(Value):
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
         if initial is None or not (self._made(initial) or initial.state.kept):
-            return self._equilibrium(gripper, initial, far_end)[0]
+            return self._equilibrium(gripper, initial, far_end)
         return self._followed(initial, gripper, far_end, at_once=True)
 
     def track(self, grippers: Iterable[Pose], progress: OnProgress = None,
@@ -359,7 +359,7 @@ class DirectSimulator(Value):
             self._check(gripper, initial, end)
             before = self._settled(initial)
             if before is None:
-                shape, _ = self._equilibrium(gripper, initial, end)
+                shape = self._equilibrium(gripper, initial, end)
             else:
                 shape = self._followed(before, gripper, end)
             shapes.append(shape)
@@ -376,7 +376,7 @@ class DirectSimulator(Value):
         """Return the Motion of the DLO under moving grips, with inertia and damping.
 
         Between the instants the grips move along cubic splines with continuous accelerations
-        (`direct.boundary_motion.Guide`), from rest at time 0 unless the DLO moves there. Steps are
+        (`direct.boundary_motion`), from rest at time 0 unless the DLO moves there. Steps are
         halved where their local error, a gain of energy or Newton's method asks for it.
 
         Where the motion cannot go on it ends: `Motion.converged` is False then, and `status` and
@@ -434,7 +434,7 @@ class DirectSimulator(Value):
                 and shape.state.made_on.basis in (self.basis, self._fine)
                 and fine_enough(shape, self.accuracy)):
             return shape.state.made_on
-        return self._equilibrium(gripper, shape, None)[0].state.made_on
+        return self._equilibrium(gripper, shape, None).state.made_on
 
     def mesh_after(self, shape: Shape | None) -> Discretization:
         """Return the Discretization on which what follows a Shape, or None, is sought first."""
@@ -442,11 +442,10 @@ class DirectSimulator(Value):
                                   instance('shape', shape, Shape, optional=True), self._history)
 
     def _equilibrium(self, gripper: Pose, initial: Shape | None,
-                     far_end: FarEnd | None) -> tuple[Shape, int]:
-        """Return the Shape of a step as it is, and the kicks."""
+                     far_end: FarEnd | None) -> Shape:
+        """Return the Shape of a step as it is."""
         self._judge_end(far_end)
-        shape, kicks = self._step(gripper, initial, far_end)
-        return self._judged(shape), kicks
+        return self._judged(self._step(gripper, initial, far_end))
 
     def _followed(self, previous: Shape, gripper: Pose, far_end: FarEnd | None,
                   at_once: bool = False) -> Shape:
@@ -461,8 +460,8 @@ class DirectSimulator(Value):
         return judged(shape, self.accuracy)
 
     def _step(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
-              most: float = np.inf) -> tuple[Shape, int]:
-        """Return (Shape, kicks); `most` as in `step.How`."""
+              most: float = np.inf) -> Shape:
+        """Return the Shape of a step; `most` as in `step.How`."""
         how = How(self._history, far_end, self.method, self.strains, most)
         if self.accuracy is None:
             return step(self._discretization, gripper, initial, how)
@@ -477,7 +476,7 @@ class DirectSimulator(Value):
         """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
         if shape is None or self._made(shape):
             return shape
-        found, _ = self._equilibrium(shape.gripper, shape, shape.far_end)
+        found = self._equilibrium(shape.gripper, shape, shape.far_end)
         return found if found.converged else None
 
     def _made(self, shape: Shape) -> bool:
@@ -532,14 +531,14 @@ class DirectSimulator(Value):
         mesh = self._discretization
         known = initial
         if self.accuracy is not None:
-            known, _ = self._equilibrium(gripper, initial, far_end)
+            known = self._equilibrium(gripper, initial, far_end)
             if known.state.mesh is not mesh or mesh.s.size <= _ENOUGH:
                 mesh = moving_mesh(known.state.made_on)
         if initial is not None:
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
         if self.accuracy is None:
-            return self._equilibrium(gripper, None, far_end)[0], mesh
-        return step(mesh, gripper, known, How(self._history, far_end, self.method))[0], mesh
+            return self._equilibrium(gripper, None, far_end), mesh
+        return step(mesh, gripper, known, How(self._history, far_end, self.method)), mesh
 
 
 def made_by(simulator: DirectSimulator, shape: Shape) -> bool:

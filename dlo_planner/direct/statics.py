@@ -2,25 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """One equilibrium: from a gripper's pose and a discretization to a Shape with its proof."""
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.ball_joint import pinned_newton
 from dlo_planner.direct.contact import contacts_of
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import NOWHERE, ContactPoints, Memory
+from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, Search, minimum
 from dlo_planner.direct.shape import NO_WRENCH, Shape, State
-from dlo_planner.energy.elastic import with_couples
-from dlo_planner.energy.potential import configuration_at, evaluate
-from dlo_planner.energy.problem import Problem, new_configuration
 from dlo_planner.energy.terms import may_act
-from dlo_planner.geometry.so3 import jacobians, matrix, plus, put_vector, transposed_applied, vector
-from dlo_planner.kernels import kernel
 from dlo_planner.minimize.classic import search
-from dlo_planner.minimize.contact_solver import constrained_newton
 from dlo_planner.minimize.convergence import CONVERGED, Minimum
 from dlo_planner.minimize.newton import HELD_NEUTRAL, NEUTRAL
 from dlo_planner.minimize.solve import Solution, outcome, solve_step
@@ -29,26 +22,12 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd, distance, spans
 from dlo_planner.model.value import freeze, put, read_only
 
-TOLERANCE = 1e-10      # of the residual; the last step of a quadratic method overshoots it
-EXACT = 1e-10          # of the length: violation of a constraint aimed at
-KEPT = 1e-6            # the same that still counts as converged
-MAX_ITERATIONS = 1000
 _ELSEWHERE = 0.1       # of the length: a shape in contact that moves so far is another one
 _GRIP_KEPT = 1e-9      # of the length: by how much a grip may be missed at the end
 _SLACK = 1e-3          # of the slack: the same, as the DLO pulls the tighter the less there is
 _GRIP_EXACT = 1e-4     # of the slack: what is aimed at
 _LEAST_SLACK = 1e-10   # of the length: slack that is looked at
 _IN_VAIN = 30          # Newton steps towards what is out of reach
-
-
-class Search(NamedTuple):
-    """Until when a minimum is sought."""
-
-    steps: int = MAX_ITERATIONS  # Newton steps at most
-    check: bool = True           # whether its stability is looked at, and what is unstable left
-    exact: float = EXACT         # of the length: by how much constraints may be violated
-    tolerance: float = TOLERANCE
-    near: bool = False           # whether it is given up where it is not near
 
 
 class Watch(NamedTuple):
@@ -61,16 +40,16 @@ class Watch(NamedTuple):
     most: float = np.inf       # turns by more in the gripper, rad
 
 
-THOROUGH, _HALVED = Search(), Search(4, False, tolerance=1e-9)  # the latter: of halved elements
+_HALVED = Search(4, False, tolerance=1e-9)  # of halved elements
 FREELY = Watch()
 freeze(FREELY[:3])  # nodes are of the type of others
 
 
-def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats, method: str = 'newton',
+def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats,
                 memory: Memory | None = None, far_end: FarEnd | None = None, *,
-                culled: bool = False, watch: Watch | None = None,
-                how: Search | None = None) -> tuple[Shape, int]:
-    """Return the Shape that the DLO falls into from the given strains, and how often it kicked.
+                method: str = 'newton', culled: bool = False, watch: Watch | None = None,
+                how: Search | None = None) -> Shape:
+    """Return the Shape that the DLO falls into from the given strains.
 
     `culled`: without what may act, see `Discretization`. Shapes: strains (N, 3).
     """
@@ -78,12 +57,12 @@ def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats, method: st
     how = how or search_of(mesh, gripper, far_end)
     if method == 'newton' and not (around.pinned or around.has_moments):
         end = solution(mesh, gripper, strains, memory, far_end, how, culled, watch)
-        return shape_from(mesh, gripper, end, memory, far_end, culled), end.kicks
+        return shape_from(mesh, gripper, end, memory, far_end, culled)
     system = mesh.system(gripper.rotation, gripper.position, memory, far_end, culled=culled)
     q = mesh.unknowns(strains)
     found = (minimum(mesh, system, gripper, q, memory, how) if method == 'newton'
              else search(system, q, method, TOLERANCE))
-    return shape_of(mesh, gripper, found, memory, far_end), found.kicks
+    return shape_of(mesh, gripper, found, memory, far_end)
 
 
 def held_nearby(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memory,
@@ -135,7 +114,7 @@ def search_of(mesh: Discretization, gripper: Pose, far_end: FarEnd | None) -> Se
     is given up soon.
     """
     if far_end is None:
-        return THOROUGH
+        return Search()
     length, spanned = float(mesh.s[-1]), distance(far_end, gripper)
     steps = MAX_ITERATIONS if spans(spanned, length, mesh.loaded) else _IN_VAIN
     exact = EXACT
@@ -150,22 +129,6 @@ def reach_of(mesh: Discretization, spanned: float) -> float:
     if not spans(spanned, length, mesh.loaded):
         return -1.0
     return min(_GRIP_KEPT * length, _SLACK * (length - spanned) if mesh.loaded else np.inf)
-
-
-def minimum(mesh: Discretization, system: Problem, gripper: Pose, q: Floats,
-            memory: Memory | None = None, how: Search = THOROUGH) -> Minimum:
-    """Return the Minimum of a Problem that is reached from q (m, 3), whatever acts."""
-    exact, before = how.exact * float(mesh.s[-1]), np.zeros((0, 6))
-    if memory is not None and len(memory.positions):
-        before = np.hstack([memory.positions - gripper.position, memory.tangents])
-    newtons = pinned_newton if mesh.surroundings.pinned else constrained_newton
-
-    def solved(system: Problem, q: Floats) -> Minimum:
-        return newtons(system, q, how.tolerance, how.steps, how.check, exact, before)
-
-    if mesh.surroundings.has_moments:
-        return _balanced(solved, system, q, mesh.moments)
-    return solved(system, q)
 
 
 # ------------------------------------------------------------------------------------------------
@@ -216,7 +179,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         far_wrench=NO_WRENCH if far_end is None else end.far_wrench, dissipated=after.dissipated,
         state=State(mesh, after, before, partial(
             estimated, mesh, gripper, end.strains, end.positions, before, far_end, culled),
-            culled and not end.acts))
+            culled and not end.acts, end.kicks))
 
 
 def memory_after(mesh: Discretization, end: Solution, before: Memory, culled: bool) -> Memory:
@@ -276,7 +239,7 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
         shape = None if far_end is None else held_nearby(finer, gripper, halved, past, far_end,
                                                          culled)
         if shape is None:
-            shape, _ = equilibrium(finer, gripper, halved, 'newton', past, far_end, culled=culled)
+            shape = equilibrium(finer, gripper, halved, past, far_end, culled=culled)
             if not shape.converged:
                 return np.inf
         there = shape.positions
@@ -285,70 +248,3 @@ def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: F
         return np.inf
     rounding = 1e-15 * mesh.s.size * mesh.s[-1]
     return float(4 / 3 * moved + rounding)
-
-
-# ------------------------------------------------------------------------------------------------
-# Dead moments, which have no potential.
-
-
-_ROUNDS = 60
-_REMEMBERED = 8   # rounds that tell the next one where to go
-_SETTLED = 1e-10  # part of the moments by which they may still turn
-
-
-def _balanced(solved: Callable[[Problem, Floats], Minimum], system: Problem, q: Floats,
-              moments: Floats) -> Minimum:
-    """Return what `solved` returns in equilibrium with dead moments, its residual theirs too.
-
-    The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
-
-    Shapes: q (m, 3), moments (N + 1, 3).
-    """
-    unit = np.abs(moments).sum()
-    state = new_configuration(system)
-    state.q[:] = q
-    evaluate(system, state)
-    known = _couples(system.lengths, state.strains, state.rotations, moments) / unit
-    strains, iterations = state.strains, 0
-    tried: list[Floats] = []
-    missed: list[Floats] = []
-    for _ in range(_ROUNDS):
-        elastic = with_couples(system.elastic, unit * known)
-        loaded = system._replace(elastic=elastic)
-        found = solved(loaded, configuration_at(loaded, strains).q)
-        state, system = found.state, found.system._replace(elastic=system.elastic)
-        iterations += found.iterations
-        strains = state.strains
-        miss = _couples(system.lengths, strains, state.rotations, moments) / unit - known
-        off = np.abs(miss).max()
-        if off <= _SETTLED:
-            break
-        tried, missed = [*tried, known][-_REMEMBERED:], [*missed, miss][-_REMEMBERED:]
-        known = _next(tried, missed)
-    return found._replace(residual=max(found.residual, off), iterations=iterations, system=system)
-
-
-def _next(tried: list[Floats], missed: list[Floats]) -> Floats:
-    """Return where the misses (n, 3) would vanish, by least squares over what was tried."""
-    best = tried[-1] + missed[-1]
-    if len(tried) == 1:
-        return best
-    of_misses = np.column_stack([(one - missed[-1]).ravel() for one in missed[:-1]])
-    share, *_ = np.linalg.lstsq(of_misses, -missed[-1].ravel(), rcond=1e-10)
-    for part, one, miss in zip(share, tried[:-1], missed[:-1], strict=True):
-        best = best + part * (one + miss - tried[-1] - missed[-1])
-    return best
-
-
-@kernel
-def _couples(lengths: Floats, strains: Floats, rotations: Floats, moments: Floats) -> Floats:
-    """Return (N, 3): the work of all moments beyond, per length and strain of each element, N m."""
-    out = np.empty(strains.shape)
-    beyond = (0.0, 0.0, 0.0)
-    for e in range(lengths.size - 1, -1, -1):
-        h = lengths[e]
-        beyond = plus(beyond, vector(moments[e + 1]))
-        turning, _ = jacobians(h * strains[e, 0], h * strains[e, 1], h * strains[e, 2], h)
-        own = transposed_applied(matrix(rotations[e]), beyond)
-        put_vector(transposed_applied(turning, own), out[e])
-    return out

@@ -19,25 +19,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.ball_joint import hinge_unknowns, own_unknowns, turn_of, with_hinge
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import NOWHERE, Memory
 from dlo_planner.direct.paper import described_equilibrium
-from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import (
+from dlo_planner.direct.search import (
     EXACT,
-    FREELY,
     MAX_ITERATIONS,
     TOLERANCE,
     Search,
-    Watch,
-    equilibrium,
-    held_nearby,
+    hinge_unknowns,
     minimum,
-    shape_of,
-    underway,
+    own_unknowns,
+    turn_of,
+    with_hinge,
 )
+from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.statics import FREELY, Watch, equilibrium, held_nearby, shape_of, underway
 from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration
@@ -68,13 +66,21 @@ ALONE = How()
 
 
 def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How = ALONE,
-         start: Floats | None = None) -> tuple[Shape, int]:
-    """Return the Shape that follows `initial` (a Shape or None) on a mesh, and the kicks.
+         start: Floats | None = None) -> Shape:
+    """Return the Shape that follows `initial` (a Shape or None) on a mesh.
 
     The search begins with the strains `start` (N, 3), if any, instead of those of `initial`.
     """
-    shape, kicks = _made(mesh, gripper, initial, how, start)
-    return _with_set_error(shape), kicks
+    past, shape = past_of(mesh, initial, how.memory), None
+    if (how.method == 'newton' and mesh.may_hang and past.idle
+            and (mesh.hangs or how.far_end is None or initial is not None)):
+        shape = _searched(mesh, gripper, initial, how, past, start, culled=True)
+        given_up = not shape.converged and how.most < np.inf  # then it is made in parts
+        if not (mesh.hangs or given_up or shape.converged and shape.state.culled):
+            shape = None
+    if shape is None:
+        shape = _searched(mesh, gripper, initial, how, past, start, culled=False)
+    return _with_set_error(shape)
 
 
 def _with_set_error(shape: Shape) -> Shape:
@@ -93,64 +99,44 @@ def _with_set_error(shape: Shape) -> Shape:
         estimate=Constant(error)))
 
 
-def _made(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How,
-          start: Floats | None) -> tuple[Shape, int]:
-    """Return what `step` does; how exact its set is, is not known yet."""
-    past = past_of(mesh, initial, how.memory)
-    if (how.method == 'newton' and mesh.may_hang and past.idle
-            and (mesh.hangs or how.far_end is None or initial is not None)):
-        shape, kicks = _step(mesh, gripper, initial, how, past, start, culled=True)
-        if mesh.hangs or (shape.state.culled if shape.converged
-                          else how.most < np.inf):  # then it is made in parts
-            return shape, kicks
-    return _step(mesh, gripper, initial, how, past, start, culled=False)
-
-
-def _step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How, past: Memory,
-          start: Floats | None, *, culled: bool) -> tuple[Shape, int]:
+def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How, past: Memory,
+              start: Floats | None, *, culled: bool) -> Shape:
     """Return what `step` does; `culled`: without what may act."""
-    far_end, method = how.far_end, how.method
+    far_end, newton = how.far_end, how.method == 'newton'
     if start is not None:
         strains = start
     elif initial is None:
         strains = mesh.stress_free(past)
-    elif mesh.has_nodes(initial.s):
-        strains = initial.element_strains
     else:
-        strains = mesh.strains_from(initial.s, initial.element_strains)
+        strains = (initial.element_strains if mesh.has_nodes(initial.s)
+                   else mesh.strains_from(initial.s, initial.element_strains))
     watch = _watched(mesh, initial, how.most) if culled else None
     if culled and far_end is None:
-        return equilibrium(mesh, gripper, strains, 'newton', past, culled=True, watch=watch)
+        return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
     if how.strains == 'paper':
-        return described_equilibrium(mesh, gripper, strains, method, past)
-    if method == 'newton' and initial is not None:
-        found = None
+        return described_equilibrium(mesh, gripper, strains, how.method, past)
+    shape = None
+    if newton and initial is not None:
         if far_end is None:
-            found = _bearing(mesh, gripper, initial, strains, past)
+            shape = _bearing(mesh, gripper, initial, strains, past)
         elif initial.far_end is not None and initial.far_end.grip == far_end.grip:
-            found = _without_kicks(held_nearby(mesh, gripper, strains, past, far_end,
-                                               culled, watch))
-        if found is not None:
-            return found
+            shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
+    if shape is not None:
+        return shape
     gripper = held_by(mesh.surroundings, gripper, initial)
     gripper, strains, past, clear = _advanced(mesh, initial, strains, gripper, far_end, past,
                                               culled)
-    found = None
-    if initial is None and far_end is not None and method == 'newton':
-        found = _without_kicks(held_nearby(mesh, gripper, strains, past, far_end,
-                                               culled, watch))
-    shape, kicks = found or equilibrium(mesh, gripper, strains, method, past, far_end,
-                                        culled=culled, watch=watch)
-    return (shape if clear else replace(shape, converged=False, jumped=True)), kicks
-
-
-def _without_kicks(shape: Shape | None) -> tuple[Shape, int] | None:
-    return None if shape is None else (shape, 0)
+    if newton and initial is None and far_end is not None:
+        shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
+    if shape is None:
+        shape = equilibrium(mesh, gripper, strains, past, far_end, method=how.method,
+                            culled=culled, watch=watch)
+    return shape if clear else replace(shape, converged=False, jumped=True)
 
 
 def _bearing(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
-             past: Memory) -> tuple[Shape, int] | None:
-    """Return the Shape in which a DLO goes on bearing where it does, and the kicks; or None."""
+             past: Memory) -> Shape | None:
+    """Return the Shape in which a DLO goes on bearing where it does, or None."""
     if not mesh.may_hang or not past.bears:
         return None
     begin = initial.gripper
@@ -159,7 +145,7 @@ def _bearing(mesh: Discretization, gripper: Pose, initial: Shape, strains: Float
     before = np.hstack([past.positions - gripper.position, past.tangents])
     found = follow_contact(mesh.system(gripper.rotation, gripper.position, past), start, TOLERANCE,
                            MAX_ITERATIONS, EXACT * float(mesh.s[-1]), before)
-    return None if found is None else (shape_of(mesh, gripper, found, past), found.kicks)
+    return None if found is None else shape_of(mesh, gripper, found, past)
 
 
 def held_by(surroundings: Surroundings, gripper: Pose, initial: Shape | None) -> Pose:
@@ -349,12 +335,12 @@ def _set_down(mesh: Discretization, gripper: Pose, strains: Floats,
     gripper, strains, past, _ = first_shape(bare, gripper, far_end, past) or _led(
         bare, strains, (gripper, gripper), far_ends, past, parts, False)
     if amid:
-        shape, _ = equilibrium(bare, gripper, strains, 'newton', past, far_end)
+        shape = equilibrium(bare, gripper, strains, past, far_end)
         past = replace(firm.past(memory), hold=shape.state.left.hold)
         gripper, strains, past, _ = _grown(firm, shape.gripper, np.array(shape.element_strains),
                                            far_end, past)
     if firm is not mesh:
-        shape, _ = equilibrium(firm, gripper, strains, 'newton', past, far_end)
+        shape = equilibrium(firm, gripper, strains, past, far_end)
         gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.left
     return Predictor(gripper, strains, memory.with_forces(past))
 

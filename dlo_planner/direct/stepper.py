@@ -12,7 +12,7 @@ what has become of it: shapes are made of the rows of a StepBuffer when they are
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -45,8 +45,9 @@ from dlo_planner.direct.integrator import (
     step_problem,
 )
 from dlo_planner.direct.memory import ContactPoints, Memory
+from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.shape import Shape, State
-from dlo_planner.direct.statics import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, acts_at, reach_of
+from dlo_planner.direct.statics import acts_at, reach_of
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem
@@ -64,7 +65,7 @@ _AT_FIRST = 0.1      # of a step: it may be halved yet
 _BRIEF = 1e-1, 1e-3  # of a step, of the DLO's own time: how long it is watched
 _BRIEFEST = 3e-5     # of that time: of what is watched for less rounding errors would count
 _AT_ONCE = 1e-13     # of the length: how exactly grips are kept in so short a time
-_NO_GUESS = np.zeros((0, 3))
+NO_GUESS = np.zeros((0, 3))  # read-only arrays are another type for kernels
 
 
 class Row(NamedTuple):
@@ -111,7 +112,7 @@ class TimePoint:
     stepper: Stepper
     free: bool                # whether nothing but what acts on all DLOs has acted so far
     how: SchemeCoefficients   # of the step there
-    lost_before: float        # J, to plasticity before the motion
+    begun: Memory             # what the motion began with
     given: Shape | None = None
 
     @cached_property
@@ -142,30 +143,17 @@ class TimePoint:
         return bool(self.row.converged)
 
     @property
-    def kinetic(self) -> float:
-        """Kinetic energy, J."""
-        return float(self.row.energies[KINETIC])
-
-    @property
-    def potential(self) -> float:
-        """Potential energy, J."""
-        return float(self.row.energies[STATIC])
-
-    @property
-    def work(self) -> float:
-        """Work done by the grips so far, J."""
-        return float(self.row.energies[WORK])
-
-    @property
-    def losses(self) -> Floats:
-        """(3,) energy lost to damping, plasticity and friction so far, J."""
-        return self.row.energies[DAMPED:RUBBED + 1]
+    def energies(self) -> Floats:
+        """(9,) J and W, see StepBuffer."""
+        return self.row.energies
 
     @property
     def balance(self) -> float:
         """Energy that is there, less what was put in, plus what was taken out, J."""
-        given = self.work + float(self.row.energies[PUSHED])
-        return self.kinetic + self.potential - given + float(self.losses.sum())
+        energies = self.energies
+        given = energies[WORK] + energies[PUSHED]
+        lost = energies[DAMPED:RUBBED + 1].sum()
+        return float(energies[KINETIC] + energies[STATIC] - given + lost)
 
     def _memory(self, mesh: Discretization) -> Memory:
         """Return what it leaves to the next step."""
@@ -182,9 +170,9 @@ class TimePoint:
                 points = ContactPoints(
                     row.point_of[:, 0], row.point_of[:, 1], row.points[:, 0], row.points[:, 1],
                     *(row.points[:, i:i + 3] for i in (2, 5, 8, 11)))
-        lost = self.lost_before + float(row.energies[DISSIPATED])
+        lost = self.begun.dissipated + float(row.energies[DISSIPATED])
         return Memory(mesh.s, plastic, lost, hold, force, points, row.nodes[0],
-                      row.frames[:, :, 0], mesh.surroundings, start.set_error)
+                      row.frames[:, :, 0], mesh.surroundings, self.begun.set_error)
 
     def _shape(self) -> Shape:
         mesh, (gripper, far_end), row = (self.stepper.discretization,
@@ -199,7 +187,7 @@ class TimePoint:
             places[:, 4:7], places[:, 7], places[:, 8:11], places[:, 11]), gripper.position)
         memory = self._memory(mesh)
         return Shape(
-            gripper, mesh.s, row.nodes[0], row.frames, row.bends[0], self.potential,
+            gripper, mesh.s, row.nodes[0], row.frames, row.bends[0], float(row.energies[STATIC]),
             float(row.energies[ELASTIC]), row.wrenches, residual, stability, int(row.iterations),
             self.converged, contacts=contacts, evaluations=int(row.evaluations),
             violation=violation, far_end=far_end, far_wrench=row.end_wrenches,
@@ -207,15 +195,14 @@ class TimePoint:
             state=State(mesh, memory, memory, _NOT_ESTIMATED, self.free))
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(NamedTuple):
     """Until when the steps of a StepBatch are good."""
 
     patience: int = MAX_ITERATIONS  # Newton steps after which a step counts as not solved
     error: float = np.inf           # m, local error of a step
     part: float = 0.0               # of the energy that has moved, which a motion may gain,
     noise: float = np.inf           # and J in addition
-    budget: Floats = field(default_factory=lambda: np.zeros(5))  # `integrate` writes there
+    budget: Floats = np.zeros(5)    # as of `integrate`
     touched: bool = False           # whether any error is good since an obstacle was touched
     began: float = 0.0              # J, balance when the motion began
 
@@ -228,6 +215,7 @@ class StepBatch(NamedTuple):
     last: TimePoint          # at the end of the last good step
     past: list[tuple[float, Floats]]  # time and node positions: the last but one, and before
     samples: Floats          # (k, m, 3) places of some nodes after each good step, see `sampled`
+    budget: Floats           # (5,) that of Limits, renewed
     refused: TimePoint | None         # at the end of the step after that, which is not good
 
 
@@ -271,16 +259,12 @@ class Stepper:
         return mesh.hangs or not acts_at(mesh, now.row.bends[0], now.positions, now.positions)
 
     def steps(self, now: TimePoint, past: Sequence[tuple[float, Floats]], places: Floats,
-              scheme: Scheme, limits: Limits) -> StepBatch:
+              scheme: Scheme, limits: Limits, guess: Floats = NO_GUESS) -> StepBatch:
         """Return the StepBatch of steps that end at `places` (n,), each the end of one of a Scheme.
 
-        It may end before that, where something begins to act.
+        It may end before that, where something begins to act. The first search begins with the
+        strains `guess` (N, 3), if any.
         """
-        return self.steps_from(now, past, places, scheme, limits, _NO_GUESS)
-
-    def steps_from(self, now: TimePoint, past: Sequence[tuple[float, Floats]], places: Floats,
-                   scheme: Scheme, limits: Limits, guess: Floats) -> StepBatch:
-        """Do what `steps` does; the first search begins with the strains `guess` (N, 3), if any."""
         batch = None
         if self.hangs_from(now):
             batch = self._batch(now, past, places, scheme, limits, guess, True)
@@ -297,16 +281,16 @@ class Stepper:
         for row, (time, positions) in enumerate(past or [
                 (buffer.times[PAST] - k * scheme.dt, now.positions) for k in (2, 1)]):
             buffer.times[row], buffer.nodes[0, row] = time, positions
-        if scheme.gamma != 1.0 and len(now.row.contacts):
-            buffer.touched[PAST] = True
         how, options = self.coefficients(scheme), self._options(scheme, limits)
-        system = self._problem(culled)
+        if how.gamma != 1.0 and len(now.row.contacts):
+            buffer.touched[PAST] = True
+        system, budget = self._problem(culled), limits.budget.copy()
         if self.method == 'newton':
-            impact = self.coefficients(Scheme.named('euler', scheme.dt))
+            impact = self.coefficients(Scheme('euler', scheme.dt))
             last = integrate(system, self.discretization.full, culled, how, impact, buffer,
-                             limits.budget, options, guess)
+                             budget, options, guess)
         else:
-            last = self._integrated(system, how, buffer, limits.budget, options, guess)
+            last = self._integrated(system, how, buffer, budget, options, guess)
         stopped = bool(buffer.stopped.any())
         end = last if stopped else min(last + 1, PAST + places.size)
         if stopped and last == PAST:
@@ -315,7 +299,7 @@ class Stepper:
 
         def instant(row: int) -> TimePoint:
             return TimePoint(float(where[row]), Row.of(buffer, row), self, free, how,
-                             now.lost_before)
+                             now.begun)
 
         where = np.concatenate([np.full(PAST, np.nan), [now.place], places])
         kept = [instant(row) for row in range(PAST + 1, last + 1)
@@ -327,7 +311,8 @@ class Stepper:
         return StepBatch(
             buffer.proofs[PAST + 1:last + 1, 2], kept, ended,
             [(float(buffer.times[row]), nodes[row].copy()) for row in (last - 2, last - 1)],
-            nodes[PAST + 1:last + 1, self.watched], instant(end) if end > last else None)
+            nodes[PAST + 1:last + 1, self.watched], budget,
+            instant(end) if end > last else None)
 
     def _integrated(self, system: Problem, how: SchemeCoefficients, buffer: StepBuffer,
                     budget: Floats, options: StepOptions, guess: Floats) -> int:
@@ -376,7 +361,7 @@ class Stepper:
                   np.zeros((count, 12)))
         shape = replace(shape, state=replace(shape.state, estimate=_NOT_ESTIMATED))
         now = TimePoint(0.0, row, self, not count and left.idle,
-                        self.coefficients(Scheme.named('paper', 1.0)), left.dissipated, shape)
+                        self.coefficients(Scheme('paper', 1.0)), left, shape)
         return self._with_rates(now, _AT_FIRST * self.dt, velocity is not None)
 
     def renewed(self, now: TimePoint, dt: float) -> TimePoint:
@@ -391,7 +376,7 @@ class Stepper:
     def _with_rates(self, now: TimePoint, dt: float, going: bool) -> TimePoint:
         """Return a TimePoint with consistent accelerations; if `going`, velocities, too."""
         short = max(_BRIEF[0] * dt, _BRIEFEST * self.own_time)
-        brief = Scheme.named('paper', min(short, _BRIEF[1] * self.own_time))
+        brief = Scheme('paper', min(short, _BRIEF[1] * self.own_time))
         ahead = brief.dt / self.dt
         buffer = self._buffer(now.place + ahead * np.array([0.0, 1.0, 0.0, -1.0]), now.row)
         consistent_rates(self._problem(self.hangs_from(now)),
@@ -426,7 +411,8 @@ class Stepper:
 
     def rounding(self, scheme: Scheme) -> float:
         """Return how large a residual rounding errors may leave."""
-        return min(_ROUNDING * scheme.stiffness * float(self.own_time**2), _ROUGHEST)
+        strength = self.coefficients(scheme).stiffness
+        return min(_ROUNDING * strength * float(self.own_time**2), _ROUGHEST)
 
     def coefficients(self, scheme: Scheme, damping: Any = None) -> SchemeCoefficients:
         """Return the coefficients of a Scheme; `damping` if it is not the rod's."""

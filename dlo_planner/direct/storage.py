@@ -72,8 +72,8 @@ def described(array: NDArray[Any]) -> dict[str, Any]:
 
 
 def array_of(name: str, one: Any) -> NDArray[Any]:
-    """Return the array that `described` was given; of older tasks as well, which say 'of'."""
-    kind, data = _TYPES[one['of']] if 'of' in one else one['type'], one['data']
+    """Return the array that `described` was given."""
+    kind, data = one['type'], one['data']
     if kind == 'float':
         data = [NOT_FINITE[item] if isinstance(item, str) else item for item in data]
     for item in data:
@@ -84,7 +84,7 @@ def array_of(name: str, one: Any) -> NDArray[Any]:
 
 T = TypeVar('T')
 
-_FORMAT = 2  # 1: files of 0.1.0, which do not say what they hold
+_FORMAT = 2
 _MOST = 2**32  # bytes in a file, unpacked
 
 
@@ -114,10 +114,10 @@ def load(path: str | PathLike[str], read: Callable[[Tree], T], kind: str) -> T:
     written = 'a JSON' if _is_json(path) else 'an npz'
     try:
         arrays = _read_json(path) if _is_json(path) else _read_npz(path)
-        known, held = int(arrays.pop('format', -1)), str(arrays.pop('kind', kind))
+        known, held = int(arrays.pop('format', -1)), str(arrays.pop('kind', ''))
     except Exception as error:  # whatever another file makes of the reader
         raise InvalidTask(f'path = {shown(str(path))}: expected {written} file, {error}') from None
-    if not 1 <= known <= _FORMAT:
+    if known != _FORMAT:
         raise InvalidTask(f'path = {shown(str(path))}: expected a file saved by this package, '
                           f'format {_FORMAT}, it has {known if known >= 0 else "none"}')
     if held != kind:

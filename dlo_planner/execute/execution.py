@@ -107,7 +107,7 @@ class Execution:
     """One motion along a TimedPath, from its first command to rest.
 
     Phases: 'running'; 'settling': the end is commanded, the gripper on its way there; 'stopping':
-    it decelerates; 'stopped'; 'succeeded'; 'waiting': others go on with it (`ThreadingLoop`).
+    it decelerates; 'stopped'; 'succeeded'; 'waiting': others go on with it (`TaskLoop`).
     """
 
     way: TimedPath | Steered  # of the gripper frame

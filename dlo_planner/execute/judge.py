@@ -105,8 +105,12 @@ def in_motion(execution: Execution) -> float:
 
 
 def looked_at(plan: Plan) -> Ints:
-    """Return the indices of some waypoints that pass a center, whose miss is predicted."""
-    passing = np.flatnonzero([bool(passes) for passes in plan.via_points])
+    """Return the indices of some waypoints that pass a center, whose miss is predicted.
+
+    It is of a DLO that hangs freely: where it comes into a bore, or touches something, it is known.
+    """
+    passing = np.flatnonzero([bool(passes) and shape.far_end is None and not shape.contacts
+                              for passes, shape in zip(plan.via_points, plan.shapes, strict=True)])
     some = np.linspace(0, passing.size - 1, min(_WAYPOINTS, passing.size)).astype(int)
     chosen: Ints = passing[np.unique(some)]
     return chosen

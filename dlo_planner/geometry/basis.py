@@ -7,7 +7,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from dlo_planner.kernels import kernel
@@ -102,38 +101,6 @@ def to_components(described: ArrayLike) -> Floats:
     """
     direction, amount, torsion = np.asarray(described, dtype=float).T
     return np.column_stack([torsion, amount * np.cos(direction), amount * np.sin(direction)])
-
-
-def add(one: ArrayLike, other: ArrayLike) -> Floats:
-    """Return the sum (n, 3) of two deformations (n, 3), both (q_d, q_kappa, q_tau): Eq. 14."""
-    d1, k1, t1 = np.asarray(one, dtype=float).T
-    d2, k2, t2 = np.asarray(other, dtype=float).T
-    amount = np.sqrt(np.maximum(k1**2 + k2**2 + 2 * k1 * k2 * np.cos(d1 - d2), 0.0))  # Eq. 14b
-    direction = np.arctan2(k1 * np.sin(d1) + k2 * np.sin(d2), k1 * np.cos(d1) + k2 * np.cos(d2))
-    return np.column_stack([np.where(amount > 0, direction, 0.0), amount, t1 + t2])   # Eq. 14a
-
-
-def element_rotation(described: ArrayLike, length: float) -> Floats:
-    """Return the rotation (3, 3) from the far end of a short element to its near end: Eq. 16.
-
-    R(t, q_d) R(n, q_kappa ds) R(t, -q_d) R(t, q_tau ds): bending first, then torsion. For
-    ds -> 0 it is the exponential of the components, which treats both alike.
-
-    Shapes: described (3,).
-    """
-    direction, amount, torsion = np.asarray(described, dtype=float)
-    return (_about_t(direction) @ _about_n(amount * length) @ _about_t(-direction)
-            @ _about_t(torsion * length))
-
-
-def _about_t(angle: float) -> Floats:
-    result: Floats = scipy.spatial.transform.Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix()
-    return result
-
-
-def _about_n(angle: float) -> Floats:
-    result: Floats = scipy.spatial.transform.Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()
-    return result
 
 
 # ------------------------------------------------------------------------------------------------

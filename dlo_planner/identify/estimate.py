@@ -313,15 +313,16 @@ class Estimate(Reported):
             An argument makes no sense.
         """
         length = self.uncertain.simulator.rod.length
-        for shape in instance('plan', plan, Plan).shapes:
-            if shape.state.mesh is None or abs(shape.s[-1] / length - 1) > _OTHER:
-                raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
-        chosen = passing = [k for k, passes in enumerate(plan.via_points) if passes]
+        chosen = passing = [k for k, passes in enumerate(instance('plan', plan, Plan).via_points)
+                            if passes]
         if waypoints is not None:
             chosen = [int(k) for k in row('waypoints', waypoints, minimum=0, maximum=_MOST)]
             if len(chosen) > len(plan) or not {*chosen} <= {*passing}:
                 raise InvalidTask(f'waypoints = {shown(chosen)}: expected indices of waypoints '
                                   f'that pass a center, out of {shown(passing)}')
+        for shape in (plan.shapes[k] for k in chosen):
+            if shape.state.mesh is None or abs(shape.s[-1] / length - 1) > _OTHER:
+                raise InvalidTask('plan: expected shapes of the whole DLO that is estimated')
         if seen is not None and len(items('seen', seen, Pose)) != len(chosen):
             raise InvalidTask(f'seen has {len(seen)} entries: expected one for each waypoint, '
                               f'{len(chosen)}')

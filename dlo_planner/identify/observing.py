@@ -108,8 +108,7 @@ class Swing:
     def at(self, time: float) -> tuple[Floats, float]:
         """Return `bent` (k, 3) at a time, s, and the largest there was in the period before, m.
 
-        Beyond the table's end it still swings about its rest, who knows how; at plus or minus
-        infinity, long before or after the motion, it is at rest.
+        Beyond the table's end it still swings about its rest; at infinity it is at rest.
         """
         if np.isinf(time):
             return np.zeros_like(self.bent[0]), 0.0
@@ -127,19 +126,7 @@ class Swing:
 class Observing:
     """The Estimate of a DLO from all that was seen since the last `reset`; for several threads.
 
-    Parameters
-    ----------
-    simulator : DirectSimulator
-        DirectSimulator of the DLO as stated.
-    seeing : Seeing
-        Seeing, kept as an attribute.
-    known : Estimate, optional
-        Estimate by which it was stated so; what that was sure of stays sure.
-
-    Raises
-    ------
-    InvalidTask
-        The DLO cannot be observed, or nothing of it is uncertain.
+    `known`: the Estimate by which the DLO was stated so; what that was sure of stays sure.
     """
 
     def __init__(self, simulator: DirectSimulator, seeing: Seeing,
@@ -172,10 +159,9 @@ class Observing:
 
     @property
     def swing(self) -> float:
-        """Amplitude of the free end, m, in the looks that agreed since the gripper stands still.
+        """Amplitude of the free end, m, since the gripper stands: what noise does not explain.
 
-        That of an even swing with the variance that the noise of the points does not explain; 0
-        below three looks.
+        0 below three looks that agreed.
         """
         with self._lock:
             ends = np.array(self._ends).reshape(-1, 4)
@@ -198,10 +184,9 @@ class Observing:
         return sum(self._disagree) >= _DOUBT or _NO_CHANCE < self._surprise < np.inf
 
     def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
-        """Return by how much a DLO in a known motion is off its rest, and was at most; or None.
+        """Return by how much a DLO in a known motion is off its rest at a stamp (s), or None.
 
-        (k, 3), m, world axes, at a stamp (s), in a Pose of the gripper; and what it was at most in
-        the period before, m.
+        (k, 3), m, world axes; and what it was at most in the period before, m.
         """
         known = self._swing
         if known is None:
@@ -236,6 +221,11 @@ class Observing:
             self._begin(self._observer.reopened(self._estimate, seeing.slip_position,
                                                 seeing.slip_rotation))
             self._resting = stamp
+
+    def ignore(self) -> None:
+        """Let no further look change the estimate: the DLO does not hang freely any more."""
+        with self._lock:
+            self._resting = np.inf
 
     def vibration(self, gripper: Pose, since: float,
                   factor: tuple[float, float] = STATED) -> FreeVibration | None:
@@ -282,10 +272,9 @@ class Observing:
             self._estimate = self._observer.see_cutout(self._estimate, stated, seen)
 
     def gripper(self, stamp: float, pose: Pose) -> None:
-        """Take in where the gripper frame was at a stamp (s).
+        """Take in where the gripper frame was at a stamp (s), if it is newer than the last.
 
-        One that is older than the last is lost. One that is much older says that the clock was set
-        back, as where a recording begins anew: what was known is of another time.
+        One that is much older says that the clock was set back: what was known is of another time.
         """
         with self._lock:
             if self._grippers and stamp < self._grippers[-1][0] - _SET_BACK:
@@ -426,10 +415,9 @@ class Motion(NamedTuple):
 
 def motion_at(stamps: Sequence[float] | Floats, poses: Sequence[Pose], stamp: float,
               length: float) -> Motion:
-    """Return about how a body moves.
+    """Return about how a body moves: by a parabola through what is known near that time.
 
-    A parabola is laid through what is known near that time; the far end of a DLO of this `length`
-    (m) counts, where the body turns.
+    Where it turns, the far end of a DLO of this `length` (m) counts.
     """
     low, high = np.searchsorted(stamps, (stamp - _ABOUT, stamp + _ABOUT))
     if high - low < 3:

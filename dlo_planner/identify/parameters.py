@@ -103,8 +103,7 @@ CAUSES = tuple(field.name for field in fields(Uncertainty))
 def variation_deviations(count: int) -> Floats:
     """Return (count,): standard deviations of the coefficients of P_1 ... P_count.
 
-    Of a variation whose mean square along the DLO is 1: P_j has the mean square 1 / (2 j + 1), and
-    its part of the whole falls like 1 / j^2, as in a curve whose slope is bounded.
+    The mean square along the DLO is 1; the part of P_j falls like 1 / j^2: its slope is bounded.
     """
     j = np.arange(1, count + 1)
     return np.sqrt((2 * j + 1) / j**2 / np.sum(1 / j**2)) if count else np.zeros(0)
@@ -113,29 +112,16 @@ def variation_deviations(count: int) -> Floats:
 class RodParameters(Value):
     """Numbers x (n,) by which a Rod differs from the one that is stated, x = 0.
 
-    bending_stiffness (or _n, _b by itself), torsional_stiffness, mass (of all, or mass_per_length,
-    tip_mass by itself) are logarithms of factors, length is in m, damping in 1/s and s. Natural
-    curvature (k_n, k_b) and twist in 1/m are coefficients of Legendre polynomials of s, or values
-    at knots between which they are straight.
-
-    Parameters
-    ----------
-    rod : Rod
-        The rod as stated.
-    quantities : iterable of str
-        Of each of the n numbers, what it is of.
-    numbers : iterable of int
-        Which number of that; of natural curvature 2 j and 2 j + 1 belong to the j-th polynomial.
-    knots : ndarray, shape (k,), optional
-        Arc lengths, m. If None, polynomials.
+    Stiffnesses and masses are logarithms of factors, length is in m, damping in 1/s and s. Natural
+    curvature (k_n, k_b) and twist in 1/m are coefficients of functions of s.
     """
 
     _PARTS = ('rod', 'quantities', 'numbers', 'knots')
 
-    rod: Rod
-    quantities: tuple[str, ...]
-    numbers: tuple[int, ...]
-    knots: Floats | None
+    rod: Rod                     # as stated
+    quantities: tuple[str, ...]  # of each of the n numbers, what it is of
+    numbers: tuple[int, ...]     # which of that: 2 j, 2 j + 1 of a curvature, of function j
+    knots: Floats | None  # (k,) m, between which functions are straight; None: Legendre polynomials
 
     def __init__(self, rod: Rod, quantities: Iterable[str], numbers: Iterable[int],
                  knots: Floats | None = None) -> None:
@@ -301,18 +287,16 @@ class ParameterizedMesh:
         mesh = self.at(x)
 
         def solved(gripper: Pose, initial: Shape | None, _far_end: FarEnd | None = None,
-                   _most: int | None = None) -> tuple[Shape, Any]:
+                   _most: float = np.inf) -> Shape:
             strains = mesh.natural if initial is None else initial.element_strains
             if initial is not None and len(strains) != mesh.s.size - 1:
                 strains = mesh.strains_from(initial.s * (mesh.s[-1] / initial.s[-1]), strains)
-            result: tuple[Shape, Any] = equilibrium(mesh, gripper, strains)
-            return result
+            return equilibrium(mesh, gripper, strains)
 
         if before is None or not followed:
-            return solved(gripper, before)[0]
+            return solved(gripper, before)
         # first the equilibrium at x in the gripper's pose of `before`: following starts from one
-        result: Shape = follow(solved, solved(before.gripper, before)[0], gripper)
-        return result
+        return follow(solved, solved(before.gripper, before), gripper)
 
     def slopes(self, x: Floats, shape: Shape, s: Floats, sensitivity: Sensitivity) -> Floats:
         """Return (m, 3, n) derivatives by x of the points at s (m,) of an equilibrium at x.
@@ -443,35 +427,17 @@ class UncertainState(Value):
 
     Only numbers with a standard deviation above 0 are in it. Shapes show only the ratio of
     stiffness to weight; the priors divide it between both.
-
-    Parameters
-    ----------
-    simulator : DirectSimulator
-        DirectSimulator of the DLO as stated, elastic, without obstacles.
-    uncertainty : Uncertainty
-        Standard deviations of the DLO and of the gripper's pose.
-    n_terms : int
-        Legendre terms of each natural curvature.
-    bias, cutout : float
-        Standard deviations of the camera's bias and of the cut-out's place, m.
-
-    Attributes
-    ----------
-    deviations : ndarray, shape (n,)
-        Prior standard deviations, all > 0.
-    names : tuple of str
-        Names of the n numbers.
     """
 
     _PARTS = ('simulator', 'uncertainty', 'n_terms', 'bias', 'cutout')
 
-    simulator: DirectSimulator
+    simulator: DirectSimulator  # of the DLO as stated, elastic, without obstacles
     uncertainty: Uncertainty
-    n_terms: int
-    bias: float
+    n_terms: int   # Legendre terms of each natural curvature
+    bias: float    # standard deviations of the camera's bias and of the cut-out's place, m
     cutout: float
     parameters: RodParameters
-    deviations: Floats
+    deviations: Floats  # (n,) of the prior, all > 0
     names: tuple[str, ...]
     causes: tuple[str, ...]  # names in Uncertainty of what each number is part of
     _columns: dict[str, tuple[Ints, Ints]]

@@ -14,7 +14,6 @@ from dlo_planner.model.checks import number, results, row
 from dlo_planner.model.value import Value, brief, put
 
 _MOST = 1_000_000  # largest index of a waypoint
-_OTHER = 0.1      # of the length: a shape whose length differs by more is of another DLO
 _SHARE = 0.95     # probability that a bound is kept
 _POINTS = 1024    # that represent a normal distribution in a plane
 _DRAWN = 4096     # misses at all waypoints together

@@ -223,5 +223,5 @@ def _cantilever(mesh: Discretization, node: int, frame: Floats) -> tuple[Floats,
                    load=SeenFrom(load, s, 1) if callable(load) else load,
                    point_loads=part_of_loads(around.point_loads, around.rod, s, 1))
     tail = Discretization(part, mesh.s[node:] - s, 'local', 0)
-    shape, _ = equilibrium(tail, Pose.from_rotation(np.zeros(3), frame), tail.natural)
+    shape = equilibrium(tail, Pose.from_rotation(np.zeros(3), frame), tail.natural)
     return np.array(shape.frames[-1], order='C'), shape.strains[0]

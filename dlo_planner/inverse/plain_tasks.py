@@ -4,7 +4,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from os import PathLike
 from typing import Any
 
@@ -122,6 +122,10 @@ def _value(name: str, content: Mapping[str, Any], depth: int) -> object:
     for key in content:
         if key != _TYPE and key not in allowed:
             raise InvalidTask(f'{name}.{key}: expected one of {", ".join(sorted(allowed))}')
+    missing = [item.name for item in fields(cls) if item.init and item.name not in content
+               and item.default is item.default_factory is MISSING]
+    if missing:
+        raise InvalidTask(f'{name}: expected {", ".join(missing)}')
     given = {key: from_plain(f'{name}.{key}', part, depth + 1) for key, part in content.items()
              if key != _TYPE}
     try:

@@ -39,6 +39,7 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, parts_of, put
 from dlo_planner.parallel.pool import CachedPayload, Pool, Workers, checked
+from dlo_planner.parallel.shapes import as_it_is
 from dlo_planner.pictured import Answer
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
@@ -173,9 +174,8 @@ class CapabilityMap(Answer):
 
     def __post_init__(self) -> None:
         shape = instance('CapabilityMap.grid', self.grid, CellGrid).shape
-        outcome, start = (_plain(f'CapabilityMap.{name}', getattr(self, name), shape, kind)
-                          for name, kind in (('outcome', 'U'), ('start', 'i')))
-        put(self, outcome=outcome, start=start,
+        put(self, outcome=as_it_is('CapabilityMap.outcome', self.outcome, shape, 'U', 'strings'),
+            start=as_it_is('CapabilityMap.start', self.start, shape, 'i', 'integers'),
             gripper=results('CapabilityMap.gripper', self.gripper, (*shape, 7)),
             **{name: results(f'CapabilityMap.{name}', getattr(self, name), shape)
                for name in _NUMBERS})
@@ -375,19 +375,6 @@ def _best(capability: CapabilityMap, quantity: str) -> Floats:
         return np.where(some, capability.least_radius.min(axis=1), np.nan)
     values = np.where(threaded, getattr(capability, quantity), -np.inf).max(axis=(1, 2))
     return np.where(some, values, np.nan)
-
-
-def _plain(name: str, value: object, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-    """Return an array of strings or integers of a shape; raise InvalidTask."""
-    try:
-        given = np.array(value)
-    except Exception:  # whatever its conversion raises
-        given = np.zeros(0)
-    if given.dtype.kind != kind or given.shape != shape:
-        kinds = 'strings' if kind == 'U' else 'integers'
-        raise InvalidTask(f'{name} = {shown(value)}: expected {kinds} of the shape {shape} of '
-                          'CapabilityMap.grid')
-    return given
 
 
 # Whether one cut-out can be threaded, from where, and with what margin: what workers do.

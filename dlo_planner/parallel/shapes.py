@@ -13,8 +13,8 @@ from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.memory import mapped
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.arrays import Bools, Floats, Ints
-from dlo_planner.model.checks import array, instance, items, results, row, shown
+from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.checks import array, items, results, row, shown
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Answer
@@ -93,17 +93,24 @@ class Shapes(Answer):
                  **{name: () for name in _FIGURES}}
         contacts = self.contact_table if _length(self.contact_table) else np.zeros((0, _CONTACT))
         put(self, grippers=grippers, s=s,
-            iterations=_whole('Shapes.iterations', self.iterations, n),
+            iterations=self._counts(n),
             contact_table=results('Shapes.contact_table', contacts, (None, _CONTACT)),
             **{name: results(f'Shapes.{name}', getattr(self, name), (n, *size))
                for name, size in sizes.items()},
-            **{name: _flags(f'Shapes.{name}', getattr(self, name), n) for name in _FLAGS})
+            **{name: as_it_is(f'Shapes.{name}', getattr(self, name), (n,), 'b', 'True or False'
+                              ).astype(bool) for name in _FLAGS})
         of = self.contact_table[:, 0]
         if of.size and not (of[0] >= 0 and of[-1] < n and (of == np.floor(of)).all()
                             and (np.diff(of) >= 0).all()):
             raise InvalidTask('Shapes.contact_table: expected indices of shapes, not falling, in '
                               f'its first column, got {shown(of.tolist())}')
         super().__post_init__()
+
+    def _counts(self, n: int) -> Ints:
+        given = as_it_is('Shapes.iterations', self.iterations, (n,), 'iu', 'integers').astype(int)
+        if (given < 0).any():
+            raise InvalidTask(f'Shapes.iterations = {shown(given.tolist())}: expected none below 0')
+        return given
 
     def __repr__(self) -> str:
         n = len(self)
@@ -266,28 +273,13 @@ def _length(value: Any) -> int:
         return 1
 
 
-def _flags(name: str, value: object, n: int) -> Bools:
-    given = _plain(name, value, n, 'True or False')
-    if given.size and given.dtype != bool:
-        raise InvalidTask(f'{name} = {shown(value)}: expected {n} of True or False')
-    return given.astype(bool)
-
-
-def _whole(name: str, value: object, n: int) -> Ints:
-    given = _plain(name, value, n, 'integers')
-    if given.size and (given.dtype.kind not in 'iu' or (given < 0).any()):
-        raise InvalidTask(f'{name} = {shown(value)}: expected {n} integers from 0')
-    return given.astype(int)
-
-
-def _plain(name: str, value: object, n: int, kind: str) -> NDArray[Any]:
-    """Return an array (n,) of whatever numbers were given."""
-    instance(name, value, (list, tuple, np.ndarray))
+def as_it_is(name: str, value: object, shape: tuple[int, ...], kinds: str,
+             expected: str) -> NDArray[Any]:
+    """Return a new array of a shape whose entries are of some kinds ('b', 'iu', 'U') already."""
     try:
-        given = np.asarray(value)
+        given = np.array(value)
     except Exception:  # whatever its conversion raises
-        raise InvalidTask(f'{name} = {shown(value)}: expected {n} {kind}') from None
-    if given.shape != (n,):
-        raise InvalidTask(f'{name} has shape {given.shape}: expected ({n},) of {kind}, '
-                          'one for each of Shapes.grippers')
-    return given.copy()
+        raise InvalidTask(f'{name} = {shown(value)}: expected {expected} {shape}') from None
+    if given.shape != shape or given.size and given.dtype.kind not in kinds:
+        raise InvalidTask(f'{name} = {shown(value)}: expected {expected} {shape}')
+    return given

@@ -19,7 +19,6 @@ found from it is kept only if it has converged and Newton's method goes to it fr
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -30,11 +29,12 @@ from dlo_planner.direct.boundary_motion import poses
 from dlo_planner.direct.continuation import LONGEST_TURN, surely_follows
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
+from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, Prescribed, made_by, motion_by
-from dlo_planner.direct.statics import TOLERANCE, equilibrium
+from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import past_of
-from dlo_planner.direct.stepper import Limits, StepBatch, Stepper, TimePoint
+from dlo_planner.direct.stepper import NO_GUESS, Limits, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
@@ -137,11 +137,11 @@ class AheadStepper(Stepper):
         super().__init__(*more)
         self._rounds, self._last = rounds, last
 
-    def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme,
-              limits: Limits) -> StepBatch:
+    def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme, limits: Limits,
+              guess: Floats = NO_GUESS) -> StepBatch:
         """Return the StepBatch of the first step, which may begin where it was seen ahead."""
         place, size = float(places[0]), scheme.dt / self.dt
-        usual, budget = self.guess(now, scheme.dt), limits.budget.copy()
+        usual = self.guess(now, scheme.dt)
 
         def system(place: float, scheme: Scheme) -> Problem:
             return self.problem(now, place, scheme)
@@ -149,13 +149,12 @@ class AheadStepper(Stepper):
         def ahead(k: int) -> tuple[Problem, float] | None:
             if place + k * size > self._last:
                 return None
-            several = replace(scheme, dt=(k + 1) * scheme.dt)
+            several = scheme._replace(dt=(k + 1) * scheme.dt)
             return system(place + k * size, several), TOLERANCE + self.rounding(several)
 
         def step(guess: Floats | None) -> tuple[StepBatch, Shape, bool]:
-            limits.budget[:] = budget
-            batch = self.steps_from(now, past, places[:1], scheme, limits,
-                                    usual if guess is None else guess)
+            batch = super(AheadStepper, self).steps(now, past, places[:1], scheme, limits,
+                                                    usual if guess is None else guess)
             shape = (batch.last if batch.refused is None else batch.refused).shape
             return batch, shape, shape.converged
 
@@ -197,8 +196,8 @@ def _track_step(simulator: DirectSimulator, rounds: Rounds, grippers: tuple[Pose
         if guess is None:
             shape, = simulator.track([gripper], initial=before, deadline=steps.left())
             return shape, shape, True
-        shape, kicks = equilibrium(mesh, gripper, guess, simulator.method, history)
-        return shape, shape, surely_follows(before, shape, kicks)
+        shape = equilibrium(mesh, gripper, guess, history, method=simulator.method)
+        return shape, shape, surely_follows(before, shape)
 
     turn = angle_between(before.gripper.rotation, gripper.rotation)
     result: Shape = rounds.step(

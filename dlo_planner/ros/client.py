@@ -26,10 +26,9 @@ from dlo_planner.inverse.task import Task
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import ALL_LATCHED, REQUEST
-from dlo_planner.ros.status import stamp_text
 from dlo_planner.settings.tasks import task_to_yaml
 from msg_helpers.obstacles import obstacles_msg
-from msg_helpers.poses import pose_stamped_msg
+from msg_helpers.poses import pose_stamped_msg, stamp_text
 from msg_helpers.trajectories import poses_from_path
 
 _REMEMBERED = 1000  # messages of a topic

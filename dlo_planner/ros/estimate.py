@@ -36,7 +36,7 @@ from dlo_planner.ros.lifecycle import LATEST, REQUEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, State
 from dlo_planner.ros.status import Part, Shared
-from dlo_planner.ros.streaming import room_of
+from dlo_planner.ros.streaming import MISS_EXPECTED, room_of
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.view.scene import drawn_radius, estimate_primitives
 from msg_helpers.clouds import points_from_cloud
@@ -104,7 +104,9 @@ class Estimator(Part):
                 if observing.doubted and state.looking is None:
                     self.store.change(lambda now: now.stopped(
                         Cause.LOOKS_DISAGREE, disagreement(observing)))
-            self.statistics.estimated(estimate)
+            self.statistics.note({'estimate looks': estimate.looks,
+                                  'estimate misfit [m]': float(estimate.misfit),
+                                  'estimate outliers': float(estimate.outliers)})
             self._draw(state, estimate, points, msg.header.stamp)
             if state.executing:
                 self._compare(state, stamp, points, observing)
@@ -234,7 +236,7 @@ class Estimator(Part):
         left, moving = entry - execution.done, in_motion(execution)
         bound = aimed.bound_before if reason else aimed.bound
         if left > 0:
-            self.statistics.expected(bound + moving)
+            self.statistics.note({MISS_EXPECTED: bound + moving})
         room = room_of(made)
         barred = '' if room is None else kept_out(bound, room, left, moving)
         if barred:

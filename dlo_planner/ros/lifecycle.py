@@ -12,7 +12,7 @@ from time import sleep
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import ParameterException
@@ -41,7 +41,6 @@ _WAIT = 250_000_000   # ns between looks whether a subscription is still there
 _LOOK = 0.5           # s between looks whether somebody latches
 _REMEMBERED = 4096    # messages; the copy of one comes at most two queues later
 _INACTIVE = 'the node is not active: expected its lifecycle state to be active'
-_EXPECTED = (DloPlannerError, ParameterException)
 
 
 class PatientExecutor(MultiThreadedExecutor):
@@ -64,19 +63,12 @@ class PatientExecutor(MultiThreadedExecutor):
         self._executor.shutdown(wait=True, cancel_futures=True)
 
 
-class _Nobodys(CallbackGroup):
+class _Nobodys(MutuallyExclusiveCallbackGroup):
     """Callback group of what no executor takes."""
 
     def can_execute(self, entity: Any) -> bool:
         """Whether an executor may: never."""
         return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        """Whether an executor may begin: never."""
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        """Note that an executor has ended: it never does."""
 
 
 class Once:
@@ -290,7 +282,7 @@ class LifecycleNode(Entities, LifecycleNodeMixin, Node):
                 return _refused(request, response, reason)
         return answer
 
-    # ---- what a node does -----------------------------------------------------------------------
+    # ---- what a node does; each may raise -------------------------------------------------------
 
     def configure(self) -> None:
         """Read parameters, make what is offered; it does not act yet."""
@@ -304,42 +296,42 @@ class LifecycleNode(Entities, LifecycleNodeMixin, Node):
     def clean_up(self) -> None:
         """Take back what `configure` did."""
 
-    # ---- transitions, called by rclpy -----------------------------------------------------------
+    # ---- transitions, called by rclpy: publishers are switched on before `activate` --------------
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Configure."""
-        return self._passed(state, LifecycleNodeMixin.on_configure, 'inactive', self.configure)
+        return self._passed(super().on_configure, state, 'inactive', self.configure)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Switch publishers on, then activate."""
         super().on_activate(state)
-        return self._passed(state, None, 'active', self.activate)
+        return self._passed(None, state, 'active', self.activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Deactivate, then switch publishers off."""
-        return self._passed(state, LifecycleNodeMixin.on_deactivate, 'inactive', self.deactivate)
+        return self._passed(super().on_deactivate, state, 'inactive', self.deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Clean up."""
-        return self._passed(state, LifecycleNodeMixin.on_cleanup, 'unconfigured', self.clean_up)
+        return self._passed(super().on_cleanup, state, 'unconfigured', self.clean_up)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Deactivate and clean up, as far as that is due."""
         due = {'active': (self.deactivate, self.clean_up), 'inactive': (self.clean_up,)}
-        return self._passed(state, LifecycleNodeMixin.on_shutdown, 'finalized',
-                            *due.get(state.label, ()))
+        return self._passed(super().on_shutdown, state, 'finalized', *due.get(state.label, ()))
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Become unconfigured."""
-        return self._passed(state, LifecycleNodeMixin.on_error, 'unconfigured', self.deactivate,
+        return self._passed(super().on_error, state, 'unconfigured', self.deactivate,
                             self.clean_up)
 
-    def _passed(self, state: Any, after: Callable[..., Any] | None, label: str,
-                *steps: Callable[..., Any]) -> TransitionCallbackReturn:
+    def _passed(self, after: Callable[..., Any] | None, state: LifecycleState, label: str,
+                *steps: Callable[[], None]) -> TransitionCallbackReturn:
+        """Take the steps of a transition, then what rclpy does `after` them."""
         try:
             for step in steps:
                 step()
-        except _EXPECTED as error:
+        except (DloPlannerError, ParameterException) as error:
             self._failure = str(error)
             self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
@@ -348,15 +340,14 @@ class LifecycleNode(Entities, LifecycleNodeMixin, Node):
             self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.ERROR
         self.lifecycle_state = label
-        return TransitionCallbackReturn.SUCCESS if after is None else after(self, state)
+        return TransitionCallbackReturn.SUCCESS if after is None else after(state)
 
 
 def _refused(request: Any, response: Any, reason: str) -> Any:
     """Return a response that says so, where it can; what was done before stays answered."""
     refusal = SetParametersResult(successful=False, reason=reason)
     if hasattr(response, 'results'):
-        missing = len(request.parameters) - len(response.results)
-        response.results = [*response.results, *[refusal] * missing]
+        response.results += [refusal] * (len(request.parameters) - len(response.results))
     elif hasattr(response, 'result') and isinstance(response.result, SetParametersResult):
         response.result = refusal
     return response

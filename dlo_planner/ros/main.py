@@ -24,7 +24,6 @@ from typing import Any
 from dlo_planner.blas import one_thread_of_blas
 
 _IN_MEMORY = Path('/dev/shm')  # a container has it though all else is read-only
-_NO_FILE = ['--ros-args', '--disable-external-lib-logs']
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = 5.0  # s for a motion to decelerate, at most
 _GRACE = 1.0     # s for everything else
@@ -161,29 +160,22 @@ def log_arguments() -> list[str]:
     there. Then ROS_LOG_DIR becomes a folder among temporary files; where there is none either, the
     log goes to the console only.
     """
-    if _can_be_written(_usual()):
+    usual = next((Path(os.environ[name]) / below for name, below in (
+        ('ROS_LOG_DIR', ''), ('ROS_HOME', 'log'), ('HOME', '.ros/log')) if os.environ.get(name)),
+        None)
+    if usual is not None and _can_be_written(usual):
         return []
-    try:
+    with suppress(OSError):
         folder = Path(tempfile.gettempdir()) / f'dlo_planner-log-{os.getuid()}'
-    except OSError:
-        return _NO_FILE
-    if not _can_be_written(folder):
-        return _NO_FILE
-    os.environ['ROS_LOG_DIR'] = str(folder)
-    return []
+        if _can_be_written(folder):
+            os.environ['ROS_LOG_DIR'] = str(folder)
+            return []
+    return ['--ros-args', '--disable-external-lib-logs']
 
 
-def _usual() -> Path | None:
-    for name, below in (('ROS_LOG_DIR', ''), ('ROS_HOME', 'log'), ('HOME', '.ros/log')):
-        if os.environ.get(name):
-            return Path(os.environ[name]).expanduser() / below
-    return None
-
-
-def _can_be_written(folder: Path | None) -> bool:
-    if folder is None:
-        return False
+def _can_be_written(folder: Path) -> bool:
     try:
+        folder = folder.expanduser()
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except (OSError, RuntimeError):  # ~ without a home

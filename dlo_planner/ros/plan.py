@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from threading import Lock
 from time import monotonic
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -20,56 +21,37 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from dlo_planner.direct.shape import Shape
-from dlo_planner.errors import InvalidTask
+from dlo_planner.errors import DeadlineExceeded, InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.inverse.task import Task
-from dlo_planner.inverse.tasks.thread_sequence import threading_of
+from dlo_planner.inverse.tasks.thread_sequence import cutouts_of, threading_of
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
-from dlo_planner.progress import interrupted_by
+from dlo_planner.progress import Progress, interrupted_by
 from dlo_planner.ros.inputs import goals_in, judge_distance, pose_in
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, Proof, State
-from dlo_planner.ros.status import Outcome, Part, Shared, stamp_text
+from dlo_planner.ros.status import Outcome, Part, Shared, proof_figures
 from dlo_planner.settings.tasks import (
     Present,
     close_task,
-    cutouts_of,
     open_task,
     plan_task,
     poses_of,
 )
 from dlo_planner.view.scene import drawn_radius, plan_primitives
+from msg_helpers.poses import stamp_text
 from msg_helpers.trajectories import plan_path
+
+T = TypeVar('T')
 
 # service -> type of the task that it plans; None: the last one, whatever it is
 _SERVICES = {'plan': None, 'plan_threading': 'Thread', 'plan_insertion': 'Insert',
              'plan_hold_contact': 'HoldContact', 'plan_slide_contact': 'SlideContact',
              'plan_sequence': 'ThreadSequence'}
 _BY_DEFAULT: Mapping[str, Any] = {'Thread': {'type': 'Thread'}, 'Insert': {'type': 'Insert'}}
-
-
-class PlanningJob:
-    """A plan that is being made, with seconds to its deadline, and whether it is still wanted."""
-
-    def __init__(self, deadline: float, now: Callable[[], float] = monotonic) -> None:
-        self._now, self._begun, self._deadline = now, now(), deadline
-        self._reason = ''
-
-    def cancel(self, reason: str) -> None:
-        """Let the next `check` end it."""
-        self._reason = reason
-
-    def check(self) -> None:
-        """Raise Refused if it is not wanted any more, or takes too long."""
-        if self._reason:
-            raise Refused(Cause.PLANNING_CANCELED, self._reason)
-        passed = self._now() - self._begun
-        if passed > self._deadline:
-            raise Refused(Cause.PLANNING_DEADLINE, f'no plan was found in {passed:.3g} s: expected '
-                          f'threading.planning_deadline = {self._deadline:g} s at most')
 
 
 class PlanningServer(Part):
@@ -79,8 +61,9 @@ class PlanningServer(Part):
                  planning: Any) -> None:
         super().__init__(shared)
         self._prove = prove
-        self._lock, self._turn, self._ended = Lock(), Lock(), ''
-        self._job: PlanningJob | None = None
+        self._turn = Lock()        # one plan after the other
+        self._job: list[str] | None = None  # the plan that is made: why it is not wanted any more
+        self._ended = ''           # why none may begin
         node = self.node
         self._out = node.add_publisher(Path, '~/gripper_trajectory', LATCHED)
         for kind, name, callback in ((String, 'task', self._on_task),
@@ -94,17 +77,15 @@ class PlanningServer(Part):
 
     def cancel(self, reason: str, for_good: bool = False) -> bool:
         """End the plan that is being made; return whether there was one."""
-        with self._lock:
-            self._ended = reason if for_good else self._ended
-            if self._job is None:
-                return False
-            self._job.cancel(reason)
-            return True
+        self._ended = reason if for_good else self._ended
+        job = self._job
+        if job is not None:
+            job.append(reason)
+        return job is not None
 
     def allow(self) -> None:
         """Let plans begin again."""
-        with self._lock:
-            self._ended = ''
+        self._ended = ''
 
     # ---- requests ---------------------------------------------------------------------------
 
@@ -188,7 +169,7 @@ class PlanningServer(Part):
     def _plan(self, outcome: Outcome, state: State, task: Task, start: Pose | None,
               miss: float | None = None) -> Path:
         """Plan, publish and return the trajectory of the tool frame as a Path."""
-        self.store.change(lambda now: now.asked(task))
+        self.store.change(lambda now: replace(now, task=task))
         begun = monotonic()
         if state.scene.grasped is not None:
             raise Refused(Cause.INVALID_PARAMETER, 'parameter rod.grasped_at = '
@@ -197,43 +178,68 @@ class PlanningServer(Part):
         if state.held_at(begun) is not None:
             raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held: expected '
                           'far_end.hold = free, or no pose, for a plan')
-        plan, before = self._made(state, task, start, miss)
+        plan, before = self._interruptible(
+            state.scene.planning_deadline,
+            lambda: make_plan(state.scene, task, start, state.shape, miss))
         seconds = monotonic() - begun
         scene, stamp = state.scene, self.node.get_clock().now().to_msg()
         made = PlanResult(scene, plan, before, stamp, task, outcome.stamp)
         self.store.change(lambda now: now.with_plan(made))
-        back = scene.tool.inverse()
-        path = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
-                         scene.frame_id, stamp)
+        path = tool_path(made)
         self._out.publish(path)
         self.markers.show('plan', scene.frame_id, stamp, lambda: plan_primitives(
             plan, cutouts_of(task), drawn_radius(scene.direct.rod)))
-        self.statistics.plan_proved(Proof(plan))  # what was said of the plan before is over
-        self.statistics.plan_done(plan, seconds, stamp)
+        figures = {
+            'waypoints': len(plan), 'largest miss [m]': float(plan.position_error.max()),
+            'smallest clearance [m]': float(plan.clearance.min()),
+            'smallest bend margin [1/m]': float(plan.bend_margin.min()),
+            'largest residual': float(plan.residual.max()),
+            'smallest stability': float(plan.stability.min())}
+        self.statistics.count('plans made')
+        self.statistics.note({
+            'plan stamp': stamp_text(stamp), 'plan time [ms]': 1e3 * seconds,
+            **{f'plan {name}': value for name, value in figures.items()},
+            **proof_figures(Proof(plan))})  # what was said of the plan before is over
         self._prove()
         outcome.message = f'{len(plan)} gripper poses'
         outcome.values = {'task': type(task).__name__, 'plan stamp': stamp_text(stamp),
-                          'waypoints': len(plan), 'seconds': seconds,
-                          'largest miss [m]': float(plan.position_error.max()),
-                          'smallest stability': float(plan.stability.min())}
+                          'seconds': seconds, **figures}
         self.status.info(f'planned {len(plan)} gripper poses in {1e3 * seconds:.0f} ms, '
-                            f'largest miss {plan.position_error.max():.1e} m, '
-                            f'smallest stability {plan.stability.min():.2f}')
+                         f'largest miss {plan.position_error.max():.1e} m, '
+                         f'smallest stability {plan.stability.min():.2f}')
         return path
 
-    def _made(self, state: State, task: Task, start: Pose | None,
-              miss: float | None) -> tuple[Plan, Shape | None]:
-        job = PlanningJob(state.scene.planning_deadline)
-        with self._lock:
-            if self._ended:
-                raise Refused(Cause.PLANNING_CANCELED, self._ended)
-            self._job = job
+    def _interruptible(self, deadline: float, make: Callable[[], T]) -> T:
+        """Return what `make` does, unless it is canceled or takes too long, s."""
+        steps, job = Progress(deadline=deadline), list[str]()
+
+        def check() -> None:
+            if job or self._ended:
+                raise Refused(Cause.PLANNING_CANCELED, (*job, self._ended)[0])
+            steps.check()
+
+        self._job = job
         try:
-            with interrupted_by(job.check):
-                return make_plan(state.scene, task, start, state.shape, miss)
+            with interrupted_by(check):
+                check()
+                return make()
+        except DeadlineExceeded as error:
+            raise deadline_refusal(error) from None
         finally:
-            with self._lock:
-                self._job = None
+            self._job = None
+
+
+def deadline_refusal(error: DeadlineExceeded) -> Refused:
+    """Return in words of the node that planning took too long."""
+    return Refused(Cause.PLANNING_DEADLINE, f'no plan was found in {error.elapsed:.3g} s: expected '
+                   f'threading.planning_deadline = {error.seconds:g} s at most')
+
+
+def tool_path(made: PlanResult) -> Path:
+    """Return the plan as poses of the tool frame, each stamped with its time."""
+    back = made.scene.tool.inverse()
+    return plan_path([pose.compose(back) for pose in made.plan.grippers], made.plan.times,
+                     made.scene.frame_id, made.stamp)
 
 
 def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,

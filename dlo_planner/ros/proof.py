@@ -19,11 +19,12 @@ from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.lifecycle import LATCHED
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, Proof, State
-from dlo_planner.ros.status import Part, Shared, figures_of, stamp_text
+from dlo_planner.ros.status import Part, Shared, figures_of, proof_figures
 from dlo_planner.ros.worker import ATTEMPTS, ProcessLost, Worker, persistent
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay
 from dlo_planner.verify.report import ValidationReport
+from msg_helpers.poses import stamp_text
 from msg_helpers.trajectories import timed_trajectory
 
 _MOVED = 'the motion along the plan is still being made and checked: ask again'
@@ -41,17 +42,8 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
     for step in (slowly, moving):
         try:
             report = persistent(partial(replayed, **step))
-        except DeadlineExceeded:
-            yield Proof(plan, known, 'no calm motion was found in threading.deadline = '
-                        f'{scene.deadline:g} s of computing', True, Cause.PROOF_DEADLINE)
-            return
-        except ProcessLost as error:
-            yield Proof(plan, known, f'tried {ATTEMPTS} times: {error}', True,
-                        Cause.PROOF_PROCESS)
-            return
         except Exception as error:  # whatever it is: the plan must not wait for ever
-            name = '' if isinstance(error, DloPlannerError) else f'{type(error).__name__}: '
-            yield Proof(plan, known, f'{name}{error}', True, Cause.PROOF_FAILED)
+            yield Proof(plan, known, *_failed(error, scene.deadline))
             return
         if report is None:
             return
@@ -64,6 +56,17 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
                         Cause.NOT_CALM if report.reason else Cause.DONE)
         else:
             yield Proof(plan, report, _MOVED)
+
+
+def _failed(error: Exception, deadline: float) -> tuple[str, bool, Cause]:
+    """Return reason, done and Cause of a Proof that ends by an error."""
+    if isinstance(error, DeadlineExceeded):
+        return (f'no calm motion was found in threading.deadline = {deadline:g} s of computing',
+                True, Cause.PROOF_DEADLINE)
+    if isinstance(error, ProcessLost):
+        return f'tried {ATTEMPTS} times: {error}', True, Cause.PROOF_PROCESS
+    name = '' if isinstance(error, DloPlannerError) else f'{type(error).__name__}: '
+    return f'{name}{error}', True, Cause.PROOF_FAILED
 
 
 def _lost(report: ValidationReport) -> str:
@@ -110,14 +113,14 @@ class ProofServer(Part):
                                            patience=arguments.get('deadline') or 0.0)
 
             for proof in proofs(replayed, made.scene, made.plan, made.before):
-                state = self.store.change(partial(_proved, proof))
+                state = self.store.change(partial(State.with_proof, proof=proof))
                 if state.proof is not proof:
                     return
                 report = proof.report
                 if proof.safe and report is not None and report.trajectory is not None:
                     self._publish(made, report, report.trajectory)
                     self._move_arm(made, report)
-                self.statistics.plan_proved(proof)
+                self.statistics.note(proof_figures(proof))
                 if proof.done:
                     self._tell(made, proof)
 
@@ -143,7 +146,3 @@ class ProofServer(Part):
         with self.status.answering('joint_trajectory', told=False):
             self._arm.on_proof(report.trajectory, made.scene.tool, made.stamp,
                                rolls_freely(made.scene.direct, made.plan))
-
-
-def _proved(proof: Proof, state: State) -> State:
-    return state.with_proof(proof)

@@ -103,7 +103,7 @@ class SceneMonitor(Part):
         before = self.store.state
         state = self.store.change(lambda now: now.in_scene(scene, cause, reason, **parts))
         if before.planned is not None and state.planned is None:
-            self.statistics.plan_void(reason)
+            self.statistics.note({'report': 'void', 'report reason': reason})
             self.status.info(f'the plan is void: {reason}')
 
 

@@ -25,6 +25,7 @@ from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.scene import Scene
 from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.verify.report import ValidationReport
+from msg_helpers.poses import stamp_text
 
 DONE = ('held', 'refused')  # states of a proof that has no step left
 _CHECKED = 'the plan is still being checked: ask again'
@@ -46,11 +47,14 @@ class PlanResult:
 
     def is_as(self, other: PlanResult) -> bool:
         """Whether another plan is as good as the same one: the same way, in the same scene."""
-        return (self.scene.keeps_plans(other.scene) and len(self.plan) == len(other.plan)
-                and all(np.linalg.norm(one.position - another.position) <= _SAME[0]
-                        and angle_between(one.rotation, another.rotation) <= _SAME[1]
-                        for one, another in zip(self.plan.grippers, other.plan.grippers,
-                                                strict=True)))
+        return self.scene.keeps_plans(other.scene) and len(self.plan) == len(other.plan) and all(
+            _nearly_same(*poses) for poses in zip(self.plan.grippers, other.plan.grippers,
+                                                  strict=True))
+
+
+def _nearly_same(one: Pose, other: Pose) -> bool:
+    return bool(np.linalg.norm(one.position - other.position) <= _SAME[0]
+                and angle_between(one.rotation, other.rotation) <= _SAME[1])
 
 
 @dataclass(frozen=True)
@@ -77,7 +81,7 @@ class Proof:
 
 
 class Looking(NamedTuple):
-    """How a threading in a closed loop stands, see `ThreadingLoop`."""
+    """How a threading in a closed loop stands, see `TaskLoop`."""
 
     phase: str = 'look'
     tries: int = 0
@@ -177,10 +181,6 @@ class State:
         """Return the newest task, or that of a type; None: there is none."""
         known = [self.scene.task, *self.tasks.values()]
         return next((one for one in reversed(known) if kind in (None, one['type'])), None)
-
-    def asked(self, task: Task) -> State:
-        """Return the State in which a plan of a task was asked for."""
-        return replace(self, task=task)
 
     def with_plan(self, made: PlanResult) -> State:
         """Return the State with a plan; raise Refused if it was made for another scene."""
@@ -327,15 +327,11 @@ def _meant(state: State, made: PlanResult, wanted: Time | None) -> None:
     """Refuse to execute a plan that may be another one than is meant."""
     if wanted is None and state.others > 1:
         raise Refused(Cause.OTHER_PLAN, f'{state.others} different plans were made since an '
-                      f'execution began, the last one stamped {_text(made.stamp)}: expected the '
-                      'one that is meant to be named, by ~/execute_plan')
+                      f'execution began, the last one stamped {stamp_text(made.stamp)}: '
+                      'expected the one that is meant to be named, by ~/execute_plan')
     if wanted is not None and wanted != made.stamp:
-        raise Refused(Cause.OTHER_PLAN, f'the plan stamped {_text(wanted)} is not the last one, '
-                      f'that is stamped {_text(made.stamp)}: plan again')
-
-
-def _text(stamp: Time) -> str:
-    return f'{stamp.sec}.{stamp.nanosec:09d}'
+        raise Refused(Cause.OTHER_PLAN, f'the plan stamped {stamp_text(wanted)} is not the last '
+                      f'one, that is stamped {stamp_text(made.stamp)}: plan again')
 
 
 def _heard_lately(state: State, now: float) -> None:

@@ -19,20 +19,21 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import DloPlannerError
 from dlo_planner.execute.causes import Cause, cause_of
 from dlo_planner.identify.correction import Correction
-from dlo_planner.identify.estimate import Estimate
-from dlo_planner.plan.plan import Plan
 from dlo_planner.ros.inputs import Frames, brief_text, named
 from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
 from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.state import Proof, Store
 from dlo_planner.verify.report import ValidationReport
 from msg_helpers.diagnostics import ERROR, OK, WARN, status_msg
+from msg_helpers.poses import stamp_text
 
 _RECENT = 50      # shapes over which rates and latencies are averaged
 _STALE = 30.0     # s that an error stays the headline
 _QUIET = 1.0      # s between lines of the log about the same thing
 _MOST_TRACED = 10_000  # characters of a traceback
-
+_CONVERGED = 1e-8  # residual
+_COUNTED = ('poses received', 'shapes published', 'poses refused', 'plans made', 'plans refused',
+            'jumps', 'clouds received', 'clouds refused', 'corrections')
 
 _REPORTED = {  # figures of a ValidationReport
     'position_error': 'largest miss [m]', 'misalignment': 'largest misalignment [rad]',
@@ -53,32 +54,29 @@ _REPORTED = {  # figures of a ValidationReport
     'mode_margin': 'frequency margin', 'duration': 'duration [s]'}
 
 
-def stamp_text(stamp: Time) -> str:
-    """Return a builtin_interfaces/Time as seconds with nine digits."""
-    return f'{stamp.sec}.{stamp.nanosec:09d}'
-
-
 def figures_of(report: ValidationReport | None) -> dict[str, Any]:
     """Return the figures of a ValidationReport by their names, nan where it says nothing."""
     return {'not looked at': ', '.join(getattr(report, 'not_looked_at', ())) or 'none',
             **{text: float(getattr(report, name, np.nan)) for name, text in _REPORTED.items()}}
 
 
+def proof_figures(proof: Proof) -> dict[str, Any]:
+    """Return what /diagnostics says of a Proof."""
+    return {'report': proof.state, 'report reason': proof.reason or 'none',
+            **{f'report {name}': value for name, value in figures_of(proof.report).items()}}
+
+
 class Statistics:
-    """Counters, rates, latencies and the last error of the node; for any thread."""
+    """Counters, rates, latencies, figures and the last error of the node; for any thread."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._counts = {'poses received': 0, 'shapes published': 0, 'poses refused': 0,
-                        'plans made': 0, 'plans refused': 0, 'jumps': 0,
-                        'clouds received': 0, 'clouds refused': 0, 'corrections': 0}
+        self._counts = dict.fromkeys(_COUNTED, 0)
         self._arrivals: deque[float] = deque(maxlen=_RECENT)
         self._latencies: deque[float] = deque(maxlen=_RECENT)
-        self._values: dict[str, Any] = {}
-        self._shape: Shape | None = None
-        self._error: str | None = None
-        self._error_time = -np.inf
-        self._written: dict[object, float] = {}  # when a line of each kind was, s
+        self._figures: dict[str, Any] = {}
+        self._shape: Shape | None = None  # its error estimate takes longer than the shape
+        self._error, self._error_time = '', -np.inf
 
     def count(self, name: str) -> None:
         """Add one to the counter `name`."""
@@ -93,91 +91,47 @@ class Statistics:
             self._counts['shapes published'] += 1
             self._counts['jumps'] += shape.jumped
             self._latencies.append(seconds)
-            self._shape = shape  # of which the estimate takes longer than the shape
+            self._shape = shape
 
-    def plan_done(self, plan: Plan, seconds: float, stamp: Time) -> None:
-        """Take the figures of a Plan that took `seconds` and is published with a Time `stamp`."""
+    def note(self, figures: Mapping[str, Any]) -> None:
+        """Take figures by name, in place of those before."""
         with self._lock:
-            self._counts['plans made'] += 1
-            self._values.update({'plan waypoints': len(plan), 'plan stamp': stamp_text(stamp),
-                                 'plan time [ms]': 1e3 * seconds,
-                                 'plan largest miss [m]': float(plan.position_error.max()),
-                                 'plan smallest clearance [m]': float(plan.clearance.min()),
-                                 'plan smallest bend margin [1/m]': float(plan.bend_margin.min()),
-                                 'plan largest residual': float(plan.residual.max()),
-                                 'plan smallest stability': float(plan.stability.min())})
-
-    def plan_proved(self, proof: Proof) -> None:
-        """Take what a Proof says of the last plan."""
-        report = proof.report
-        with self._lock:
-            self._values['report'] = proof.state
-            self._values['report reason'] = proof.reason or 'none'
-            self._values |= {f'report {name}': value for name, value in figures_of(report).items()}
-
-    def plan_void(self, reason: str) -> None:
-        """Take why the last plan must not be executed any more."""
-        with self._lock:
-            self._values |= {'report': 'void', 'report reason': reason}
-
-    def estimated(self, estimate: Estimate) -> None:
-        """Take the figures of an Estimate."""
-        with self._lock:
-            self._values |= {'estimate looks': estimate.looks,
-                             'estimate misfit [m]': float(estimate.misfit),
-                             'estimate outliers': float(estimate.outliers)}
-
-    def expected(self, miss: float) -> None:
-        """Take by how much the DLO may miss the cut-out in motion (95 %), m."""
-        with self._lock:
-            self._values['miss expected at most [m]'] = miss
+            self._figures |= figures
 
     def corrected(self, correction: Correction, reason: str) -> None:
         """Take a Correction, and why it is not executed or ''."""
-        bound = float(correction.miss.bound.max(initial=0.0))
-        with self._lock:
-            self._counts['corrections'] += not reason
-            self._values |= {'correction': reason or 'executed',
-                             'correction miss bound [m]': bound}
+        if not reason:
+            self.count('corrections')
+        self.note({'correction': reason or 'executed', 'correction miss bound [m]':
+                   float(correction.miss.bound.max(initial=0.0))})
 
     def failed(self, reason: str) -> None:
         """Take the reason of a refusal or failure."""
         with self._lock:
             self._error, self._error_time = reason, monotonic()
 
-    def may_write(self, kind: object) -> bool:
-        """Whether a line of this kind may be written to the log: one in a second."""
-        now = monotonic()
-        with self._lock:
-            if now - self._written.get(kind, -np.inf) < _QUIET:
-                return False
-            self._written[kind] = now
-            return True
-
     def report(self) -> tuple[bytes, str, dict[str, Any]]:
         """Return level, message and values for `msg_helpers.diagnostics.diagnostics_msg`."""
         with self._lock:
-            values: dict[str, Any] = dict(self._counts)
-            if len(self._arrivals) > 1:
-                span = self._arrivals[-1] - self._arrivals[0]
-                values['pose rate [Hz]'] = (len(self._arrivals) - 1) / max(span, 1e-9)
-            if self._latencies:
-                values['latency median [ms]'] = 1e3 * float(np.median(self._latencies))
-                values['latency largest [ms]'] = 1e3 * max(self._latencies)
-            values.update(self._values)
-            shape = self._shape
+            values: dict[str, Any] = {**self._counts, **self._figures,
+                                      'last error': self._error or 'none'}
+            arrivals, latencies = list(self._arrivals), list(self._latencies)
+            shape, error, since = self._shape, self._error, self._error_time
+        if len(arrivals) > 1:
+            values['pose rate [Hz]'] = (len(arrivals) - 1) / max(arrivals[-1] - arrivals[0], 1e-9)
+        if latencies:
+            values |= {'latency median [ms]': 1e3 * float(np.median(latencies)),
+                       'latency largest [ms]': 1e3 * max(latencies)}
         if shape is not None:
             values |= {'shape residual': shape.residual, 'shape stability': shape.stability,
                        'shape error estimate [m]': shape.error_estimate,
                        'shape iterations': shape.iterations}
-        with self._lock:
-            values['last error'] = self._error or 'none'
-            if self._error and monotonic() - self._error_time < _STALE:
-                return WARN, self._error, values
-            residual = values.get('shape residual', 0.0)
-            if not residual < 1e-8:
-                return ERROR, f'last shape did not converge: residual {residual:.3g}', values
-            return OK, 'ready', values
+        if error and monotonic() - since < _STALE:
+            return WARN, error, values
+        residual = 0.0 if shape is None else shape.residual
+        if not residual < _CONVERGED:
+            return ERROR, f'last shape did not converge: residual {residual:.3g}', values
+        return OK, 'ready', values
 
 
 @dataclass
@@ -196,6 +150,7 @@ class Status:
     def __init__(self, node: LifecycleNode, store: Store, statistics: Statistics) -> None:
         self._node, self._store, self._statistics = node, store, statistics
         self._log, self._traced = node.get_logger(), set[Any]()
+        self._written: dict[object, float] = {}  # when a line of each kind was, s
         self._out = node.add_publisher(DiagnosticStatus, '~/status', LATCHED)
 
     @contextmanager
@@ -255,7 +210,9 @@ class Status:
 
     def warn(self, key: object, text: str) -> None:
         """Write a warning, at most once a second of each kind."""
-        if self._statistics.may_write(key):
+        now = monotonic()
+        if now - self._written.get(key, -np.inf) >= _QUIET:
+            self._written[key] = now
             self._log.warning(' '.join(brief_text(text).split()))
 
     def info(self, text: str) -> None:

@@ -25,43 +25,53 @@ from dlo_planner.errors import DeadlineExceeded, DloPlannerError
 from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.execute.execution import Ahead, Execution
 from dlo_planner.execute.guards import Enabled
-from dlo_planner.execute.threading_loop import ThreadingLoop
-from dlo_planner.execute.threading_motions import Threading
+from dlo_planner.execute.loop_motions import LoopTask
+from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing
+from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread
+from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
+from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.lifecycle import LATCHED, REQUEST
-from dlo_planner.ros.plan import PlanningServer, refuse_tolerance
+from dlo_planner.ros.plan import (
+    PlanningServer,
+    deadline_refusal,
+    refuse_tolerance,
+    tool_path,
+)
 from dlo_planner.ros.state import Looking, PlanResult, State, Store
-from dlo_planner.ros.status import Part, Shared, Statistics, stamp_text
+from dlo_planner.ros.status import Part, Shared, Statistics
 from dlo_planner.ros.worker import Worker, persistent
-from dlo_planner.settings.tasks import cutouts_of
 from dlo_planner.view.scene import axes_primitives
 from msg_helpers.diagnostics import OK, WARN, status_msg
-from msg_helpers.poses import pose_stamped_msg
-from msg_helpers.trajectories import plan_path, poses_ahead
+from msg_helpers.poses import pose_stamped_msg, stamp_text
+from msg_helpers.trajectories import poses_ahead
 
+MISS_EXPECTED = 'miss expected at most [m]'  # of the cut-out in motion, 95 %
 _STANDOFF = 0.05  # of the length, where none is given, and the plan does not stop before the hole
 
 
-def threading_of(made: PlanResult) -> Threading | None:
-    """Return what a plan threads, if that is one cut-out whose room is known; else None."""
+def loop_task_of(made: PlanResult) -> LoopTask | None:
+    """Return the task of a plan whose DLO passes cut-outs or a bore with a known room; or None."""
     plan, scene, task = made.plan, made.scene, made.task
-    if not isinstance(task, Thread) or not (room_of(made) or 0.0) > 0:
+    if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or not (
+            room_of(made) or 0.0) > 0:
         return None
     passing = [bool(passes) for passes in plan.via_points]
-    depths = plan.depths[passing]
+    depths = np.unique(plan.depths[passing])  # a bore takes over a mass in several waypoints
     if not depths.size:
         return None
     if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
         depths = np.append(0.0, depths)
-    normal = task.cutout.pose.direction
-    stops = [normal @ (task.cutout.center - plan.shapes[k].positions[-1]) for k in plan.stops
+    first = cutouts_of(task)[0]
+    stops = [first.normal @ (first.center - plan.shapes[k].positions[-1]) for k in plan.stops
              if not passing[k]]
     standoff = scene.wanted.standoff if scene.wanted.standoff > 0 else float(
         max(stops, default=0.0)) or _STANDOFF * scene.direct.rod.length
-    return Threading(scene.inverse, task.cutout, depths, standoff, scene.limits)
+    task = Thread(first, depths) if isinstance(task, Thread) else replace(task, depths=depths)
+    return LoopTask(scene.inverse, task, standoff, scene.limits)
 
 
 def room_of(made: PlanResult) -> float | None:
@@ -82,11 +92,11 @@ def closed_loop_of(state: State, observing: Observing | None,
     made, execution, scene = state.running, state.execution, state.scene
     if observing is None or not observing.seeing.correct or made is None or execution is None:
         return None
-    task = threading_of(made)
+    task = loop_task_of(made)
     if task is None or state.feedback is None:
         return None
     tool = made.scene.tool
-    loop = ThreadingLoop(task, observing, state.feedback.pose.compose(tool), tool=tool,
+    loop = TaskLoop(task, observing, state.feedback.pose.compose(tool), tool=tool,
                          guards=execution.guards, limits=execution.limits,
                          period=execution.period, horizon=execution.horizon,
                          frame_id=execution.frame_id)
@@ -100,7 +110,7 @@ def not_looked_at(state: State, observing: Observing | None) -> str:
     """
     made = state.running
     if observing is not None or not state.scene.seeing.correct or made is None or (
-            threading_of(made) is None):
+            loop_task_of(made) is None):
         return ''
     return ('in open loop: no cloud of the DLO was taken in on ~/observed_points shortly before, '
             'so that it is not looked at before the cut-out; without clouds it is not corrected '
@@ -108,12 +118,12 @@ def not_looked_at(state: State, observing: Observing | None) -> str:
 
 
 class ClosedLoopDrive:
-    """Ticks a ThreadingLoop, has its work done, and keeps the State as it stands.
+    """Ticks a TaskLoop, has its work done, and keeps the State as it stands.
 
     Who ends what is executed does so in the State; the next tick tells the loop.
     """
 
-    def __init__(self, loop: ThreadingLoop, worker: Worker, deadline: float) -> None:
+    def __init__(self, loop: TaskLoop, worker: Worker, deadline: float) -> None:
         self._loop, self._worker, self._deadline = loop, worker, deadline
         self._lock = Lock()  # around the loop
         self._known: Execution | None = None  # what the State was told
@@ -141,7 +151,7 @@ class ClosedLoopDrive:
                 self._aimed = loop.aimed
                 statistics.corrected(loop.aimed.correction, loop.refusal)
         if np.isfinite(looking.promised):
-            statistics.expected(looking.promised)
+            statistics.note({MISS_EXPECTED: looking.promised})
         if work is not None and work is not self._computing:
             self._computing = work
             threading.Thread(target=self._compute, args=(work,), name='closed loop',
@@ -193,9 +203,7 @@ class ClosedLoopDrive:
         try:
             result = persistent(partial(self._worker.result, work, wanted, self._deadline))
         except DeadlineExceeded as error:
-            result = Refused(Cause.PLANNING_DEADLINE, f'no plan was found in {error.elapsed:.3g} s:'
-                             ' expected threading.planning_deadline = '
-                             f'{error.seconds:g} s at most')
+            result = deadline_refusal(error)
         except Exception as error:  # whatever it is, the loop has to end by it
             result = error
         if result is not None:  # it is still wanted
@@ -258,9 +266,7 @@ class TrajectoryStreamer(Part):
                          response: GetPlan.Response) -> GetPlan.Response:
         made = self._execute(request.start.header.stamp, request=request)
         if made is not None:
-            back, plan = made.scene.tool.inverse(), made.plan
-            response.plan = plan_path([pose.compose(back) for pose in plan.grippers], plan.times,
-                                      made.scene.frame_id, made.stamp)
+            response.plan = tool_path(made)
         return response
 
     def _execute(self, wanted: Time | None, answer: Any = None,
@@ -372,7 +378,7 @@ class TrajectoryStreamer(Part):
         else:
             seconds = execution.done - execution.begin
             reason = f'the execution stopped after {seconds:.2f} s of its way: {execution.reason}'
-            self.statistics.plan_void(execution.reason)
+            self.statistics.note({'report': 'void', 'report reason': execution.reason})
             self.status.failed('execute', execution.cause, reason)
         self.status.tell('execute', execution.cause, reason, self._stamp,
                             progress(execution))

@@ -18,8 +18,8 @@ from threading import Lock, Thread
 from time import monotonic, sleep
 from typing import Any, TypeVar
 
-from dlo_planner.errors import DeadlineExceeded, DloPlannerError
-from dlo_planner.progress import interrupted_by
+from dlo_planner.errors import DloPlannerError
+from dlo_planner.progress import Progress, interrupted_by
 
 T = TypeVar('T')
 
@@ -142,26 +142,26 @@ class _Calls:
 
     def answer(self, deadline: float | None, call: Callable[[], object]) -> tuple[object, object]:
         """Return the result of a call and None, or None and its error."""
-        begun = monotonic()
+        self._unwanted, steps = False, Progress(deadline=deadline)
 
         def check() -> None:
-            passed = monotonic() - begun
             if self._unwanted:
                 raise _NotWanted
-            if deadline is not None and passed > deadline:
-                raise DeadlineExceeded(f'deadline = {deadline:g} s: not finished after '
-                                       f'{passed:.3g} s', deadline, passed)
+            steps.check()
 
-        self._unwanted = False
         try:
             with interrupted_by(check):
                 return call(), None
         except _NotWanted:
             return None, None
-        except DloPlannerError as error:
-            return None, error
         except Exception as error:  # it has to be answered in any case
-            return None, DloPlannerError(f'{type(error).__name__}: {error}')
+            return None, _told(error)
+
+
+def _told(error: Exception, what: str = '') -> DloPlannerError:
+    """Return an error that its receiver knows."""
+    return error if isinstance(error, DloPlannerError) else DloPlannerError(
+        f'{what}{type(error).__name__}: {error}')
 
 
 def main() -> None:
@@ -177,8 +177,7 @@ def main() -> None:
             except OSError:
                 raise
             except Exception as error:  # of pickle
-                pipe.send((None, DloPlannerError(
-                    f'the answer cannot be sent: {type(error).__name__}: {error}')))
+                pipe.send((None, _told(error, 'the answer cannot be sent: ')))
 
 
 def _end_with(parent: int) -> None:

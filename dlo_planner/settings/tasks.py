@@ -18,7 +18,7 @@ from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.approach import Approach
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread, trim_to_clearance
-from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence
+from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.model.checks import instance, shown
 from dlo_planner.model.cutout import CutOut
@@ -248,16 +248,6 @@ def _with_way_there(inverse: InverseSimulator, task: Thread | ThreadTwo | Thread
     way = inverse.plan(Approach(first, plan.shapes[0], standoff, plan, wanted.tolerance),
                        start=present.gripper, initial=present.shape, **options)
     return inverse.check(concatenate(way, plan))
-
-
-def cutouts_of(task: Task | None) -> tuple[CutOut, ...]:
-    """Return the cut-outs that the DLO passes in a task, in their order; none for other tasks."""
-    if isinstance(task, ThreadTwo):
-        return task.first, task.second
-    if isinstance(task, ThreadSequence):
-        return task.cutouts
-    one = getattr(task, 'cutout', None) or getattr(task, 'bore', None)
-    return () if one is None else (one,)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

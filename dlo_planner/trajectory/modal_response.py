@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from dlo_planner.direct.modes import Modes, modes_along
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.modes import Modes
+from dlo_planner.direct.shape import Shape, modes_along
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.kernels import kernel

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization, with_breaks
-from dlo_planner.direct.dynamics import first_shape, run
+from dlo_planner.direct.dynamics import IntegrationOptions, first_shape, run
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
@@ -163,11 +163,13 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
         if k == 0 and velocity is None:
             start = calm[-1] = shapes[-1] = _at_rest(feed, mesh, grippers[0], start)
         stepper, begun = _begun(feed, mesh, _Later(guide, k), u[k:k + count + 1], start, velocity)
-        reached, solved = run(stepper, begun, count + 1, _TOLERANCE * mesh.s[-1], progress)
+        plan = IntegrationOptions(count + 1, 'generalized_alpha', _TOLERANCE * mesh.s[-1])
+        made = run(stepper, begun, plan, progress)
+        reached, solved = made.reached, made.status == 'complete'
         for j, now in enumerate(reached[1:], start=1):
             place = feed.held(mesh, feed.depth(u[k + j]) - feed.depth(u[k]))
-            still, _ = equilibrium(mesh, now.shape.gripper, np.array(now.shape.element_strains),
-                                   far_end=FarEnd(place, 'sleeve'))
+            still = equilibrium(mesh, now.shape.gripper, np.array(now.shape.element_strains),
+                                far_end=FarEnd(place, 'sleeve'))
             shapes.append(now.shape)
             calm.append(still)
             forces.append(float(np.linalg.norm(now.shape.far_wrench[:3] + lifted * feed.up)))
@@ -206,8 +208,7 @@ def _instants(feed: Feed, u: Floats) -> int:
 def _at_rest(feed: Feed, mesh: Discretization, gripper: Pose, start: Shape) -> Shape:
     """Return the Shape in equilibrium at the mouth, next to `start`."""
     strains = mesh.strains_from(start.s, start.element_strains)
-    result: Shape = equilibrium(mesh, gripper, strains, far_end=FarEnd(feed.mouth, 'sleeve'))[0]
-    return result
+    return equilibrium(mesh, gripper, strains, far_end=FarEnd(feed.mouth, 'sleeve'))
 
 
 def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Shape,

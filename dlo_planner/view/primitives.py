@@ -143,26 +143,6 @@ def round_bar(sides: int = 12) -> tuple[Floats, Ints]:
     return vertices, np.array(faces, dtype=np.int64)
 
 
-def tube(points: Floats, radius: float, sides: int = 10) -> tuple[Floats, Ints]:
-    """Return vertices (n sides, 3) and faces (m, 3) of a tube through points (n, 3), n > 1."""
-    along = np.gradient(points, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    side = np.cross(along[0], np.eye(3)[np.argmin(np.abs(along[0]))])
-    angle = np.linspace(0, 2 * np.pi, sides, endpoint=False)
-    rings = []
-    for point, tangent in zip(points, along, strict=True):
-        side = side - (side @ tangent) * tangent  # carried along, so that the tube does not twist
-        side /= max(np.linalg.norm(side), 1e-12)
-        other = np.cross(tangent, side)
-        rings.append(point + radius * (np.outer(np.cos(angle), side)
-                                       + np.outer(np.sin(angle), other)))
-    k = np.arange(sides)
-    quad = np.vstack([np.column_stack([k, (k + 1) % sides, k + sides]),
-                      np.column_stack([(k + 1) % sides, (k + 1) % sides + sides, k + sides])])
-    faces = quad[None] + sides * np.arange(len(points) - 1)[:, None, None]
-    return np.vstack(rings), faces.reshape(-1, 3)
-
-
 def bars_between(points: Floats) -> tuple[Floats, Floats, Floats]:
     """Return quaternions (n - 1, 4) w, x, y, z, middles (n - 1, 3), lengths (n - 1,) of bars.
 

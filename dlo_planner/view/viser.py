@@ -21,7 +21,7 @@ from dlo_planner.model.checks import instance, integer
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import viridis
-from dlo_planner.view.primitives import Primitive, bars_between, round_bar, tube
+from dlo_planner.view.primitives import Primitive, bars_between, round_bar
 from dlo_planner.view.summary import plan_columns
 
 _STEPS = 9
@@ -97,7 +97,7 @@ def _figure(value: float) -> str:
 
 
 _LINE = 2.0       # pixels
-_OVERLAP = 1.02   # of a bar: no gaps where a tube bends
+_OVERLAP = 1.02   # of a bar: no gaps where a DLO bends; none where it is seen through
 _BAR = round_bar()
 
 
@@ -140,7 +140,9 @@ class Canvas:
 
     def _draw(self, item: Primitive, before: Primitive | None) -> None:
         handle = self._handles.get(item.name)
-        if handle is not None and before is not None and _barred(item) == _barred(before) != 0:
+        bars = _barred(item), item.alpha
+        if handle is not None and before is not None and bars[0] and (
+                bars == (_barred(before), before.alpha)):
             for name, value in self._bars(item).items():
                 setattr(handle, name, value)
             handle.position, handle.wxyz = item.pose.position, _wxyz(item.pose)
@@ -155,10 +157,8 @@ class Canvas:
         color, solid = _bytes(item.color), {'color': _bytes(item.color), 'opacity': item.alpha}
         if _barred(item):
             return self._scene.add_batched_meshes_simple(name, *_BAR, **self._bars(item),
+                                                         opacity=item.alpha, cast_shadow=False,
                                                          lod='off', **where)
-        if item.kind == 'line' and item.alpha < 1 and len(item.points) > 1:
-            mesh = tube(item.points, max(item.size[0] / 2, self.least_radius / 2))
-            return self._scene.add_mesh_simple(name, *mesh, cast_shadow=False, **solid, **where)
         if item.kind == 'line':
             pairs = np.stack([item.points[:-1], item.points[1:]], axis=1)
             return self._lines(name, pairs, color, where)
@@ -193,18 +193,19 @@ class Canvas:
     def _bars(self, item: Primitive) -> dict[str, NDArray[Any]]:
         """Return the arguments of batched meshes: one bar between two points."""
         turns, middles, lengths = bars_between(item.points)
-        radius = max(item.size[0] / 2, self.least_radius)
-        colors = np.zeros((0, 3)) if item.colors is None else item.colors
+        solid = item.alpha == 1
+        radius = max(item.size[0] / 2, self.least_radius if solid else self.least_radius / 2)
+        colors = np.tile(item.color, (len(item.points), 1)) if item.colors is None else item.colors
         return {'batched_wxyzs': turns, 'batched_positions': middles,
-                'batched_scales': np.column_stack(
-                    [_OVERLAP * lengths, np.full((len(lengths), 2), radius)]),
+                'batched_scales': np.column_stack([
+                    (_OVERLAP if solid else 1.0) * lengths, np.full((len(lengths), 2), radius)]),
                 'batched_colors': (255 * 0.5 * (colors[1:] + colors[:-1])).astype(np.uint8)}
 
 
 def _barred(item: Primitive) -> int:
-    """Return of how many points a line in several colors is, which is drawn as bars; else 0."""
-    colored = item.kind == 'line' and item.colors is not None and len(item.points) > 1
-    return len(item.points) if colored else 0
+    """Return of how many points a line is that is drawn as bars: a DLO, not a fine line; else 0."""
+    thick = item.kind == 'line' and (item.colors is not None or item.alpha < 1)
+    return len(item.points) if thick and len(item.points) > 1 else 0
 
 
 def _wxyz(pose: Pose) -> Floats:

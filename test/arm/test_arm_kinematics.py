@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from robot_arms import (
     PACKAGES,
-    PANDA_READY,
     UR5_READY,
     corners_by_hand,
     kinova,
@@ -220,8 +219,3 @@ def test_without_pinocchio_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__('sys').modules, 'pinocchio', None)
     with pytest.raises(InvalidTask, match=r'dlo_planner\[arm\]'):
         Arm(robot(), 'c')
-
-
-def test_ready_poses_are_free_of_collisions():
-    for arm, positions in ((panda(), PANDA_READY), (ur5(), UR5_READY)):
-        assert arm.collision.distances(positions).min() > 0.01

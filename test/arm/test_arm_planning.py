@@ -116,11 +116,6 @@ def test_where_the_arm_stands_changes_nothing():
     np.testing.assert_allclose(other.positions, made.positions, atol=1e-5)
 
 
-def test_the_same_each_time():
-    trajectory = timed(way(panda().pose(PANDA_READY), (0.05, 0.1, 0)))
-    assert joint_trajectory(trajectory, panda()) == joint_trajectory(trajectory, panda())
-
-
 def test_the_nearest_configuration_is_taken():
     trajectory = timed(way(ur5().pose(UR5_READY), (0, 0.1, 0)))
     aside = UR5_READY + [0.3, 0.2, -0.2, 0.3, 0.2, 0.5 - 2 * np.pi]

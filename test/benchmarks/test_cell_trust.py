@@ -10,10 +10,16 @@ import pytest
 pytest.importorskip('mujoco', reason='the cell needs mujoco (extra `cell`)')
 
 from benchmarks import cell_trust  # noqa: E402
+from benchmarks.cell import other_tasks  # noqa: E402
 from benchmarks.cell.run import Outcome, Stay  # noqa: E402
-from dlo_planner import Infeasible, InvalidTask  # noqa: E402
+from dlo_planner import (  # noqa: E402
+    DirectSimulator,  # noqa: E402
+    Infeasible,
+    InvalidTask,
+)
 from dlo_planner.cell.camera import BAD  # noqa: E402
 from dlo_planner.cell.cases import CASES, NOMINAL, case  # noqa: E402
+from dlo_planner.plan.clearance import clearance  # noqa: E402
 
 
 def one(name='slip', refused='', **outcome):
@@ -74,7 +80,7 @@ def test_a_run_that_ends_in_an_error_is_told(monkeypatch, capsys):
     assert cell_trust.ended(found) == 'ZeroDivisionError: division by zero'
     row = dict(zip(cell_trust.HEADS, cell_trust.line('nominal', [found]), strict=True))
     assert (row['errors'], row['clean'], row['missed']) == ('1', '0', '0')
-    monkeypatch.setattr(cell_trust, 'driven', lambda name, seed: found)
+    monkeypatch.setattr(cell_trust, 'driven', lambda name, seed, *_: found)
     assert cell_trust.main(['--cases', 'nominal', '--seeds', '0:1', '--jobs', '1']) == 1
 
 
@@ -99,7 +105,7 @@ def test_the_table_counts():
 
 
 def test_what_was_asked_for_is_run(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(cell_trust, 'driven', lambda name, seed: {
+    monkeypatch.setattr(cell_trust, 'driven', lambda name, seed, *_: {
         **one(name, force=2.0 * (seed == 6)), 'seed': seed})
     asked = ['--cases', 'slip', 'bump', '--jobs', '1', '--output', str(tmp_path / 'trust.jsonl')]
     assert cell_trust.main([*asked, '--seeds', '4:6']) == 0
@@ -132,3 +138,21 @@ def test_claims_are_judged_by_exact_bounds(counted, word, bound):
     assert cell_trust.verdict(*counted)[0] == word
     if bound is not None:
         assert cell_trust.verdict(*counted)[1] == pytest.approx(bound, nan_ok=True)
+
+
+@pytest.mark.parametrize('kind', other_tasks.KINDS)
+def test_other_tasks_are_always_the_same_and_have_room(kind):
+    task = other_tasks.draw_other(kind, 3, cell_trust.DLO, cell_trust.RADIUS)
+    assert task == other_tasks.draw_other(kind, 3, cell_trust.DLO, cell_trust.RADIUS)
+    assert task != other_tasks.draw_other(kind, 4, cell_trust.DLO, cell_trust.RADIUS)
+    count = {'two': 2, 'three': 3, 'insert': 1, 'hold': 0}[kind]
+    assert len(task.cutouts) == count and task.room == pytest.approx(4.25e-3)
+    assert len(task.obstacles) == len(task.bodies) == max(count, 1)
+    if kind == 'insert':  # the bore begins at its mouth
+        bore, = task.bodies
+        mouth = bore.pose.position - 0.5 * bore.thickness * task.cutout.normal
+        np.testing.assert_allclose(mouth, task.cutout.center, atol=1e-12)
+    if kind == 'hold':
+        up = task.cutout.pose.rotation[:, 2]
+        assert task.off((task.cutout.center + 0.75e-3 * up)[None]) == pytest.approx(0, abs=1e-12)
+        assert clearance([task.bar], 0.0, DirectSimulator(task.rod).solve(task.start)) > 0.02

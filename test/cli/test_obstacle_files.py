@@ -4,19 +4,22 @@
 
 import pytest
 
-from dlo_planner import Box, Capsule, Cylinder, InvalidTask, Plane, Pose, Sphere
+from dlo_planner import Box, Capsule, CutOut, Cylinder, InvalidTask, Plane, Pose, Sheet, Sphere
 from dlo_planner.cli.io import read_obstacles
 
+LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 TEXT = """
 - plane: {point: [0, 0, 0.2], normal: [0, 0, 1], friction: 0.3}
 - sphere: {center: [1, 0, 0], radius: 1e-1}
 - capsule: {start: [0, 0, 0], end: [1, 0, 0], radius: 0.1}
 - cylinder: {start: [0, 0, 0], end: [1, 0, 0], radius: 0.1, friction: 0.2}
 - box: {pose: [0, 0, 1], size: [1, 2, 3]}
+- sheet: {pose: [0, 0, 1], width: 1, height: 2,
+          cutouts: [{type: CutOut, pose: {position: [0, 0, 1]}, radius: 0.1}]}
 """
 KNOWN = (Plane((0, 0, 0.2), (0, 0, 1), 0.3), Sphere((1, 0, 0), 0.1),
          Capsule((0, 0, 0), (1, 0, 0), 0.1), Cylinder((0, 0, 0), (1, 0, 0), 0.1, 0.2),
-         Box(Pose((0, 0, 1), (0, 0, 0, 1)), (1, 2, 3)))
+         Box(LEVEL, (1, 2, 3)), Sheet(LEVEL, 1.0, 2.0, cutouts=[CutOut(LEVEL, radius=0.1)]))
 
 
 def read(tmp_path, text):
@@ -33,7 +36,8 @@ def test_each_kind_is_read(tmp_path):
     ('- cylinder: {start: [0, 0, 0], end: [1, 0, 0]}', 'cylinder: expected radius'),
     ('- sphere: {center: [0, 0, 0], radius: 1, radios: 2}', 'sphere.radios: expected one of'),
     ('- cylinder: {start: [0, 0, 0], end: [0, 0, 0], radius: 1}', 'Cylinder.end'),
-    ('- sheet: {}', 'expected one of plane, sphere, capsule, cylinder, box'),
+    ('- sheet: {}', 'sheet: expected pose, width'),
+    ('- [sphere]', 'expected one of plane, sphere, .*, with its values'),
     ('- cone: {}', 'expected one of')])
 def test_what_is_wrong_is_named(tmp_path, text, said):
     with pytest.raises(InvalidTask, match=said):

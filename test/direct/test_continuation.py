@@ -31,7 +31,7 @@ def leaping(size, at=0.05):
     """Return an `equilibrium` whose shape changes by `size` once the gripper has turned by `at`."""
     def equilibrium(gripper, initial, far_end, most=np.inf):
         turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]
-        return bent(gripper, size if turned > at else 0.0), 0
+        return bent(gripper, size if turned > at else 0.0)
     return equilibrium
 
 
@@ -48,7 +48,7 @@ def test_a_quick_change_is_followed_in_smaller_steps():
     def equilibrium(gripper, initial, far_end, most=np.inf):
         turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]
         asked.append(turned)
-        return bent(gripper, 8.0 * turned), 0  # 8 rad per rad, without a leap
+        return bent(gripper, 8.0 * turned)  # 8 rad per rad, without a leap
 
     shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(0.2))
     assert not shape.jumped and len(asked) > 4
@@ -58,7 +58,7 @@ def test_a_quick_change_is_followed_in_smaller_steps():
 def test_a_failure_on_the_way_is_not_passed_over():
     def equilibrium(gripper, initial, far_end, most=np.inf):
         turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]
-        return replace(bent(gripper, 0.0), converged=turned < 0.3), 0
+        return replace(bent(gripper, 0.0), converged=turned < 0.3)
 
     shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(1.0))
     assert shape.jumped and not shape.converged
@@ -70,8 +70,8 @@ def test_where_nothing_on_the_way_is_found_the_step_is_made_at_once_to_its_end()
         turned = Rotation.from_matrix(np.array(gripper.rotation)).as_rotvec()[2]
         shape = bent(gripper, 1.0)
         if most < 1.0:
-            return replace(shape, converged=False, residual=np.inf), 0
-        return replace(shape, converged=turned > 0.15), 0
+            return replace(shape, converged=False, residual=np.inf)
+        return replace(shape, converged=turned > 0.15)
 
     shape = follow(equilibrium, bent(pose(0.0), 0.0), pose(0.2))
     assert shape.jumped and shape.converged and np.isfinite(shape.residual)
@@ -87,7 +87,7 @@ def touching(gripper, angle, obstacle):
 def test_where_a_contact_changes_half_steps_have_to_agree():
     def equilibrium(gripper, initial, far_end, most=np.inf):
         away = np.linalg.norm(gripper.position - initial.gripper.position)
-        return touching(gripper, 0.08, 1) if away > 0.015 else touching(gripper, 0.0, 0), 0
+        return touching(gripper, 0.08, 1) if away > 0.015 else touching(gripper, 0.0, 0)
 
     shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
     assert [contact.obstacle for contact in shape.contacts] == [0]
@@ -98,7 +98,7 @@ def test_a_step_whose_parts_have_no_end_keeps_its_own_and_says_so():
     def equilibrium(gripper, initial, far_end, most=np.inf):
         away = gripper.position[0] - initial.gripper.position[0]
         shape = touching(gripper, 0.0, 1 if away > 0.015 else 0)
-        return replace(shape, converged=bool(away > 0.015 or gripper.position[0] < 0.015)), 0
+        return replace(shape, converged=bool(away > 0.015 or gripper.position[0] < 0.015))
 
     shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
     assert shape.converged and shape.jumped
@@ -111,8 +111,8 @@ def test_what_leaps_in_one_half_of_a_step_is_looked_at_more_closely():
         here, there = initial.gripper.position[0], gripper.position[0]
         leapt = shape_change(initial, bent(initial.gripper, 0.0)) > 0.01
         if leapt or there - here > 0.004 and there > 0.012:
-            return touching(gripper, 0.05, 1), 0
-        return touching(gripper, 0.0, 0), 0
+            return touching(gripper, 0.05, 1)
+        return touching(gripper, 0.0, 0)
 
     shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
     assert [contact.obstacle for contact in shape.contacts] == [0] and not shape.jumped
@@ -125,7 +125,7 @@ def test_a_contact_goes_in_a_short_step():
         touches = gripper.position[0] < 0.013
         if initial.contacts and not touches:
             steps.append(gripper.position[0] - initial.gripper.position[0])
-        return touching(gripper, 0.0, 0) if touches else bent(gripper, 0.04), 0
+        return touching(gripper, 0.0, 0) if touches else bent(gripper, 0.04)
 
     shape = follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.02, 0, 0), (0, 0, 0, 1)))
     assert min(steps) < 2e-3
@@ -137,7 +137,7 @@ def test_a_long_step_in_contact_is_cut():
 
     def equilibrium(gripper, initial, far_end, most=np.inf):
         steps.append(np.linalg.norm(gripper.position - initial.gripper.position))
-        return touching(gripper, 0.0, 0), 0
+        return touching(gripper, 0.0, 0)
 
     follow(equilibrium, touching(pose(0.0), 0.0, 0), Pose((0.2, 0, 0), (0, 0, 0, 1)))
     assert len(steps) >= 4
@@ -178,8 +178,9 @@ def test_a_held_dlo_has_fallen_where_energy_is_missing(stored, lost, jumped):
     end = FarEnd(Pose((1, 0, 0), (0, 0, 0, 1)))
     after = replace(bent(there, 0.0), energy=stored, gripper_wrench=force, dissipated=lost,
                     far_end=end)
-    assert follow(lambda *_: (after, 0), before, there, end).jumped == jumped
-    assert follow(lambda *_: (after, 1), before, there, end).jumped  # a kick is a fall as well
+    assert follow(lambda *_: after, before, there, end).jumped == jumped
+    kicked = replace(after, state=replace(after.state, kicks=1))
+    assert follow(lambda *_: kicked, before, there, end).jumped  # a kick is a fall as well
 
 
 def test_a_far_end_works_too():
@@ -191,4 +192,4 @@ def test_a_far_end_works_too():
     for energy, jumped in ((3.0, False), (2.0, True)):
         end = FarEnd(Pose((1, 0, 0), (0, 0, 0, 1)))
         shape = replace(after, energy=energy, far_end=end)
-        assert follow(lambda *_, s=shape: (s, 0), before, pose(0.0), end).jumped == jumped
+        assert follow(lambda *_, s=shape: s, before, pose(0.0), end).jumped == jumped

@@ -6,19 +6,16 @@ Each case is computed twice: as it is, and as if something acted in each step, b
 obstacles and yielding.
 """
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet, parallel
+from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
 from dlo_planner.direct import step as step_module
-from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
-from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.stepper import Limits, Stepper
+from dlo_planner.direct.stepper import Stepper
 
 UP = (0, 0, 1)
 HOLE = CutOut(Pose.looking_along((0.9, -0.6, 0.8), (1, 0, 0)), radius=0.02)
@@ -66,7 +63,7 @@ def all_acts(monkeypatch):
 @pytest.fixture
 def free_alone(monkeypatch):
     """Have it fail where a step is made with all that may act."""
-    of_statics, refused = step_module._step, 'the step was made with what does not act'
+    of_statics, refused = step_module._searched, 'the step was made with what does not act'
 
     def free(*arguments, culled):
         assert culled, refused
@@ -78,7 +75,7 @@ def free_alone(monkeypatch):
         assert arguments[-1], refused
         return of_stepper(stepper, *arguments)
 
-    monkeypatch.setattr(step_module, '_step', free)
+    monkeypatch.setattr(step_module, '_searched', free)
     monkeypatch.setattr(Stepper, '_batch', batch)
 
 
@@ -140,20 +137,6 @@ def test_held_far_ends(around, all_acts, free_alone, monkeypatch):
         assert one.far_wrench.any()
 
 
-@pytest.mark.parametrize('around', [IDLE['far'], IDLE['floor'], IDLE['fibers']],
-                         ids=['far', 'floor', 'fibers'])
-def test_an_accuracy_is_met_as_without(around):
-    direct = simulator(around, n_elements=None, accuracy=1e-5)
-    free = simulator({'rod': replace(direct.rod, yield_curvature=None, yield_torsion=None)},
-                     n_elements=None, accuracy=1e-5)
-    one = other = None
-    for degrees in (10, 20, 22):
-        one, other = direct.solve(turned(degrees), one), free.solve(turned(degrees), other)
-        assert np.array_equal(one.positions, other.positions)
-        assert one.error_estimate == other.error_estimate <= 1e-5
-        assert one.mesh.surroundings == direct.surroundings
-
-
 @pytest.mark.parametrize('around', IDLE.values(), ids=IDLE)
 def test_motions_are_the_same(around, all_acts):
     direct = simulator(around)
@@ -202,20 +185,6 @@ def test_a_motion_reaches_what_acts(around, all_acts):
     np.testing.assert_allclose(one.losses, other.losses, atol=1e-7)
 
 
-def test_steps_without_what_may_act_leave_nothing_of_it(monkeypatch):
-    direct = simulator(SOFT)
-    start = direct.solve(turned(-70, z=1.5))
-    stepper = Stepper(start.mesh, BoundaryMotion(GripTrajectory([start.gripper] * 3, 0.01)), 0.01)
-    with monkeypatch.context() as patch:  # what nobody fills has to be seen
-        patch.setattr(np, 'empty', lambda shape, dtype=float: np.full(
-            shape, np.nan if dtype is float else 7, dtype))
-        now = stepper.begin(start)
-        batch = stepper.steps(now, (), np.array([1.0, 2.0]), Scheme.named('paper', 0.01), Limits())
-    assert batch.refused is None and batch.last.free
-    assert batch.last.row.plastic.size and not batch.last.row.plastic.any()
-    assert not batch.last.row.node_forces.any()
-
-
 def test_nothing_is_passed_between_two_poses(all_acts):
     """A bar of 2 mm lies between the wire before the step and where it would hang after it."""
     bar = {'obstacles': [Capsule((0.3, -0.5, 0.86), (0.3, 0.5, 0.86), 1e-3)]}
@@ -260,25 +229,3 @@ def test_what_is_remembered_acts(all_acts):
     assert np.abs(still.shapes[-1].positions - shape.positions).max() < 1e-8
     hung = direct.with_set(bent).solve(turned(-80))
     assert hung.history.plastic.any()
-
-
-def test_a_shape_travels():
-    direct = simulator(IDLE['floor'])
-    shape = direct.solve(turned(10))
-    sent = pickle.loads(pickle.dumps(shape))
-    assert sent == shape
-    assert np.array_equal(direct.solve(turned(20), sent).positions,
-                          direct.solve(turned(20), shape).positions)
-
-
-@pytest.mark.parametrize('around', [IDLE['floor'], BELOW, SOFT], ids=['floor', 'touched', 'yield'])
-def test_many_shapes_are_those_of_each(around):
-    direct = simulator(around)
-    poses = [turned(degrees, z=z) for z in (1.4, 1.0) for degrees in (-50, -20, 0, 20)]
-    many, each = parallel.solve_many(direct, poses), [direct.solve(pose) for pose in poses]
-    for one, other in zip(many, each, strict=True):
-        assert np.abs(one.positions - other.positions).max() < 1e-9
-        assert one.dissipated == other.dissipated
-        assert [contact.s for contact in one.contacts] == [contact.s for contact in other.contacts]
-    assert len(many.contact_table) == sum(len(one.contacts) for one in each)
-    assert around is not BELOW or len(many.contact_table)

@@ -59,11 +59,9 @@ def test_a_light_contact_leaps_to_no_other_branch_in_silence(scene, kind):
     assert fallen(*way, FALLS_ON[scene % 4]) == kind
 
 
-@pytest.mark.parametrize('n_elements', [32, 64])
-def test_a_column_buckles_in_short_steps(n_elements):
+def test_a_column_buckles_in_short_steps():
     # the plane in which it does is nearly neutral
-    how = {'basis': 'local', 'n_elements': n_elements}
-    assert column(0.2, 0.002, how, 0.01) == (0.0, '')
+    assert column(0.2, 0.002, {'basis': 'local', 'n_elements': 32}, 0.01) == (0.0, '')
 
 
 def slip_of_an_elastica(mu, tilt):
@@ -137,11 +135,9 @@ def test_on_a_corner_the_branch_is_the_same_in_any_steps(corner):
     np.testing.assert_allclose(ends[1:], ends[:-1], atol=1e-3)
 
 
-@pytest.mark.parametrize('elements', [64, 128])
-def test_a_bow_that_may_turn_about_its_chord_is_followed_in_small_steps(elements):
+def test_a_bow_that_may_turn_about_its_chord_is_followed_in_small_steps():
     # its eigenvalue there is 1e-5, of either sign: a descent creeps along that until it is given up
-    how = {'basis': 'local', 'n_elements': elements}
-    assert column(0.2, 0.001, how, 0.006) == (0.0, '')
+    assert column(0.2, 0.001, {'basis': 'local', 'n_elements': 64}, 0.006) == (0.0, '')
 
 
 def test_what_friction_takes_is_no_fall():
@@ -153,11 +149,11 @@ def test_what_friction_takes_is_no_fall():
     way = [Pose((-0.3, 0, z), LEVEL) for z in np.linspace(0.14, 0.0, 8)]
     way += [Pose((-0.3 - x, 0, 0), LEVEL) for x in (0.01, 0.02)]
     before = direct.track(way)[-1]
-    after, kicks = step(direct.mesh, Pose((-0.324, 0, 0), LEVEL), before)
+    after = step(direct.mesh, Pose((-0.324, 0, 0), LEVEL), before)
     pull = 0.5 * (before.gripper_wrench + after.gripper_wrench)[:3]
     taken = (before.energy - after.energy
              + float(pull @ (after.gripper.position - before.gripper.position)))
-    assert taken > 1e-3 and after.converged and kicks == 0
+    assert taken > 1e-3 and after.converged and not after.state.kicks
     assert after.history.friction_work == pytest.approx(taken, rel=0.02)
     assert not fell(before, after)
     assert fell(before, replace(after, energy=after.energy - taken))

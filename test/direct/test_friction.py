@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coulomb's law in every shape: where a tip lets go (the elastica), what sticks, what slides."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -18,6 +20,7 @@ ROD = Rod(1.0, 0.0, 1.0, 0.8, radius=THIN)
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 
 
+@cache
 def on_its_tip(mu, steepness, pressed, n_elements=64):
     """Return a simulator of a weightless rod over a floor, its last Shape, height and attitude.
 

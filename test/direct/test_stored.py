@@ -39,8 +39,7 @@ def array_of(one):
 
 def odd(name, array):
     """Yield what an array of the past cannot be: of another shape, kind, or not finite."""
-    if name != 'set':  # older files hold layers apart
-        yield np.zeros((*array.shape, 2))
+    yield np.zeros((*array.shape, 2))
     if array.ndim and name != 'node_force':  # there may be another body
         yield np.concatenate([array, array])[:len(array) + 1] if array.size else np.zeros((3, 2, 2))
     if array.size:

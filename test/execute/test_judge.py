@@ -30,7 +30,7 @@ from dlo_planner.execute.judge import (
     looked_at,
     unexplained,
 )
-from dlo_planner.execute.threading_motions import commanded_of
+from dlo_planner.execute.loop_motions import commanded_of
 from dlo_planner.identify import Steered, correct
 from dlo_planner.identify.observing import Observing, Seeing
 from dlo_planner.ros.scene import build_scene

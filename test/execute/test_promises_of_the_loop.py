@@ -10,23 +10,30 @@ from closed_loops import DEPTHS, HOLE, NOISE, SPREAD, START, WIRE, Truth, looked
 
 from dlo_planner import (
     Box,
+    Capsule,
+    CutOut,
     DirectSimulator,
+    HoldContact,
     Infeasible,
+    Insert,
+    InvalidTask,
     InverseSimulator,
     Observer,
     Pose,
     Sphere,
+    Thread,
+    ThreadTwo,
     Trajectory,
     Workspace,
 )
 from dlo_planner.cell.tasks import draw_task
-from dlo_planner.execute import judge, threading_motions
+from dlo_planner.execute import judge, loop_motions
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.judge import aimed_anew
 from dlo_planner.execute.limiter import frames_of, used
-from dlo_planner.execute.threading_loop import ThreadingLoop
-from dlo_planner.execute.threading_motions import Threading, way_back, way_to_standoff
+from dlo_planner.execute.loop_motions import LoopTask, way_back, way_to_standoff
+from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify import Steered
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.observing import Observing, Seeing
@@ -34,6 +41,7 @@ from dlo_planner.identify.vibration import STATED, FreeVibration
 from dlo_planner.model.pose import displaced
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus, concatenate, truncate
+from dlo_planner.tasks import MoveTo
 from dlo_planner.trajectory.dynamic_check import InMotion
 from dlo_planner.trajectory.trajectory import restored
 
@@ -44,9 +52,10 @@ TOOL = Pose.looking_along((0.02, 0.0, 0.1), (1.0, 0.5, 0.0))
 
 
 def task(obstacles=(), **workspace):
-    """Return a Threading among obstacles, within a Workspace."""
-    return Threading(InverseSimulator(DirectSimulator(WIRE, obstacles=obstacles),
-                                      workspace=Workspace(**workspace)), HOLE, DEPTHS, STANDOFF)
+    """Return a LoopTask among obstacles, within a Workspace."""
+    return LoopTask(InverseSimulator(DirectSimulator(WIRE, obstacles=obstacles),
+                                     workspace=Workspace(**workspace)), Thread(HOLE, DEPTHS),
+                    STANDOFF)
 
 
 class Seen:
@@ -85,7 +94,7 @@ def moving(plan, bound, departure):
     way = Trajectory(plan, task().motion_limits, tolerance=np.inf)
     figures = InMotion(True, bound, 0.0, 0.0, departure, np.inf, np.inf, 0.0, 1.0, 0.01)
     timed = restored(way.path, way.laws, way.limits, 1e-3, figures, np.nan, '')
-    return threading_motions.GripperMotion(Seen().estimate, timed, plan.shapes[-1], None)
+    return loop_motions.GripperMotion(Seen().estimate, timed, plan.shapes[-1], None)
 
 
 class Cell:
@@ -94,12 +103,12 @@ class Cell:
     def __init__(self, ways, **options):
         there, on, through = ways
         whole = concatenate(on, through)
-        self.plans = [moving(there, 2e-3, 3e-4), threading_motions.Entry(
+        self.plans = [moving(there, 2e-3, 3e-4), loop_motions.Entry(
             Seen().estimate, 1e-3, whole, through, moving(whole, 4e-4, 0.0))]
         self.seen, self.time = Seen(), 0.0
         self.tool = options.get('tool', Pose.identity())
         self.here = START.compose(self.tool.inverse())
-        self.loop = ThreadingLoop(task(), self.seen, START, look=0.1, period=PERIOD, **options)
+        self.loop = TaskLoop(task(), self.seen, START, look=0.1, period=PERIOD, **options)
 
     def step(self):
         """Go on by one period."""
@@ -296,13 +305,13 @@ def test_what_a_robot_errs_after_a_look_is_in_the_expected_miss(ways, rng):
 
 def test_where_the_robot_errs_much_it_goes_in_so_slowly_that_it_can_be_corrected(ways, rng,
                                                                               monkeypatch):
-    monkeypatch.setattr(threading_motions, '_trajectory', lambda task, plan, tolerance, limits:
+    monkeypatch.setattr(loop_motions, '_trajectory', lambda task, plan, tolerance, limits:
                         Trajectory(plan, limits, tolerance=np.inf))  # whether it is calm or not
-    monkeypatch.setattr(threading_motions, 'swing_of', lambda *_: None)
+    monkeypatch.setattr(loop_motions, 'swing_of', lambda *_: None)
     observer = Observer(DIRECT, SPREAD, noise=NOISE, robot_rotation=8e-3)
     here = ways[0].grippers[-1]
     estimate = looked(Truth.drawn(rng), observer, rng, here, looks=3)
-    corrected, blind = (threading_motions.way_in(task(), estimate, here, np.inf, lag)
+    corrected, blind = (loop_motions.way_in(task(), estimate, here, np.inf, lag)
                         for lag in (0.7, np.inf))
     assert corrected.motion.trajectory.duration > 1.3 * blind.motion.trajectory.duration
     assert corrected.bound < 0.9 * blind.bound
@@ -314,15 +323,15 @@ def test_the_way_back_is_not_sampled_where_the_way_there_was_slow(ways):
     way = Trajectory(on, task().motion_limits, tolerance=np.inf)
     times = way.duration * 0.5 * (1 - np.cos(np.linspace(0, np.pi, 200)))  # slow at both ends
     dense = [*way.poses(times)[::-1], *way.poses(np.zeros(50))]
-    poses = threading_motions._evenly(dense, 12)
+    poses = loop_motions._evenly(dense, 12)
     steps = np.linalg.norm(np.diff([pose.position for pose in poses], axis=0), axis=1)
     assert 8 <= len(steps) <= 11
     assert steps.min() > 0.5 * steps.max()
-    back = threading_motions.way_back(task(), known, [known.commanded(pose) for pose in dense],
+    back = loop_motions.way_back(task(), known, [known.commanded(pose) for pose in dense],
                                    on.shapes[-1])
     assert back.trajectory.duration < 2 * way.duration
-    most = threading_motions.LEAST_FOR_MOTION * task().room
-    assert threading_motions._off(back.trajectory.path, dense, float(on.shapes[-1].s[-1])) <= most
+    most = loop_motions.LEAST_FOR_MOTION * task().room
+    assert loop_motions._off(back.trajectory.path, dense, float(on.shapes[-1].s[-1])) <= most
 
 
 def test_the_way_back_follows_a_way_there_that_was_wavy(ways):
@@ -332,21 +341,21 @@ def test_the_way_back_follows_a_way_there_that_was_wavy(ways):
     waves = 1.5e-3 * np.sin(np.pi * times) * np.sin(44 * np.pi * times)
     there = [displaced(pose, np.append(np.zeros(4), (wave, 0.0)))
              for pose, wave in zip(way.poses(way.duration * times), waves, strict=True)][::-1]
-    back = threading_motions.way_back(task(), known, [known.commanded(pose) for pose in there],
+    back = loop_motions.way_back(task(), known, [known.commanded(pose) for pose in there],
                                       on.shapes[-1])
-    most = threading_motions.LEAST_FOR_MOTION * task().room
-    assert threading_motions._off(back.trajectory.path, there, float(on.shapes[-1].s[-1])) <= most
+    most = loop_motions.LEAST_FOR_MOTION * task().room
+    assert loop_motions._off(back.trajectory.path, there, float(on.shapes[-1].s[-1])) <= most
 
 
 def test_how_far_a_path_leaves_poses_counts_what_is_carried_along():
     poses = [displaced(START, np.append(np.zeros(3), (0.01 * k, 0, 0))) for k in range(5)]
     path = GripperPath.through(poses, np.arange(5.0), 1.0)
-    assert threading_motions._off(path, poses, 0.7) == pytest.approx(0, abs=1e-9)
+    assert loop_motions._off(path, poses, 0.7) == pytest.approx(0, abs=1e-9)
     side = START.rotation[:, 2] if abs(START.rotation[0, 2]) < 0.5 else START.rotation[:, 1]
     for twist, off in ((np.append(np.zeros(3), (0, 0, 2e-3)), 2e-3),
                        (0.01 * np.append(side, np.zeros(3)), 2 * np.sin(0.005) * 0.7)):
         # a little farther on the path it may be nearer
-        found = threading_motions._off(path, [displaced(pose, twist) for pose in poses], 0.7)
+        found = loop_motions._off(path, [displaced(pose, twist) for pose in poses], 0.7)
         assert 0.5 * off <= found <= 1.01 * off
 
 
@@ -357,15 +366,15 @@ def test_a_way_back_that_cannot_keep_to_the_way_there_is_refused(ways):
              for pose in Trajectory(on, task().motion_limits, tolerance=np.inf).poses(
                  np.linspace(0, 3, 200))]
     with pytest.raises(Infeasible, match='leaves the way there'):
-        threading_motions.way_back(task(), known, rough, on.shapes[0])
+        loop_motions.way_back(task(), known, rough, on.shapes[0])
 
 
 def test_motions_stay_clear_of_what_is_around():
     drawn, estimate = draw_task(0, 'wire 1.5', 5e-3), Observing(DIRECT, Seeing(SPREAD)).estimate
 
     def among(*obstacles):
-        return Threading(InverseSimulator(DirectSimulator(WIRE, obstacles=obstacles)),
-                         drawn.cutout, np.linspace(0, 0.4, 9), 0.05)
+        return LoopTask(InverseSimulator(DirectSimulator(WIRE, obstacles=obstacles)),
+                        Thread(drawn.cutout, np.linspace(0, 0.4, 9)), 0.05)
 
     free = way_to_standoff(among(), estimate, drawn.start).trajectory
     poses = free.poses(np.linspace(0.0, free.duration, 5))
@@ -375,3 +384,73 @@ def test_motions_stay_clear_of_what_is_around():
     assert 0.5 < back.clearance < 3.0
     with pytest.raises(Infeasible, match='in motion|touches what the plan does not'):
         way_back(among(Sphere(shapes[2].positions[-1], 0.01)), estimate, poses, shapes[0])
+
+
+# ---- other tasks than one cut-out --------------------------------------------------------------
+
+BAR = Capsule((0.5, -0.5, 0.7), (0.5, 0.5, 0.7), 0.02)
+TOP = Pose((0.5, 0.0, 0.72), (0.0, 0.0, 0.0, 1.0))
+NEXT = CutOut(Pose.looking_along((0.7, 0.06, 1.0), (1, 0.2, 0)), radius=4e-3)
+OTHERS = {
+    'two': lambda: (ThreadTwo(HOLE, NEXT, np.linspace(0, 0.4, 5)), (), 4e-3 - 0.75e-3),
+    'insert': lambda: (Insert(HOLE, [0.0, 0.05]), (), 5e-3 - 0.75e-3),
+    'hold': lambda: (HoldContact(TOP, 0.7, 'least_force'), (BAR,), 2e-3)}
+
+
+@pytest.mark.parametrize('kind', OTHERS)
+def test_other_tasks_have_an_entry_before_which_they_are_looked_at(kind):
+    goal, bodies, room = OTHERS[kind]()
+    touches = kind == 'hold'
+    loop = LoopTask(InverseSimulator(DirectSimulator(WIRE, obstacles=bodies)), goal, 0.05,
+                    most_off=room if touches else None)
+    assert loop.room == pytest.approx(room)
+    assert loop.hangs == (kind == 'two')
+    begin = Pose.looking_along((-0.3, 0, 1.6), (1, 0, 0.1)) if touches else START
+    way, through = loop.ways(Seen().estimate, begin, 0.05)
+    stop, entry = way.grippers[way.stops[0]], through.shapes[0]
+    aside = TOP.rotation[:, 2] if touches else -HOLE.normal
+    np.testing.assert_allclose(stop.position - through.grippers[0].position, 0.05 * aside,
+                               atol=1e-9)
+    whole = concatenate(replace(way, stops=()), through)
+    np.testing.assert_allclose(whole.grippers[0].matrix, begin.matrix, atol=1e-12)
+    assert not entry.contacts and entry.far_end is None
+    looked = judge.looked_at(through)
+    assert 0 in looked
+    if kind == 'two':
+        assert len(looked) == len(through)
+        assert len(through.via_points[-1]) == 2
+        return
+    assert looked.tolist() == [0]
+    last = through.shapes[-1]
+    if kind == 'insert':
+        assert last.s[-1] == pytest.approx(WIRE.length - 0.05)
+        return
+    assert last.contacts and entry.frame_at(0.7)[1][2] > 0.72 + room
+    np.testing.assert_allclose(last.frame_at(0.7)[1], TOP.position + (0, 0, WIRE.radius), atol=1e-3)
+
+
+def test_what_passes_no_place_or_states_no_room_is_refused_by_name():
+    inverse = InverseSimulator(DirectSimulator(WIRE, obstacles=[BAR]))
+    for goal, words in ((MoveTo([START]), 'MoveTo.*nothing else to look for'),
+                        (HoldContact(TOP, 0.7), 'HoldContact.*expected most_off'),
+                        (Thread(CutOut(HOLE.pose)), 'cutout.radius = None'),
+                        (ThreadTwo(HOLE, CutOut(NEXT.pose, radius=0.5e-3)), 'cutout.radius')):
+        with pytest.raises(InvalidTask, match=words):
+            LoopTask(inverse, goal, 0.05)
+
+
+def test_looks_count_no_more_where_the_dlo_does_not_hang_freely_any_more(ways):
+    cell, ignored = Cell(ways), []
+    cell.loop._task = replace(cell.loop._task, task=Insert(HOLE, DEPTHS))
+    cell.seen.ignore = lambda: ignored.append(cell.loop._to_entry(cell.loop.execution))
+
+    def inside():
+        if cell.loop.work is not None:
+            cell.loop.finish(cell.loop.work, None)  # no correction
+        return bool(ignored)
+
+    cell.entering().until(inside)
+    assert -2 * PERIOD <= ignored[0] <= 0
+    cell.seen.doubted = True  # a DLO that is held looks like one that slips
+    cell.until(lambda: inside() and cell.loop.phase is not Phase.ENTER)
+    assert cell.loop.phase is Phase.DONE

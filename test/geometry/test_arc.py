@@ -10,8 +10,6 @@ from dlo_planner.geometry.so3 import (
     partway,
     rotation_and_chord,
     rotation_vector,
-    second_derivatives,
-    slope,
 )
 
 VECTORS = [np.zeros(3), np.array([1e-4, -2e-4, 5e-5]), np.array([0.02, 0.1, -0.07]),
@@ -49,30 +47,6 @@ def test_jacobians_against_differences(phi):
         np.testing.assert_allclose(rotation_jacobian[:, j], spin, atol=1e-9)
         np.testing.assert_allclose(chord_jacobian[:, j], (chord_up - chord_down) / (2 * step),
                                    atol=1e-9)
-
-
-@pytest.mark.every(3)
-@pytest.mark.parametrize('phi', VECTORS)
-def test_slope_of_a_load(phi, rng):
-    force, moment = rng.normal(size=(2, 3))
-    rotation_jacobian, chord_jacobian = derivatives(phi)
-    np.testing.assert_allclose(slope(*phi, 0.7, tuple(force), tuple(moment)),
-                               rotation_jacobian.T @ moment + chord_jacobian.T @ force, atol=1e-14)
-
-
-@pytest.mark.parametrize('phi', VECTORS)
-def test_second_derivatives_against_differences(phi, rng):
-    force, moment = rng.normal(size=(2, 3))
-    second = np.reshape(second_derivatives(*phi, 0.7, tuple(force), tuple(moment)), (3, 3))
-    expected = np.zeros((3, 3))
-    step = 1e-5
-    for j in range(3):
-        up, down = (derivatives(phi + sign * step * np.eye(3)[j]) for sign in (1, -1))
-        expected[:, j] = force @ (up[1] - down[1]) / (2 * step)
-        rate = moment @ (up[0] - down[0]) / (2 * step)  # d_j (a^T J) e_i
-        expected[:, j] += rate
-    # of the rotation's part only the symmetric half is meant: the quadratic form a . dJ[d] d
-    np.testing.assert_allclose(second, 0.5 * (expected + expected.T), atol=1e-8)
 
 
 # ---- rotations ------------------------------------------------------------------------------

@@ -178,14 +178,6 @@ def test_what_is_not_taken_into_account_is_refused(more, named):
         fit_rod(TRUE, [Observation(POSES[0], [[0.1, 0, 1]], [0.1])], **more)
 
 
-@pytest.mark.parametrize(('change', 'named'), [
-    ({'points': [[1, 2]]}, 'points'), ({'points': [[1, 2, np.nan]]}, 'points'),
-    ({'s': [0.1, 0.2]}, 's has shape'), ({'gripper': 3}, 'gripper')])
-def test_nonsense_is_named(change, named):
-    with pytest.raises(InvalidTask, match=named):
-        Observation(**{'gripper': POSES[0], 'points': [[0.1, 0, 1]], 's': [0.1], **change})
-
-
 def test_nonsense_requests_are_named():
     one = Observation(POSES[0], [[0.1, 0, 1]], [3.0])
     with pytest.raises(InvalidTask, match=r'observations\[0\]'):

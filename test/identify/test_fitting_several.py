@@ -288,11 +288,6 @@ def test_nonsense_motions_are_named(change, named):
                           'points': np.zeros((2, 1, 3)), 's': [1.0], **change})
 
 
-def test_a_far_end_that_makes_no_sense_is_named():
-    with pytest.raises(InvalidTask, match='far_end'):
-        Observation(LEVEL, [[0.1, 0, 1]], [0.1], 'there')
-
-
 def test_what_else_displaces_points_is_found_and_not_taken_for_stiffness(rng):
     rod, guess = Rod(1.0, 0.07, 0.05, 0.04), Rod(1.0, 0.07, 0.06, 0.04)
     clean = shaken(rod, rng, noise=0.0)

@@ -16,7 +16,7 @@ from dlo_planner.cell.plant import Plant
 from dlo_planner.cell.robot import Robot
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.execute.limiter import frames_of, used
-from dlo_planner.execute.threading_motions import Calming
+from dlo_planner.execute.loop_motions import Calming
 from dlo_planner.identify.vibration import FreeVibration
 
 PERIOD = 0.02

@@ -13,7 +13,6 @@ from dlo_planner import (
     DeadlineExceeded,
     DirectSimulator,
     Infeasible,
-    InvalidTask,
     InverseSimulator,
     Pose,
     Rod,
@@ -89,15 +88,6 @@ def test_gripper_clearance_ends_the_plan_or_refuses(inverse, plan):
         inverse.thread(HOLE, depths=depths, gripper_clearance=0.2)
     assert caught.value.waypoint == np.argmax(np.array(rooms) < 0.2) > 2
     assert caught.value.amount == pytest.approx(0.2 - rooms[caught.value.waypoint])
-
-
-@pytest.mark.parametrize(('change', 'named'), [
-    ({'cutout': 1}, 'cutout'), ({'plan': None}, 'plan'), ({'start': 2}, 'start'),
-    ({'standoff': -1}, 'standoff')])
-def test_nonsense_is_named(inverse, plan, change, named):
-    values = {'cutout': HOLE, 'plan': plan, 'start': Pose((-1.3, 0, 1), (0, 0, 0, 1)), **change}
-    with pytest.raises(InvalidTask, match=named):
-        inverse.approach(**values)
 
 
 def test_a_dlo_that_is_hardly_beyond_the_sheet_is_refused(inverse, plan):

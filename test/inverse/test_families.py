@@ -14,8 +14,7 @@ from dlo_planner.inverse.continuation import LONGEST_STEP, Aligned, Family, Pass
 from dlo_planner.inverse.equilibria import Crossings, start_candidates
 from dlo_planner.inverse.route import Route, find_route
 from dlo_planner.inverse.tasks.thread import even_rolls
-from dlo_planner.plan import continuity
-from dlo_planner.plan.continuity import excess, largest_shift, largest_turn
+from dlo_planner.plan.continuity import largest_turn
 from dlo_planner.plan.path import GripperPath
 
 CUTOUT = CutOut(Pose.looking_along((0.1, -0.2, 0.3), (1.0, 0.4, 0.1)))
@@ -71,45 +70,6 @@ def test_a_long_step_is_left_to_others():
     assert len(aligned.onward(first, np.array([0.01, 0.02, 0.02 + 0.99 * longest]))) == 3
     assert aligned.onward(first, np.array([1.01 * longest])) == []
     assert aligned.onward(first, np.array([])) == []
-
-
-FELT = {'_TURN': lambda one, other, step: continuity.angle_between(
-            one.gripper[0], other.gripper[0]) - continuity._TURN_RATE * step,
-        '_SHIFT': lambda one, other, step: np.linalg.norm(
-            other.place - one.place) / ROD.length - continuity._SHIFT_RATE * step,
-        '_QUIET': lambda one, other, _: continuity.shape_change(
-            one.shape, other.shape) - continuity.angle_between(one.gripper[0], other.gripper[0])}
-
-
-@pytest.mark.parametrize('name', FELT)
-def test_a_leap_is_left_to_others(monkeypatch, name):
-    aligned, first = followed()
-    way = [first, *aligned.onward(first, DEPTHS)]
-    felt = [FELT[name](one, other, abs(other.depth - one.depth) / ROD.length)
-            for one, other in zip(way, way[1:], strict=False)]
-    for room, expected in ((1e-9, len(DEPTHS)), (-1e-9, int(np.argmax(felt)))):
-        monkeypatch.setattr(continuity, name, max(felt) + room)
-        assert len(aligned.onward(first, DEPTHS)) == expected
-
-
-def test_what_is_hardly_stable_is_left_to_others(monkeypatch):
-    aligned, first = followed()
-    way = aligned.onward(first, DEPTHS)[::-1]
-    depths = np.array([passing.depth for passing in way])
-    stable = [passing.shape.stability for passing in aligned.onward(way[0], depths[1:])]
-    worst = int(np.argmin(stable))
-    assert worst > 0 and stable[worst] < way[0].shape.stability
-    for room, expected in ((1e-9, len(stable)), (-1e-9, worst)):
-        monkeypatch.setattr(continuity, '_STABLE', stable[worst] - room)
-        assert len(aligned.onward(way[0], depths[1:])) == expected
-    monkeypatch.setattr(continuity, '_STABLE', way[0].shape.stability + 1e-9)
-    assert aligned.onward(way[0], depths[1:]) == []
-
-
-def test_the_nested_method_takes_shapes_one_by_one():
-    aligned, first = followed()
-    nested = Aligned(aligned.simulator, CUTOUT.normal, 'nested')
-    assert nested.onward(first, DEPTHS) == []
 
 
 @pytest.mark.parametrize('accuracy', [None, 9e-6])
@@ -184,21 +144,6 @@ def hole(center):
     return CutOut(Pose.looking_along(center, (1, 0, 0)))
 
 
-def test_a_trend_is_believed_for_a_few_steps_on():
-    shape = DirectSimulator(Rod(1.0, 0.1, 0.3, 0.2), basis='local', n_elements=8).solve(
-        TREND_CUTOUT.pose)
-    later = Passing(shape, np.zeros(3), depth=0.3,
-                    since=Passing(shape, np.zeros(3), depth=0.2))
-    assert later.trend(0.4) == (shape, pytest.approx(1.0))
-    assert later.trend(0.35) == (shape, pytest.approx(0.5))
-    for depth in (0.3, 0.25, 0.9):  # nowhere, back, too far
-        assert later.trend(depth) is None
-    assert later._replace(since=None).trend(0.4) is None
-    for begun in (float('nan'), 0.3):
-        since = later.since._replace(depth=begun)
-        assert later._replace(since=since).trend(0.4) is None
-
-
 AXIS = np.array([0.0, 0.0, 1.0])
 
 
@@ -230,17 +175,6 @@ class Turning(Family):
             return None
         self.rolled += roll
         return passing(angle + self.rolled, length=self.simulator.rod.length)
-
-
-@pytest.mark.parametrize('length', [0.01, 1.0, 300.0])
-def test_a_leap_is_told_in_meters(length):
-    level, step = (np.eye(3), np.zeros(3)), 0.02
-    turn, shift = largest_turn(step), largest_shift(step)
-    for angle, moved, too_far in ((0.99 * turn, 0.99 * shift, 0.0), (turn + 0.1, 0.0, 0.1),
-                                  (0.0, shift + 0.2, 0.2), (turn + 0.1, shift + 0.2, 0.2)):
-        other = turned(angle), np.array([moved * length, 0.0, 0.0])
-        assert excess(level, other, step, length) == pytest.approx(too_far * length, abs=1e-12)
-        assert excess(level, other, -step, length) == pytest.approx(too_far * length, abs=1e-12)
 
 
 @pytest.mark.parametrize('goal', [0.5, -0.5])

@@ -10,7 +10,6 @@ from sweeps.cutouts import MESHES, inserted, largest_step, random_bore
 
 from dlo_planner import (
     CutOut,
-    DeadlineExceeded,
     DirectSimulator,
     FarEnd,
     Infeasible,
@@ -159,11 +158,6 @@ def test_random_insertions_do_not_leap():
     for how in MESHES[:2]:
         what = inserted(*random_bore(rng), how).what
         assert what == 'inserted' or what.startswith('refused')
-
-
-def test_the_deadline_counts():
-    with pytest.raises(DeadlineExceeded):
-        InverseSimulator(DirectSimulator(RODS['weighted'])).insert(BORE, deadline=1e-3)
 
 
 def test_a_turn_that_no_step_makes_smaller_is_refused(monkeypatch):

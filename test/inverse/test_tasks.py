@@ -32,8 +32,6 @@ from dlo_planner import (
     ThreadTwo,
     Workspace,
 )
-from dlo_planner.direct.storage import NOT_FINITE
-from dlo_planner.inverse.plain_tasks import from_plain, to_plain
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.model.value import put
@@ -147,14 +145,6 @@ def test_a_pool_plans_as_one_process_does():
             assert same_plans(plan, planned(job))
 
 
-def test_shapes_in_older_files_of_tasks_are_read():
-    plain = to_plain(FIRST)
-    older = {name: part if name == 'type' else {
-        'shape': part['shape'], 'of': part['type'][0].replace('s', 'U'), 'data': [
-            NOT_FINITE.get(item, item) for item in part['data']]} for name, part in plain.items()}
-    assert from_plain('shape', older) == from_plain('shape', plain)
-
-
 def test_ones_own_task_is_like_any_other():
     task = LiftTo((1.0, 1.2, 1.4))
     plan = FREE.plan(task)
@@ -221,7 +211,8 @@ def test_which_task_threads_through_cut_outs(cutouts):
     (lambda: Task.from_dict({'type': 'Treads'}), "content.type = 'Treads'"),
     (lambda: Task.from_dict({'type': np.array([])}), 'content.type'),
     (lambda: Task.from_dict({'type': 'Shape', 's': np.array([])}), 'content: expected a Shape'),
-    (lambda: Task.from_dict({'type': 'Shape', 's': {'of': 'f', 'data': [10**400], 'shape': [1]}}),
+    (lambda: Task.from_dict({'type': 'Shape', 's': {'type': 'float', 'data': [10**400],
+                                                      'shape': [1]}}),
      'content: expected a Shape'),
     (lambda: task_from_yaml('type: ['), 'expected YAML')])
 def test_what_makes_no_sense_is_named(wrong, said):

@@ -14,7 +14,6 @@ from dlo_planner import (
     CutOut,
     DirectSimulator,
     Infeasible,
-    InvalidTask,
     InverseSimulator,
     Pose,
     Rod,
@@ -186,52 +185,6 @@ def test_one_depth_needs_no_others(name):
                                    atol=1e-8)
         np.testing.assert_allclose(alone.grippers[0].direction, many.grippers[-1].direction,
                                    atol=1e-8)
-
-
-@pytest.mark.parametrize(('options', 'named'), [
-    ({'depths': [-0.1]}, 'depths[0] = -0.1'),
-    ({'depths': [0.1, 1.5]}, 'depths[1] = 1.5'),
-    ({'depths': [0.3, 0.2]}, 'depths[1] = 0.2'),
-    ({'depths': []}, 'depths has shape (0,)'),
-    ({'depths': [np.nan]}, 'depths[0] = nan'),
-    ({'depths': 'all'}, "depths = 'all'"),
-    ({'method': 'guess'}, "method = 'guess'"),
-    ({'start': 3}, 'start = 3'),
-    ({'linear_speed': 0.0}, 'linear_speed = 0.0'),
-])
-def test_bad_arguments_are_named(options, named):
-    with pytest.raises(InvalidTask) as caught:
-        InverseSimulator(simulator('round')).thread(GOAL, **options)
-    assert named in str(caught.value)
-
-
-def test_wrong_types_are_named():
-    with pytest.raises(InvalidTask, match='cutout = 1'):
-        InverseSimulator(simulator('round')).thread(1)
-    with pytest.raises(InvalidTask, match='simulator = None'):
-        InverseSimulator(None)
-
-
-def test_random_cutouts_replay_or_are_refused(rng):
-    done, refused = 0, 0
-    for _ in range(30):
-        load = 10 ** rng.uniform(-1, 1.3)
-        rod = Rod(1.0, load / 9.81, (1.0, rng.uniform(1, 4)), rng.uniform(0.5, 1.2),
-                  natural_curvature=tuple(rng.normal(size=2)), natural_twist=rng.normal())
-        direct = DirectSimulator(rod, basis='local')
-        goal = CutOut(Pose.looking_along(rng.normal(size=3), rng.normal(size=3)))
-        try:
-            plan = InverseSimulator(direct).thread(goal, depths=np.linspace(0, 0.9, 10))
-        except Infeasible:
-            refused += 1
-            continue
-        for depth, gripper, known in zip(plan.depths, plan.grippers, plan.shapes, strict=True):
-            pierced = direct.solve(gripper, known).at(1.0 - depth)
-            assert np.linalg.norm(pierced.position - goal.center) < 1e-6
-            assert np.linalg.norm(pierced.direction - goal.normal) < 1e-6
-        done += 1
-    assert done >= 20
-    assert done + refused == 30
 
 
 def test_a_dlo_that_is_set_is_threaded_as_it_is():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import CutOut, DirectSimulator, InvalidTask, InverseSimulator, Pose, Rod
+from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 STRIP = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2))
@@ -86,12 +86,3 @@ def test_one_and_two_are_exact():
         for one, two in zip(INVERSE.thread_sequence(holes, depths=depths).grippers,
                             other.grippers, strict=True):
             assert one == two
-
-
-@pytest.mark.parametrize(('change', 'named'), [
-    ({'cutouts': []}, 'cutouts'), ({'cutouts': [HOLES[0], 3]}, r'cutouts\[1\]'),
-    ({'weights': [1, 2]}, 'weights'), ({'weights': [1, 2, 0]}, r'weights\[2\]'),
-    ({'start': 3}, 'start')])
-def test_nonsense_is_named(change, named):
-    with pytest.raises(InvalidTask, match=named):
-        INVERSE.thread_sequence(**{'cutouts': HOLES, **change})

@@ -10,6 +10,7 @@ from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
+from dlo_planner.energy.terms import KKTBorder
 from dlo_planner.minimize.hessian import (
     assemble,
     assembled_definite,
@@ -21,7 +22,8 @@ from dlo_planner.minimize.hessian import (
     solve,
     solve_held,
 )
-from dlo_planner.minimize.lanczos import largest_eigenvalue, lowest_mode
+from dlo_planner.minimize.kkt import complemented
+from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import newton
 
 
@@ -97,19 +99,6 @@ def test_one_sweep_finds_what_assembling_and_factorizing_do(basis, gravity, curl
                 np.testing.assert_allclose(at_once.gain, apart.gain, atol=1e-9)
             else:  # it is filled, for other shifts
                 assert is_definite(system, at_once, 0.1 - lowest)
-
-
-def test_largest_eigenvalue_grows_row_by_row(rng):
-    for _ in range(60):
-        size = rng.integers(2, 25)
-        diagonal = rng.normal(size=size) * 10 ** rng.uniform(-3, 3)
-        side = np.abs(rng.normal(size=size)) * 10 ** rng.uniform(-14, 3, size=size)
-        top, last = 0.0, 1.0
-        for k in range(size):
-            top, last = largest_eigenvalue(diagonal, side, k + 1, top, last)
-            matrix = (np.diag(diagonal[:k + 1]) + np.diag(side[:k], 1) + np.diag(side[:k], -1))
-            values = np.linalg.eigvalsh(matrix)
-            assert top == pytest.approx(values[-1], abs=1e-12 * np.abs(values).max())
 
 
 def test_lowest_mode_is_the_dense_one(problem):
@@ -197,3 +186,48 @@ def test_a_pivot_of_zero_lets_no_number_overflow():
     out, reaction = np.empty_like(state.q), np.empty(3)
     solve_held(system, hessian, np.ones_like(state.q), np.ones(3), out, reaction)
     assert np.isfinite(out).all() and np.isfinite(reaction).all()
+
+
+def of_matrix(matrix):
+    """Return a KKTBorder whose matrix A H^-1 A^T is a given one, (6, 6)."""
+    return KKTBorder(np.eye(6).reshape(6, 2, 3), np.array(matrix).reshape(6, 2, 3),
+                     np.empty((6, 6)), np.zeros(1))
+
+
+def symmetric(values, rng):
+    """Return (6, 6) with given eigenvalues and random eigenvectors."""
+    vectors, _ = np.linalg.qr(rng.normal(size=(6, 6)))
+    matrix = (vectors * values) @ vectors.T
+    return 0.5 * (matrix + matrix.T)
+
+
+@pytest.mark.parametrize('below', range(7))
+def test_inverse_and_number_of_negative_eigenvalues(below, rng):
+    for _ in range(50):
+        values = 10.0 ** rng.uniform(-3, 3, 6) * np.where(np.arange(6) < below, -1, 1)
+        matrix = symmetric(values, rng)
+        border = of_matrix(matrix)
+        assert complemented(border) == below
+        np.testing.assert_allclose(border.schur @ matrix, np.eye(6), atol=1e-8)
+
+
+def test_an_empty_diagonal_has_an_inverse(rng):
+    block = rng.normal(size=(3, 3))
+    matrix = np.block([[np.zeros((3, 3)), block], [block.T, np.zeros((3, 3))]])
+    border = of_matrix(matrix)
+    assert complemented(border) == 3
+    np.testing.assert_allclose(border.schur @ matrix, np.eye(6), atol=1e-9)
+
+
+def test_a_direction_in_which_nothing_moves_gets_no_force(rng):
+    values = np.array([3.0, 1.0, 0.5, 0.2, -0.1, 0.0])
+    matrix = symmetric(values, rng)
+    border = of_matrix(matrix)
+    assert complemented(border) in (1, 2)  # rounding decides on the sign of zero
+    np.testing.assert_allclose(border.schur, np.linalg.pinv(matrix, rcond=1e-12), atol=1e-9)
+
+
+def test_numbers_that_overflowed_are_of_no_use():
+    border = of_matrix(np.full((6, 6), np.inf))
+    assert complemented(border) == -7
+    assert (border.schur == 0).all()

@@ -21,7 +21,6 @@ from dlo_planner import (
     Capsule,
     DeadlineExceeded,
     DirectSimulator,
-    InvalidTask,
     Pose,
     Rod,
     parallel,
@@ -229,13 +228,3 @@ def test_progress_and_deadline():
         assert seen[-1] == (5, 5)
         with pytest.raises(DeadlineExceeded):
             parallel.speculative(simulator, way, dt, Here(), tasks=2, deadline=1e-9)
-
-
-@pytest.mark.parametrize(('given', 'name'), [
-    ({'tasks': 0}, 'tasks'), ({'tasks': 1.5}, 'tasks'), ({'executor': 3}, 'executor'),
-    ({'dt': -1.0}, 'dt'), ({'simulator': None}, 'simulator'), ({'grippers': [1]}, 'gripper')])
-def test_what_makes_no_sense_is_refused_by_name(given, name):
-    known = {'simulator': DirectSimulator(copper_wire(), **SMALL), 'grippers': swung(2),
-             'dt': 0.1, 'executor': Here(), 'tasks': 2}
-    with pytest.raises(InvalidTask, match=name):
-        parallel.speculative(**{**known, **given})

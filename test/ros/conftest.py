@@ -7,6 +7,7 @@ import os
 
 import pytest
 from node_inside import HERE, OVERRIDES, Alive, begin_anew, clear, served_node, state
+from planner_here import context_of_its_own
 from planner_process import ROOM, ROOT, connected_client, drain, options, running_planner
 
 from dlo_planner.settings.parameters import PARAMETERS
@@ -24,6 +25,13 @@ def domain(coordinator):
     with coordinator.domain_id() as number:
         os.environ['ROS_DOMAIN_ID'] = str(number)
         yield number
+
+
+@pytest.fixture
+def context(domain):
+    """Yield a Context of that domain."""
+    with context_of_its_own() as made:
+        yield made
 
 
 @contextlib.contextmanager

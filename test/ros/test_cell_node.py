@@ -28,7 +28,8 @@ from dlo_planner.cell.plant import (
     Plant,  # noqa: E402
 )
 from dlo_planner.ros.lifecycle import CHANGES, LATCHED, REQUEST  # noqa: E402
-from msg_helpers.poses import pose_stamped_msg  # noqa: E402
+from msg_helpers.clouds import points_from_cloud  # noqa: E402
+from msg_helpers.poses import pose_from_msg, pose_stamped_msg  # noqa: E402
 from msg_helpers.trajectories import poses_ahead  # noqa: E402
 
 
@@ -42,6 +43,8 @@ class _Cell:
         self.poses, self.clouds = (
             self.witness.hear(kind, f'/dlo_planner/{name}', qos_profile_sensor_data)
             for kind, name in ((PoseStamped, 'gripper_pose'), (PointCloud2, 'observed_points')))
+        self.holes = self.witness.hear(PoseStamped, '/dlo_planner/observed_cutout', REQUEST)
+        self.cutouts = self.witness.hear(PoseStamped, '/dlo_cell/cutout', LATCHED)
         self.out = self.witness.node.create_publisher(
             PoseStamped, '/dlo_planner/gripper_command', REQUEST)
         self.witness.executor.add_node(self.node)
@@ -113,9 +116,45 @@ def test_something_happens_some_time_after_the_gripper_first_moves(domain):
             assert plant.course.disturbances.robot_position == NOMINAL.robot_position
 
 
-def test_a_case_that_is_none(domain):
-    with context_of_its_own() as context, pytest.raises(DloPlannerError, match='case = .rain'):
-        CellNode(context=context, parameter_overrides=[Parameter('case', value='rain')])
+@pytest.mark.parametrize(('name', 'value', 'said'), [
+    ('case', 'rain', 'case = .rain'), ('unknown', 'all', 'expected one of nothing, much, more')])
+def test_a_case_that_is_none(domain, name, value, said):
+    with context_of_its_own() as context, pytest.raises(DloPlannerError, match=said):
+        CellNode(context=context, parameter_overrides=[Parameter(name, value=value)])
+
+
+def at(msg):
+    return pose_from_msg(msg.pose)
+
+
+def test_it_says_where_all_is_and_what_it_sees_and_begins_again(domain):
+    with serving(sees_hole=True) as cell:
+        task = cell.node.task
+        assert cell.witness.wait_for(lambda: cell.cutouts and cell.poses and len(cell.holes) > 4
+                                     and len(cell.clouds) > 4)
+        np.testing.assert_allclose(at(cell.cutouts[0]).matrix, task.cutout.pose.matrix, atol=1e-12)
+        np.testing.assert_allclose(at(cell.poses[0]).matrix, task.start.matrix, atol=1e-9)
+        for msg in cell.clouds:
+            points = points_from_cloud(msg, 'cloud')
+            assert len(points) == 20
+            away = np.linalg.norm(points - task.start.position, axis=1)
+            assert away.max() < task.rod.length + 0.02
+        off = np.array([at(one).position for one in cell.holes]) - task.cutout.center
+        assert 1e-4 < np.abs(off).max() < 6e-3  # 1 mm of noise
+        np.testing.assert_allclose(at(cell.holes[0]).quaternion, task.cutout.pose.quaternion,
+                                   atol=1e-9)
+        assert {seconds(one.header.stamp) for one in cell.holes} & {
+            seconds(one.header.stamp) for one in cell.clouds}
+        goal = Pose(task.start.position + (0.01, 0.0, 0.0), task.start.quaternion)
+        now = cell.node.get_clock().now().to_msg()
+
+        def there():
+            cell.out.publish(pose_stamped_msg(goal, 'world', now))
+            return np.allclose(at(cell.poses[-1]).position, goal.position, atol=1e-4)
+        assert cell.witness.wait_for(there)
+        assert cell.witness.ask(Trigger, '/dlo_cell/restart').success
+        assert cell.witness.wait_for(lambda: np.allclose(
+            at(cell.poses[-1]).matrix, task.start.matrix, atol=1e-9))
 
 
 def test_it_shows_its_dlo_and_follows_commands(cell):
@@ -129,7 +168,9 @@ def test_it_shows_its_dlo_and_follows_commands(cell):
         return abs(cell.poses[-1].pose.position.z - ahead.position[2]) < 1e-9
     assert cell.witness.wait_for(there)
     message, values = cell.said(lambda *_: True)
-    assert message.startswith('under way') and values['threaded'] == 'False'
+    assert message.startswith('under way')
+    assert (values['threaded'], values['depth [m]'], values['largest force [N]'],
+            values['struck inside']) == ('False', '0', '0', 'False')
     assert values['largest miss [m]'] == values['its y [m]'] == values['its z [m]'] == 'nan'
     cell.node._worst = Passage(0.02, 5e-3, 3e-3, -4e-3)
     _, values = cell.said(lambda _, values: values['its y [m]'] != 'nan')

@@ -5,7 +5,8 @@
 import numpy as np
 import pytest
 import rclpy
-from node_inside import GOAL, HERE, state, until
+from node_inside import GOAL, HERE, state
+from planner_process import until
 from test_node_tasks import BAR, DIRECT, HOLES, ON_BAR
 
 from demo.follower import Follower

@@ -31,9 +31,10 @@ from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.state import PlanResult, State, Store
 from dlo_planner.ros.status import Statistics
-from dlo_planner.ros.streaming import closed_loop_of, not_looked_at, threading_of
+from dlo_planner.ros.streaming import closed_loop_of, loop_task_of, not_looked_at
 from dlo_planner.ros.worker import Worker
 from dlo_planner.settings.parameters import PARAMETERS
+from dlo_planner.tasks import MoveTo
 
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
@@ -230,19 +231,21 @@ def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(pro
         other = replace(made, task=Thread(CutOut(HOLE.pose, radius=narrow)))
         assert closed_loop_of(replace(started, running=other), observing,
                               worker) is None
-    assert threading_of(replace(made, task=ThreadTwo(HOLE, HOLE))) is None
-    assert threading_of(replace(made, task=Insert(HOLE))) is None
-    task = threading_of(made)
-    assert np.allclose(task.cutout.center, HOLE.center)
-    assert np.allclose(task.cutout.normal, HOLE.normal)
-    assert task.depths[0] == 0.0 and task.depths[-1] == pytest.approx(0.105)
-    assert (np.diff(task.depths) > 0).all()
+    assert loop_task_of(replace(made, task=MoveTo([START]))) is None
+    for other in (ThreadTwo(HOLE, HOLE), Insert(HOLE)):
+        assert type(loop_task_of(replace(made, task=other)).task) is type(other)
+    task = loop_task_of(made)
+    assert np.allclose(task.task.cutout.center, HOLE.center)
+    assert np.allclose(task.task.cutout.normal, HOLE.normal)
+    depths = task.task.depths
+    assert depths[0] == 0.0 and depths[-1] == pytest.approx(0.105)
+    assert (np.diff(depths) > 0).all()
     assert (task.standoff, task.limits) == (0.02, scene.limits)
     without = replace(made, scene=replace(
         scene, wanted=replace(scene.wanted, standoff=-1.0)))
-    assert threading_of(without).standoff == pytest.approx(0.02, rel=1e-2)  # where the plan stops
+    assert loop_task_of(without).standoff == pytest.approx(0.02, rel=1e-2)  # where the plan stops
     straight = replace(without, plan=replace(made.plan, stops=()))
-    assert threading_of(straight).standoff == pytest.approx(0.015)
+    assert loop_task_of(straight).standoff == pytest.approx(0.015)
 
 
 def test_a_plan_that_could_be_looked_at_and_is_not_says_so(proved):

@@ -9,8 +9,8 @@ from time import sleep
 import node_inside
 import numpy as np
 import pytest
-from node_inside import HERE, Alive, clear, state, until
-from planner_process import connected_client
+from node_inside import HERE, Alive, clear, state
+from planner_process import connected_client, until
 from sensor_msgs.msg import PointCloud2
 
 from dlo_planner import Pose

@@ -14,24 +14,16 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
-from planner_here import Witness, context_of_its_own, opened, planner_here
+from planner_here import Witness, opened, planner_here
 from planner_process import PATIENCE, in_time
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
+from wires import threaded
 
-from dlo_planner import (
-    CutOut,
-    DirectSimulator,
-    InvalidTask,
-    InverseSimulator,
-    Limits,
-    Pose,
-    Rod,
-    Trajectory,
-)
+from dlo_planner import Limits, Pose, Trajectory
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Execution, Guards, Heard
 from dlo_planner.ros.lifecycle import CHANGES, LATCHED
@@ -41,12 +33,6 @@ LEVEL = Pose((0.0, 0.0, 1.0), (0, 0, 0, 1))
 NAME = '/dlo_planner'
 OWN = {f'{NAME}/{name}' for name in ('execute', 'cancel', 'replan', 'reset', 'plan_threading',
                                      'plan_two_cutouts', 'predict_shape')}
-
-
-@pytest.fixture
-def context(domain):
-    with context_of_its_own() as context:
-        yield context
 
 
 @pytest.fixture
@@ -146,12 +132,6 @@ def test_parameters_are_judged_when_it_is_configured(monkeypatch, context, witne
         assert not set_section('oval')  # from now on, at once
 
 
-def test_a_start_with_odd_parameters_fails_with_the_reason(monkeypatch, context):
-    with pytest.raises(InvalidTask, match="rod.section = 'oval'"), \
-            planner_here(monkeypatch, context, rod__section='oval'):
-        pass
-
-
 def test_obstacles_are_heard_in_every_state(monkeypatch, context, witness):
     marker = Marker(ns='cell', id=1, type=Marker.CUBE, pose=pose_msg(LEVEL))
     marker.header.frame_id = 'world'
@@ -196,12 +176,11 @@ def test_nothing_is_seen_before_it_is_ready_but_that_it_starts(monkeypatch, cont
     assert made
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('limits', [Limits(), Limits(linear_acceleration=0.06)],
                          ids=['quickly', 'slowly'])
 def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witness, limits):
-    wire = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
-    plan = InverseSimulator(wire).thread(CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0))),
-                                         depths=np.linspace(0, 0.95, 12))
+    plan = threaded()
     way = Trajectory(plan, limits, tolerance=np.inf)
     speeds = np.linalg.norm(way.at(np.linspace(0, way.duration, 999))[1][:, :3], axis=1)
     fast = 50 * way.duration * np.argmax(speeds > 0.95 * speeds.max()) / 998  # commands until it is

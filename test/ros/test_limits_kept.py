@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from streams import ROUNDED, largest, shares
+from wires import threaded
 
-from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
+from dlo_planner import Limits, Pose, Trajectory
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Guards, Heard
@@ -23,14 +24,7 @@ FULL = Limits(*(0.95 * LIMITS.sizes).ravel())  # what a motion is made for
 ON = Guards(path_position=0.0, path_angle=0.0, goal_position=0.0, goal_angle=0.0)
 
 
-def plan_of(rod):
-    cutout = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)))
-    return InverseSimulator(DirectSimulator(rod)).thread(
-        cutout, depths=rod.length * np.linspace(0, 0.95, 12))
-
-
-WIRE = plan_of(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
-STIFF = plan_of(Rod.circular(0.3, 3e-3, 8960.0, 110e9, 0.34))
+WIRE, STIFF = threaded(), threaded(0.3, 3e-3)
 WAY = Trajectory(WIRE, FULL, tolerance=np.inf)
 SHORT = Trajectory(STIFF, FULL, tolerance=np.inf)
 
@@ -169,6 +163,7 @@ def test_a_stop_on_the_way_to_the_beginning_keeps_the_limits():
         assert largest([here, *robot.commands], LIMITS, PERIOD) <= ROUNDED
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('index', [5, 60, 150, 290, 420])
 def test_a_robot_whose_planner_dies_comes_to_rest_within_the_limits(index):
     robot = Robot(begun(horizon=1.0)).run(regular(PERIOD * index))
@@ -210,6 +205,7 @@ def test_a_pause_while_it_stops_is_the_end():
     assert robot.execution.phase == 'stopped' and len(robot.commands) == 155
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('late', [0.3, 0.5, 0.7])
 def test_with_a_horizon_single_commands_do_not_leap_after_a_pause(late):
     times = regular(14)

@@ -3,7 +3,8 @@
 """What ~/markers shows of a node that works."""
 
 import pytest
-from node_inside import GOAL, HERE, box, clear, until
+from node_inside import GOAL, HERE, box, clear
+from planner_process import until
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.ros.lifecycle import LATCHED

@@ -12,8 +12,8 @@ import yaml
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from nav_msgs.msg import Goals
 from nav_msgs.srv import GetPlan
-from node_inside import GOAL, HERE, state, until
-from planner_process import PATIENCE, ROOT, drain
+from node_inside import GOAL, HERE, state
+from planner_process import PATIENCE, ROOT, drain, until
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
@@ -151,10 +151,14 @@ def test_a_proof_ends_with_a_message_of_its_own(inside, node, tell):
     assert proof[2]['stamp'] == values['stamp']
     assert float(proof[2]['duration [s]']) > 0
     inside.set_parameters(threading__deadline=0.1)
+    drain(inside.timed)
     tell(Thread(HOLES[0], DEPTHS))
     code, message, _ = inside.status_of('proof', PATIENCE)
     inside.set_parameters(threading__deadline=300.0)
     assert code == Cause.PROOF_DEADLINE and 'threading.deadline' in message
+    answer = inside.trigger('execute')
+    assert not answer.success and 'threading.deadline' in answer.message
+    assert not drain(inside.timed)  # only what may be executed is published
 
 
 @pytest.mark.parametrize(('text', 'code', 'said'), [
@@ -206,6 +210,9 @@ def test_cutouts_move_together_and_any_number_is_passed(inside, node, tell):
     inside._goals_out.publish(goals)
     assert inside.status_of('task_goals', PATIENCE)[0] == 0
     assert [type(state(node).task), len(state(node).task.cutouts)] == [ThreadSequence, 3]
+    assert ask(inside, 'plan_two_cutouts', HOLES[0].pose, HOLES[1].pose)[1][0] == 0
+    for one, other in zip((state(node).task.first, state(node).task.second), HOLES, strict=False):
+        np.testing.assert_allclose(one.pose.matrix, other.pose.matrix, atol=1e-12)
 
 
 def test_a_tolerance_is_kept_or_refused(inside, node, tell):

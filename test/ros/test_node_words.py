@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from nav_msgs.msg import Goals
-from node_inside import GOAL, HERE, box, clear, state, until
-from planner_process import PATIENCE, drain
+from node_inside import GOAL, HERE, box, clear, state
+from planner_process import PATIENCE, drain, until
 from visualization_msgs.msg import Marker
 
 from dlo_planner import Pose
@@ -140,6 +140,10 @@ def test_a_flood_of_odd_poses_is_a_line_a_second(inside, node, capfd):
 @pytest.mark.parametrize(('name', 'value', 'reason'), [
     ('rod__length', 1, None), ('threading__deepest', 0, None), ('gravity', [0, 0, -10], None),
     ('rod__damping', [0.5], 'rod.damping = [0.5]: expected two numbers'),
+    ('rod__poisson_ratio', 0.9, 'rod.poisson_ratio'), ('rod__section', 'oval', 'rod.section'),
+    ('simulator__basis', 'splines', "basis = 'splines'"), ('frame_id', 'map', 'read-only'),
+    ('tool__orientation', [0.0] * 4, 'Pose.quaternion'),
+    ('workspace__upper', [float('-inf'), 0.0, 0.0], 'Workspace.upper'),
     ('simulator__n_elements', 100_000, 'simulator.n_elements'),
     ('simulator__n_terms', 11, None), ('simulator__accuracy', 1e-9, 'simulator.accuracy = 1e-09'),
     ('tool__position', [1e20, 0.0, 0.0], 'tool.position'), ('gravity', [0.0, 0.0, 1e20], 'gravity'),

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from planner_process import ROOM, drain, first, quiet, steps, under_way, until
+from planner_process import drain, first, quiet, steps, under_way, until
 from scipy.interpolate import CubicSpline
 from streams import largest
 from visualization_msgs.msg import Marker
@@ -176,17 +176,6 @@ def comes_slower(came):
     assert np.abs(np.diff(steps)).max() < 1.5 * 0.5 * 0.02**2 + 1e-4
 
 
-def test_limits_that_change_void_the_plan(client, begun):
-    assert client.set_parameters(constraints__path__position=0.03)[0].successful  # no limit of it
-    assert client.set_parameters(threading__linear_speed=0.09)[0].successful
-    try:
-        answer = client.trigger('execute')
-        assert not answer.success and 'threading.linear_speed = 0.09' in answer.message
-    finally:
-        client.set_parameters(threading__linear_speed=0.1,
-                              constraints__path__position=ROOM['constraints.path.position'])
-
-
 def test_what_streams_is_what_was_proved_until_it_is_canceled_and_decelerates(client, begun):
     values, timed = client.proof(begun), client.timed_for(begun)
     times, transforms = times_and_transforms(timed)
@@ -229,21 +218,6 @@ def test_what_streams_is_what_was_proved_until_it_is_canceled_and_decelerates(cl
     assert not answer.success and 'canceled' in answer.message
 
 
-def test_a_robot_whose_poses_vanish_is_not_moved_on(client, robot, begun):
-    assert client.proof(begun)['report'] == 'held'
-    drain(client.executions)
-    client.set_parameters(constraints__path__position=0.0, constraints__path__angle=0.0)
-    assert client.trigger('execute').success
-    time.sleep(1.0)
-    robot.close()  # the command goes on without it: its distance is not what is looked at here
-    code, reason, _ = client.execution_in('stopped')
-    client.set_parameters(constraints__path__position=ROOM['constraints.path.position'],
-                          constraints__path__angle=ROOM['constraints.path.angle'])
-    assert code == 409 and 'incoming_command_timeout = 2 s' in reason
-    answer = client.trigger('execute')
-    assert not answer.success and 'incoming_command_timeout' in answer.message
-
-
 def test_obstacles_that_change_void_the_plan_and_end_its_execution(client, begun):
     assert client.proof(begun)['report'] == 'held'
     drain(client.executions)
@@ -262,22 +236,6 @@ def test_obstacles_that_change_void_the_plan_and_end_its_execution(client, begun
         assert until(lambda: client.plan_threading(AWAY, GOAL)[0].poses)
 
 
-def test_a_motion_that_cannot_be_made_calm_is_not_executed(client, planner, begun):
-    drain(client.timed)
-    assert client.set_parameters(threading__tolerance=1e-6, threading__deadline=1.0)[0].successful
-    try:
-        path, _ = client.plan_threading(AWAY, GOAL)
-        values = client.proof(path)
-    finally:
-        client.set_parameters(threading__tolerance=0.0,
-                              threading__deadline=ROOM['threading.deadline'])
-    assert values['report'] == 'refused' and 'threading.deadline' in values['report reason']
-    answer = client.trigger('execute')
-    assert not answer.success and values['report reason'] in answer.message
-    assert f'the plan is not safe: {values["report reason"]}' in planner.log
-    assert not drain(client.timed)  # only what may be executed is published
-
-
 @pytest.mark.every(2)
 @pytest.mark.parametrize('horizon', [0.0, 1.0])
 def test_a_process_that_was_stopped_for_seconds_makes_no_leap(planner, client, robot, begun,
@@ -294,33 +252,3 @@ def test_a_process_that_was_stopped_for_seconds_makes_no_leap(planner, client, r
     assert steps(client).max() <= 1.2 * regular
     if horizon:  # what the robot was told: it has come to rest by itself, within the limits
         assert largest(robot.told, Limits(), 0.02) <= 1.01
-
-
-def test_tolerance_may_be_left_open_and_is_judged(client):
-    assert client.set_parameters(threading__tolerance=float('nan'))[0].successful
-    refused = client.set_parameters(threading__tolerance=-1e-3)[0]
-    assert not refused.successful and 'threading.tolerance = -0.001' in refused.reason
-    assert client.set_parameters(threading__tolerance=0.0)[0].successful
-
-
-def test_the_workspace_is_kept(client):
-    assert client.set_parameters(workspace__lower=[-0.9, -1.0, 0.0])[0].successful
-    assert client.plan_threading(AWAY, GOAL)[0].poses == []
-    assert 'workspace.lower.x' in status(client, lambda _, m: 'workspace' in m)[1]
-    assert client.set_parameters(workspace__lower=[-2.0, -1.0, 0.0])[0].successful
-    assert len(client.plan_threading(AWAY, GOAL)[0].poses) == 25
-    refused = client.set_parameters(workspace__upper=[-3.0, 0.0, 0.0])[0]
-    assert not refused.successful and 'Workspace.upper' in refused.reason
-
-
-def test_a_wire_that_yields_remembers_until_reset(client):
-    assert client.set_parameters(rod__yield_stress=40e6, rod__hardening=0.1)[0].successful
-    down = Pose.looking_along((0, 0, 1), (0.0, 0.0, -1.0))
-    straight = poses_from_path(client.shape_for(down)[0])[-1].position
-    client.shape_for(LEVEL)
-    bent = poses_from_path(client.shape_for(down)[0])[-1].position
-    assert np.linalg.norm(bent - straight) > 0.01
-    assert client.trigger('reset').success
-    again = poses_from_path(client.shape_for(down)[0])[-1].position
-    np.testing.assert_allclose(again, straight, atol=1e-9)
-    client.set_parameters(rod__yield_stress=0.0, rod__hardening=0.0)

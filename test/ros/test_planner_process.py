@@ -13,7 +13,6 @@ from rclpy.qos import QoSProfile
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
-from dlo_planner.model.value import put
 from dlo_planner.ros.lifecycle import LATCHED
 from msg_helpers.trajectories import poses_from_path, times_from_path
 
@@ -30,13 +29,6 @@ def test_pose_in_shape_out(client):
     assert {pose.header.frame_id for pose in path.poses} == {'world'}
     np.testing.assert_allclose([pose.position for pose in poses], expected.positions, atol=1e-8)
     np.testing.assert_allclose([pose.direction for pose in poses], expected.tangents, atol=1e-8)
-
-
-def test_service_gives_the_same_shape(client):
-    path, _ = client.predict_shape(GRIPPER)
-    expected = DirectSimulator(WIRE).solve(GRIPPER)
-    np.testing.assert_allclose([pose.position for pose in poses_from_path(path)],
-                               expected.positions, atol=1e-8)
 
 
 def test_plan_by_service_is_published_and_stamped(client):
@@ -139,40 +131,6 @@ def test_diagnostics_tell_rates_latencies_and_proof(client):
     assert int(values['plans made']) >= 1
 
 
-BAD_POSES = {
-    'nan': (lambda msg: setattr(msg.pose.position, 'x', float('nan')), 'Pose.position = [nan'),
-    'zero quaternion': (lambda msg: setattr(msg.pose.orientation, 'w', 0.0),
-                        'Pose.quaternion = [0.0, 0.0, 0.0, 0.0]'),
-    'frame': (lambda msg: setattr(msg.header, 'frame_id', 'tool0'),
-              "header.frame_id = 'tool0': expected 'world'"),
-    'no frame': (lambda msg: setattr(msg.header, 'frame_id', ''), "header.frame_id = ''"),
-}
-
-
-@pytest.mark.parametrize('name', BAD_POSES)
-@pytest.mark.parametrize('topic', ['gripper_pose', 'task_goal'])
-def test_bad_messages_are_refused_by_name(client, planner, topic, name):
-    spoil, named = BAD_POSES[name]
-    client.shape_for(GRIPPER)
-    drain(client.shapes)
-    drain(client.trajectories)
-    message = PoseStamped()
-    message.header.frame_id = 'world'
-    message.header.stamp.sec = 77
-    message.pose.orientation.w = 1.0
-    spoil(message)
-    sender = client._pose_out if topic == 'gripper_pose' else client._goal_out
-    sender.publish(message)
-    level, text, _ = diagnostics(client, lambda status: named in status.message)
-    assert level == b'\x01'
-    assert text.startswith(f'{topic} refused: {topic}')
-    came = drain(client.shapes) + drain(client.trajectories)
-    assert 77 not in [one.header.stamp.sec for one in came]
-    assert client.trajectories.empty()
-    assert planner.alive()
-    assert len(client.shape_for(GRIPPER)[0].poses) == 65
-
-
 def test_unreachable_goal_is_an_empty_plan_with_a_reason(client, planner):
     client.plan_threading(GRIPPER, GOAL)
     drain(client.trajectories)
@@ -186,43 +144,6 @@ def test_unreachable_goal_is_an_empty_plan_with_a_reason(client, planner):
     answer = client.trigger('replan')
     assert not answer.success
     client.set_parameters(rod__diameter=1.5e-3)
-
-
-def test_bad_requests_are_answered(client):
-    bad = Pose.identity()
-    put(bad, quaternion=np.zeros(4))  # what no Pose accepts, a message may carry
-    for call in (lambda: client.predict_shape(bad), lambda: client.plan_threading(bad, GOAL),
-                 lambda: client.plan_threading(GRIPPER, bad)):
-        path, _ = call()
-        assert path.poses == []
-
-
-def test_parameters_change_at_run_time(client):
-    before, _ = client.predict_shape(GRIPPER)
-    assert client.set_parameters(rod__tip_mass=0.05)[0].successful
-    after, _ = client.predict_shape(GRIPPER)
-    assert after.poses[-1].pose.position.z < before.poses[-1].pose.position.z - 0.05
-    assert client.set_parameters(rod__tip_mass=0.0)[0].successful
-    again, _ = client.predict_shape(GRIPPER)
-    assert again.poses[-1].pose == before.poses[-1].pose
-
-
-@pytest.mark.parametrize(('name', 'value', 'reason'), [
-    ('rod__length', -1.0, 'rod.length'),
-    ('rod__poisson_ratio', 0.9, 'rod.poisson_ratio'),
-    ('rod__section', 'oval', "rod.section = 'oval'"),
-    ('rod__bending_stiffness', [1.0, 2.0, 3.0], None),  # unused by a round section: accepted
-    ('simulator__basis', 'splines', "basis = 'splines'"),
-    ('gravity', [0.0, float('nan'), 0.0], 'gravity'),
-    ('tool__orientation', [0.0, 0.0, 0.0, 0.0], 'Pose.quaternion'),
-    ('frame_id', 'map', 'read-only'),
-])
-def test_absurd_parameters_are_refused_with_a_reason(client, name, value, reason):
-    result = client.set_parameters(**{name: value})[0]
-    assert result.successful == (reason is None)
-    if reason is not None:
-        assert reason in result.reason
-    assert len(client.shape_for(GRIPPER)[0].poses) == 65
 
 
 def test_tool_frame_is_taken_off_and_put_on(client):
@@ -258,25 +179,3 @@ def test_reset_forgets_the_shape(client):
         assert aside() < 1e-6
     finally:
         client.set_parameters(rod__yield_stress=0.0)
-
-
-def test_two_cutouts_by_service_and_by_topic(client):
-    second = Pose.looking_along((0.25, 0.05, 0.97), (1.0, 0.0, 0.0))
-    drain(client.trajectories)
-    path, _ = client.plan_two_cutouts(GOAL, second)
-    grippers = poses_from_path(path)
-    direct = DirectSimulator(WIRE)
-    for gripper in (grippers[0], grippers[-1]):
-        shape = direct.solve(gripper)
-        nearest = np.linalg.norm(shape.positions - GOAL.position, axis=1).min()
-        assert nearest < 1 / 64
-    assert newest(client.trajectories) == path
-    client.send_goals([GOAL, second])
-    assert len(client.trajectories.get(timeout=PATIENCE).poses) == 25
-    client.send_goals([GOAL])
-    single = poses_from_path(client.trajectories.get(timeout=PATIENCE))
-    assert np.linalg.norm(single[5].position - grippers[5].position) > 1e-4
-    client.send_goals([GOAL] * 101)  # refused: nothing comes, and the node lives on
-    with pytest.raises(queue.Empty):
-        client.trajectories.get(timeout=1.0)
-    assert len(client.predict_shape(GRIPPER)[0].poses) == 65

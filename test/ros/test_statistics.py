@@ -10,7 +10,7 @@ import pytest
 from dlo_planner import DirectSimulator, Pose
 from dlo_planner.results import ValidationReport
 from dlo_planner.ros.state import Proof
-from dlo_planner.ros.status import Statistics
+from dlo_planner.ros.status import Statistics, proof_figures
 from msg_helpers.diagnostics import ERROR, OK, WARN
 
 
@@ -53,7 +53,7 @@ def test_a_proof_is_told_with_its_state_its_reason_and_its_figures(shape):
     report = ValidationReport(**figures | {'swing': np.nan, 'departure': 2e-4})
     for proof in (Proof(plan), Proof(plan, report, 'it is asked too early'),
                   Proof(plan, report, 'it misses', True), Proof(plan, report, '', True)):
-        health.plan_proved(proof)
+        health.note(proof_figures(proof))
         values = health.report()[2]
         said.append((values['report'], values['report reason']))
     assert said[0][0] == 'not ready' and 'ask again' in said[0][1]

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-import rclpy
 from browser import dragged_to, looking_at
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
+from planner_here import context_of_its_own
 from planner_process import PATIENCE, until
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -90,19 +90,17 @@ def spinning(*nodes, context):
 @contextmanager
 def viewed(**parameters):
     """Yield a PlayedPlanner and the Viewer that shows it."""
-    context = rclpy.Context()
-    rclpy.init(context=context)
     given = {'planner': PLANNER, 'port': 18_500, **parameters}
-    planner = PlayedPlanner(context)
-    viewer = Viewer(context=context, parameter_overrides=[
-        Parameter(name, value=value) for name, value in given.items()])
-    try:
-        with spinning(planner, viewer, context=context):
-            yield planner, viewer
-    finally:
-        viewer.destroy_node()
-        planner.destroy_node()
-        rclpy.try_shutdown(context=context)
+    with context_of_its_own() as context:
+        planner = PlayedPlanner(context)
+        viewer = Viewer(context=context, parameter_overrides=[
+            Parameter(name, value=value) for name, value in given.items()])
+        try:
+            with spinning(planner, viewer, context=context):
+                yield planner, viewer
+        finally:
+            viewer.destroy_node()
+            planner.destroy_node()
 
 
 def stamp(planner):

@@ -38,16 +38,17 @@ def plan():
 
 
 @pytest.fixture(scope='module')
-def good(plan):
-    """Return the report of the plan at default limits, a ball far away."""
-    return replay(DIRECT, plan, obstacles=[Sphere((0, 0, 3), 0.5)], limits=Limits())
+def proved(plan):
+    """Return a report in which nothing is left out, and what was told of its progress."""
+    told = []
+    report = replay(DIRECT, plan, limits=Limits(), workspace=Workspace((-3, -3, -3), (3, 3, 3)),
+                    progress=lambda done, total: told.append((done, total)))
+    return report, told
 
 
-@pytest.fixture(scope='module')
-def whole(plan):
-    """Return a report in which nothing is left out, at a tolerance of its own."""
-    return replay(DIRECT, plan, limits=Limits(), tolerance=2e-3,
-                  workspace=Workspace((-3, -3, -3), (3, 3, 3)))
+@pytest.fixture
+def good(proved):
+    return proved[0]
 
 
 def brute(shape, outside):
@@ -105,16 +106,13 @@ def test_report_of_a_good_plan(plan, good):
     assert report.position_error < report.max_tracking_error <= report.tolerance
     assert report.departure <= report.tolerance and 0 < report.mode_margin <= 0.3
     assert report.safe and report.reason == '' and 'safe' in repr(report)
-    slow = replay(DIRECT, plan, limits=Limits(linear_speed=0.03))
-    assert slow.duration > 1.5 * report.duration and slow.safe
 
 
-def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan, whole):
-    report = whole
+def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan, good):
+    report = good
     first, = DIRECT.track(plan.grippers[:1])  # what the replay begins with
-    assert report.trajectory == Trajectory(plan, Limits(), tolerance=2e-3, simulator=DIRECT,
-                                           initial=first)
-    assert report.duration == report.trajectory.duration and report.tolerance == 2e-3
+    assert report.trajectory == Trajectory(plan, Limits(), simulator=DIRECT, initial=first)
+    assert report.duration == report.trajectory.duration
     moved = report.trajectory.motion
     assert report.max_tracking_error == moved.position_error
     for name in ('clearance', 'contact_force'):
@@ -122,8 +120,6 @@ def test_the_trajectory_that_was_looked_at_is_the_one_to_be_executed(plan, whole
     # one that was made before is looked at as it is
     again = replay(DIRECT, plan, trajectory=report.trajectory)
     assert again.trajectory is report.trajectory and again.safe
-    looser = replay(DIRECT, plan, limits=Limits(), tolerance=4e-3)
-    assert looser.duration <= report.duration
 
 
 def test_a_plan_for_another_dlo_misses(plan):
@@ -133,7 +129,7 @@ def test_a_plan_for_another_dlo_misses(plan):
     assert report.clearance < 0 < plan.clearance.min()  # its own shapes are looked at
 
 
-def test_what_was_not_looked_at_is_nan_and_named(plan, whole):
+def test_what_was_not_looked_at_is_nan_and_named(plan, good):
     unsized = InverseSimulator(DIRECT).thread(CutOut(ROUND.pose), depths=[0.0, 0.3])
     report = replay(DIRECT, unsized)
     assert set(report.not_looked_at) == {
@@ -142,7 +138,7 @@ def test_what_was_not_looked_at_is_nan_and_named(plan, whole):
         'bend_margin', 'dynamic_bend_margin'}
     assert all(np.isnan(getattr(report, name)) for name in report.not_looked_at)
     assert report.trajectory is None and not report.safe
-    report = whole
+    report = good
     assert report.not_looked_at == ('bend_margin', 'dynamic_bend_margin')  # there is no limit
     assert report.workspace_margin == pytest.approx(min(
         3 - np.abs(gripper.position).max() for gripper in plan.grippers))
@@ -315,28 +311,15 @@ def test_a_center_that_is_reached_on_the_way_counts_from_there_on():
     assert 1e-6 < crawling.max_tracking_error < 5e-3
 
 
-def test_progress_and_deadline(plan):
-    seen = []
-    replay(DIRECT, plan, limits=Limits(), progress=lambda done, total: seen.append((done, total)))
-    assert (40, 40) in seen and max(total for _, total in seen) > 150
+def test_progress_and_deadline(plan, proved):
+    _, told = proved
+    assert (40, 40) in told and max(total for _, total in told) > 150
     with pytest.raises(DeadlineExceeded):
         replay(DIRECT, plan, limits=Limits(0.002), deadline=0.2)
 
 
 def test_nonsense_is_named(plan):
-    for more, named in (({'tolerance': 'abc'}, "tolerance = 'abc'"),
-                        ({'tolerance': 1e-3}, 'expected limits'),
-                        ({'limits': 'slow'}, 'limits'), ({'obstacles': 3}, 'obstacles'),
-                        ({'obstacles': [3]}, r'obstacles\[0\]'), ({'initial': 1}, 'initial'),
-                        ({'progress': 1}, 'progress'),
-                        ({'trajectory': 1}, 'trajectory'), ({'workspace': 1}, 'workspace'),
-                        ({'deadline': -1}, 'deadline'),
+    for more, named in (({'tolerance': 1e-3}, 'expected limits'),
                         ({'limits': Limits(1e-5)}, 'limits: the motion takes .* 20000 steps')):
         with pytest.raises(InvalidTask, match=named):
             replay(DIRECT, plan, **more)
-    with pytest.raises(InvalidTask, match='simulator = 1'):
-        replay(1, plan)
-    with pytest.raises(InvalidTask, match='plan = None'):
-        replay(DIRECT, None)
-    with pytest.raises(InvalidTask, match='linear_speed'):
-        Limits(linear_speed=0)

@@ -182,13 +182,7 @@ def test_a_held_contact():
     assert got.first_order[0] == pytest.approx(0.5 * np.linalg.norm(ahead - back), rel=2e-3)
 
 
-@pytest.mark.parametrize(('change', 'named'), [
-    ({'plan': 3}, 'plan'), ({'uncertainty': 0.1}, 'uncertainty'), ({'samples': -1}, 'samples')])
-def test_nonsense_is_named(change, named):
-    with pytest.raises(InvalidTask, match=named):
-        robustness(DIRECT, **{'plan': PLAN, 'uncertainty': SPREAD, **change})
-    with pytest.raises(InvalidTask, match=r'Uncertainty\.mass'):
-        Uncertainty(mass=-1)
+def test_a_plan_of_a_part_of_the_dlo_is_refused():
     inserted = InverseSimulator(DIRECT).insert(HOLE, depths=[0.2])
     with pytest.raises(InvalidTask, match='whole DLO'):
         robustness(DIRECT, inserted, SPREAD)

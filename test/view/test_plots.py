@@ -16,7 +16,6 @@ from dlo_planner import (
     Box,
     CutOut,
     DirectSimulator,
-    InvalidTask,
     InverseSimulator,
     Limits,
     Plane,
@@ -196,13 +195,6 @@ def test_axes_that_are_given_are_drawn_in_from_the_side():
     np.testing.assert_allclose(np.abs(ends[:, 1] - hole.center[2]).min(), hole.radius)
 
 
-def test_axes_in_space_are_kept():
-    figure = Figure()
-    axes = figure.add_subplot(projection='3d')
-    assert values()['Shape'].plot(ax=axes) is figure
-    assert len(axes.collections) > 3
-
-
 def test_a_limited_rod_has_its_limit_on_the_bar():
     limited = Rod(1.0, 0.1, 1.0, 0.7, radius=0.01, max_bend_curvature=0.2)
     shape = DirectSimulator(limited, n_elements=8, n_terms=4).solve(values()['Pose'])
@@ -244,9 +236,3 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch):
         values()['Shape'].plot()
     assert '<img' not in values()['Shape']._repr_html_()
     assert 'Shape(1 m' in values()['Shape']._repr_html_()
-
-
-def test_nothing_is_drawn_of_what_makes_no_sense():
-    for options in ({'color': 'time'}, {'ax': 3}, {'obstacles': [3]}):
-        with pytest.raises(InvalidTask, match=next(iter(options))):
-            values()['Shape'].plot(**options)

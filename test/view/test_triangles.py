@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, Pose
-from dlo_planner.view.primitives import bars_between, plate, rectangle, round_bar, tube
+from dlo_planner.view.primitives import bars_between, plate, rectangle, round_bar
 
 HELIX = np.column_stack([np.cos(np.linspace(0, 7, 60)), np.sin(np.linspace(0, 7, 60)),
                          np.linspace(0, 1, 60)])
@@ -40,28 +40,6 @@ def test_bars_lead_from_point_to_point(points):
 def test_points_on_each_other_make_no_nan():
     turns, _, lengths = bars_between(np.zeros((3, 3)))
     assert np.isfinite(turns).all() and not lengths.any()
-
-
-def test_a_tube_lies_around_its_points():
-    vertices, faces = tube(HELIX, 0.05, sides=9)
-    away = np.linalg.norm(vertices.reshape(60, 9, 3) - HELIX[:, None], axis=2)
-    np.testing.assert_allclose(away, 0.05, rtol=1e-9)
-    length = np.linalg.norm(np.diff(HELIX, axis=0), axis=1).sum()
-    circle = 9 * 0.05**2 * np.sin(2 * np.pi / 9) / 2  # of a polygon with nine corners
-    around = volume(*closed_tube(vertices, faces, 60, 9))
-    assert around == pytest.approx(circle * length, rel=0.02)  # Pappus
-
-
-def closed_tube(vertices, faces, rings, sides):
-    """Return the tube with its ends closed by fans."""
-    first = vertices[:sides].mean(axis=0)
-    last = vertices[-sides:].mean(axis=0)
-    k = np.arange(sides)
-    start, end = rings * sides, rings * sides + 1
-    fan = np.column_stack([np.full(sides, start), (k + 1) % sides, k])
-    other = np.column_stack([np.full(sides, end), (rings - 1) * sides + k,
-                             (rings - 1) * sides + (k + 1) % sides])
-    return np.vstack([vertices, first, last]), np.vstack([faces, fan, other])
 
 
 @pytest.mark.parametrize(('cutout', 'hole'), [

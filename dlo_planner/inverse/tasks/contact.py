@@ -274,7 +274,7 @@ class ContactProblem:
             least = min(family.shape(force).violation for force in family.known)
             return builder.refusal('contact', least, f'{looked}: with each of them it would be in '
                                    f'an obstacle, by {least:.3g} m at least')
-        settled, _ = step(best.state.made_on, best.gripper, best)
+        settled = step(best.state.made_on, best.gripper, best)
         return self._left(builder, best, settled, f'{looked} in a stable shape: the best one has a '
                           f'stability of {best.stability:.3g}')
 

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A threading with a camera: the strategy of `identify.closed_loop`, carried out.
+"""A task with a camera: the strategy of `identify.closed_loop`, carried out.
 
 It looks at rest, plans for the estimated DLO, goes calmly to the standoff, looks again and enters.
-On the way it looks and corrects a few times a second. Where looks come to disagree it stops, goes
-back to the standoff and tries again. Where the DLO swings it takes that away. It knows no clock, no
-message and no thread: who drives it hands in what is measured, does its `work` (plans, which take
-seconds) wherever that suits, and asks for the command of each period (`tick`).
+As long as the DLO hangs freely it looks and corrects a few times a second. Where looks come to
+disagree it stops, goes back to the standoff and tries again. Where the DLO swings it takes that
+away. It knows no clock, no message and no thread: who drives it hands in what is measured, does its
+`work` (plans, which take seconds) wherever that suits, and asks for the command of each period
+(`tick`).
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ from dlo_planner.execute.judge import (
     obstacles_around,
     unexplained,
 )
-from dlo_planner.execute.threading_motions import (
+from dlo_planner.execute.loop_motions import (
     FARTHEST,
     LEAST_FOR_MOTION,
     Calming,
     Entry,
     GripperMotion,
-    Threading,
+    LoopTask,
     way_back,
     way_in,
     way_to_standoff,
@@ -67,34 +68,16 @@ _CLOSELY = 1.5      # s before the entry, in which each cloud is looked at: a sl
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
 
 
-class ThreadingLoop:
-    """One threading in a closed loop, see the module.
+class TaskLoop:
+    """One task in a closed loop, see the module.
 
     What is seen goes to its `observing`, whoever hands it in; what is measured of the gripper to
-    `gripper`.
-
-    Parameters
-    ----------
-    task : Threading
-    observing : Observing
-        Of the DLO as stated.
-    here : Pose
-        Measured pose of the gripper, which stands.
-    tool : Pose, optional
-        Pose of the gripper in the robot's tool frame, in which commands are. If None, the same.
-    guards : Guards, optional
-        When a motion has to end. If None, none but those of the estimate.
-    limits : Limits, optional
-        Limits of all that is commanded, corrections as well. If None, those of the task.
-    look : float, optional
-        Duration of a look at rest, s.
-    period, horizon : float, optional
-        Seconds between two ticks, and that a robot is told ahead, see `Execution`.
-    frame_id : str, optional
-        In which commands are given.
+    `gripper`. The gripper stands at `here`, measured; commands are poses of the robot's tool frame,
+    in which the gripper has the Pose `tool`. `look` is the duration of a look at rest, s; `period`,
+    `horizon`, `limits` and `guards` as of `Execution`.
     """
 
-    def __init__(self, task: Threading, observing: Observing, here: Pose, *,
+    def __init__(self, task: LoopTask, observing: Observing, here: Pose, *,
                  tool: Pose | None = None, guards: Guards | None = None,
                  limits: Limits | None = None, look: float = 2.0, period: float = 0.02,
                  horizon: float = 0.0, frame_id: str = '') -> None:
@@ -375,6 +358,9 @@ class ThreadingLoop:
             left = self._to_entry(execution)
             doubted = doubted or (max(unseen, late) > _UNSEEN and left > 0)
             self.observing.closely = 0 < left < _CLOSELY
+            if left <= 0 and not self._task.hangs:  # what is seen of it tells nothing any more
+                self.observing.ignore()
+                doubted = False
         loop = self._loop.advanced(time, bound, doubted=doubted)
         if loop.phase is Phase.RETREAT:
             self._misses = not doubted

@@ -1,18 +1,18 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The motions of a threading in a closed loop, which take seconds to be computed.
+"""The motions of a task in a closed loop, which take seconds to be computed.
 
-To the standoff, from there through the hole, and back again; and a small one by which a standing
-gripper takes the vibration of its DLO away.
+To the standoff, from there to the depth or the contact, and back again; and a small one by which a
+standing gripper takes the vibration of its DLO away.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,19 +25,24 @@ from dlo_planner.identify.observing import Swing
 from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered, step_response
 from dlo_planner.identify.vibration import FreeVibration
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.task import Task
 from dlo_planner.inverse.tasks.approach import Approach
-from dlo_planner.inverse.tasks.thread import Thread
+from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
+from dlo_planner.inverse.tasks.insert import Insert
+from dlo_planner.inverse.tasks.move_to import MoveTo
+from dlo_planner.inverse.tasks.thread_sequence import cutouts_of
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
-from dlo_planner.plan.builder import build_plan
+from dlo_planner.plan.builder import PlanBuilder, build_plan
+from dlo_planner.plan.continuity import apart, same
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, moved, truncate
 from dlo_planner.plan.requirements import Limits
-from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 from dlo_planner.trajectory.modal_response import vibrated
 from dlo_planner.trajectory.timed_path import TimedPath
-from dlo_planner.trajectory.trajectory import Trajectory
+from dlo_planner.trajectory.trajectory import Trajectory, simulator_of
 
 _FOR_MOTION = 0.25  # part of the room by which the DLO may swing when it waits at the standoff
 _SLOWER = 1.0, 0.7, 0.5, 0.35, 0.25  # of the speed that limits allow, until
@@ -48,35 +53,65 @@ LEAST_FOR_MOTION = 0.1  # part of the room that is kept for the deviation of the
 _LEAST_TOLERANCE = 1e-3  # m, of the motion to the standoff
 _OF_LIMITS = 0.95   # that motions are made for: the rest is for corrections
 _BACK = 12, 24, 48, 96, 192  # poses on the way back, as many as keep to the way there
+_STEP = 0.01        # of the length: from pose to pose on the way onto a contact
 _TRIED = 200        # times at which it is looked where on its way the gripper stands
 _WINDOW = 0.1       # of the slowest period, of each of three windows that smooth a step
 _PULSES = 10       # steps aside and back again, one after the other
 _APART = 0.15      # of the slowest period, from one to the next
 _ASIDE = 2         # of them, until it goes back
 _SMALL = 1e-3      # weight of a displacement beside that of the free end: no more than is needed
-_STEP = 1 / 200    # of the slowest period
+_OF_PERIOD = 1 / 200  # of the slowest: a step of what a displacement leaves
 FARTHEST = 0.01   # m, that the gripper may be displaced
 _DELAYS = np.linspace(-0.1, 0.4, 101)  # s
 
 
 @dataclass(frozen=True)
-class Threading:
-    """What is to be threaded through what."""
+class LoopTask:
+    """A task for a closed loop: the DLO hangs freely up to its entry, where its miss is judged.
+
+    The entry is the first waypoint that passes a place of the task: a cut-out or the mouth of a
+    bore as the free end comes to it, a contact shortly before it is touched. InvalidTask: the task
+    passes no place, or by how much it may be missed is not stated.
+    """
 
     inverse: InverseSimulator  # of the DLO as stated, with its obstacles and its workspace
-    cutout: CutOut             # with a radius, as stated
-    depths: Floats             # (n,) of the waypoints, m, from 0 on
-    standoff: float            # m, of the free end before the hole where it looks again
+    task: Task                 # with its places as stated; its depths from 0 on
+    standoff: float            # m before the entry, where it looks again
     limits: Limits = Limits()  # of the gripper
+    most_off: float | None = None  # m, from places without a size: a contact
+
+    def __post_init__(self) -> None:
+        if not (self.touches or cutouts_of(self.task)):
+            raise InvalidTask(f'task = {self.task!r}: expected one that passes cut-outs, goes into '
+                              'a bore or touches an obstacle, there is nothing else to look for')
+        if self.touches and self.most_off is None:
+            raise InvalidTask(f'task = {self.task!r}: expected most_off, by how much the DLO may '
+                              'miss the place that it touches')
+        self.room  # noqa: B018  it refuses
+
+    @property
+    def touches(self) -> bool:
+        """Whether it means to touch an obstacle."""
+        return isinstance(self.task, HoldContact | SlideContact)
+
+    @property
+    def hangs(self) -> bool:
+        """Whether the DLO hangs freely from the entry on, too: it can be looked at as before."""
+        return not (self.touches or isinstance(self.task, Insert))
 
     @property
     def room(self) -> float:
-        """By how much the DLO may miss the center without touching the rim, m."""
-        radius, rod = self.cutout.radius, self.inverse.simulator.rod
-        if radius is None or not isinstance(rod.radius, float) or radius <= rod.radius:
-            raise InvalidTask(f'cutout.radius = {radius}: expected more than the radius of the '
-                              f'DLO, which has to be one number, not {rod.radius!r}')
-        return radius - rod.radius
+        """By how much the DLO may miss a place without touching a rim, m."""
+        if self.touches and self.most_off is not None:
+            return self.most_off
+        thick, rooms = self.inverse.simulator.rod.radius, []
+        for cutout in cutouts_of(self.task):
+            radius = cutout.radius
+            if radius is None or not isinstance(thick, float) or radius <= thick:
+                raise InvalidTask(f'cutout.radius = {radius}: expected more than the radius of the '
+                                  f'DLO, which has to be one number, not {thick!r}')
+            rooms.append(radius - thick)
+        return min(rooms)
 
     @property
     def motion_limits(self) -> Limits:
@@ -85,22 +120,74 @@ class Threading:
 
     @property
     def tolerance(self) -> float:
-        """By how much the DLO may swing when it has come to rest before the hole, m."""
+        """By how much the DLO may swing when it has come to rest at the standoff, m."""
         return max(_LEAST_TOLERANCE, _FOR_MOTION * self.room)
 
     def ways(self, estimate: Estimate, here: Pose, standoff: float) -> tuple[Plan, Plan]:
-        """Return the way to the entry, and on to the depth, in true poses of the estimated DLO."""
-        known = self.inverse
+        """Return the way to the entry, and on from there, in true poses of the estimated DLO."""
+        known, start = self.inverse, estimate.actual(here)
         inverse = InverseSimulator(known.simulator.with_rod(estimate.rod),
                                    workspace=known.workspace,
                                    allow_plastic=known.requirements.allow_plastic)
-        cutout, start = estimate.moved_cutout(self.cutout), estimate.actual(here)
-        through = inverse.plan(Thread(cutout, self.depths), start=start)
-        return inverse.plan(Approach(cutout, through.shapes[0], standoff), start=start), through
+        if self.touches:
+            return self._onto(inverse, start, standoff)
+
+        def estimated(value: Any) -> Any:
+            if isinstance(value, CutOut):
+                return estimate.moved_cutout(value)
+            return tuple(map(estimated, value)) if isinstance(value, tuple) else value
+
+        stated: Any = self.task  # a dataclass
+        task = replace(stated, **{one.name: estimated(getattr(stated, one.name))
+                                  for one in fields(stated)})
+        through = inverse.plan(task, start=start)
+        return inverse.plan(Approach(cutouts_of(task)[0], through.shapes[0], standoff),
+                            start=start), through
+
+    def _onto(self, inverse: InverseSimulator, start: Pose, standoff: float) -> tuple[Plan, Plan]:
+        """Return the ways to the entry above a contact, and straight down onto it.
+
+        The obstacle stands where it is stated. `standoff` = 0: it begins there already.
+        """
+        assert isinstance(self.task, HoldContact | SlideContact)
+        held, outwards = inverse.plan(self.task, start=start), self.task.contact.rotation[:, 2]
+        (place, s, along), = held.via_points[0]
+        simulator, onto, shape = inverse.simulator, held.grippers[0], held.shapes[0]
+        step, height = _STEP * simulator.rod.length, 0.0
+
+        def lifted(height: float) -> Pose:
+            return Pose(onto.position + height * outwards, onto.quaternion)
+
+        while shape.contacts:
+            height += step
+            shape = simulator.track([lifted(height)], initial=shape)[0]
+            if height > simulator.rod.length or not shape.converged:
+                raise Infeasible(f'lifted straight off the contact by {height:.3g} m the DLO still '
+                                 'touches: it cannot be led straight onto it', 0, 'contact', height)
+        entry = height + self.room
+        above, down = entry + self.standoff, np.linspace(entry, 0, int(np.ceil(entry / step)) + 1)
+        hanging = inverse.plan(MoveTo((lifted(above),)), start=start).shapes[-1]
+        shapes = simulator.track([lifted(one) for one in down], initial=hanging)
+        if shapes[0].contacts or not same(shapes[-1], held.shapes[0]) or any(
+                shape.jumped or not shape.converged for shape in shapes):
+            raise Infeasible('from the standoff the DLO does not come straight into the shape in '
+                             f'which it touches s = {s:g} m', 0, 'contact',
+                             apart(shapes[-1], held.shapes[0]))
+        way = inverse.plan(MoveTo((lifted(above), lifted(entry)) if standoff else (
+            lifted(entry),)), start=start)
+        axes, there = shapes[0].frame_at(s)
+        lowered = [Waypoint(shapes[0], via_points=((there, s, axes[:, 0]),)),
+                   *map(Waypoint, shapes[1:-1]),
+                   *(waypoint_at(shape, place, points[0][1], along)
+                     for shape, points in zip(held.shapes, held.via_points, strict=True))]
+        builder = PlanBuilder(np.full(len(lowered), held.depths[0]), inverse.demands(held))
+        for waypoint in lowered:
+            builder.add(waypoint)
+        return way, builder.finished()
 
 
 class GripperMotion(NamedTuple):
-    """A motion to rest, the Shape in which it leaves the DLO, and how that swings on the way.
+    """A motion to rest, the last Shape on it that hangs freely, and how the DLO swings on the way.
 
     The poses are true ones, of the gripper by the Estimate with which it was planned.
     """
@@ -147,16 +234,17 @@ class Entry:
         return self.motion.steered.reached(self.whole.times[-len(self.commanded):])
 
 
-def way_to_standoff(task: Threading, estimate: Estimate, here: Pose) -> GripperMotion:
+def way_to_standoff(task: LoopTask, estimate: Estimate, here: Pose) -> GripperMotion:
     """Return the motion from a measured pose to the standoff."""
     way, _ = task.ways(estimate, here, task.standoff)
     return _motion(task, estimate, truncate(way, way.stops[0] + 1, PlanStatus.COMPLETE))
 
 
-def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: float) -> Entry:
+def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float, lag: float) -> Entry:
     """Return the way from a measured pose at the standoff to the depth."""
     way, through = task.ways(estimate, here, 0.0)
     whole, commanded = concatenate(replace(way, stops=()), through), commanded_of(through, estimate)
+    there = [shape for shape in whole.shapes if shape.far_end is None and not shape.contacts][-1]
 
     def bound_in(way: Steered, lag: float = lag) -> float:
         reached = way.reached(whole.times[-len(through):])
@@ -165,7 +253,7 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
     tried = []
     for part in _SLOWER if np.isfinite(lag) else _SLOWER[:1]:  # slower is corrected the better
         limits = slowed(task.motion_limits, part)
-        quick = _steered(Trajectory(whole, limits, tolerance=np.inf), estimate, whole.shapes[-1])
+        quick = _steered(Trajectory(whole, limits, tolerance=np.inf), estimate, there)
         tried.append((bound_in(quick), limits))
         if tried[-1][0] <= _AT_MOST * task.room:
             break
@@ -174,8 +262,7 @@ def way_in(task: Threading, estimate: Estimate, here: Pose, most: float, lag: fl
         return Entry(estimate, at_most, whole, commanded, None)
     tolerance = max(LEAST_FOR_MOTION * task.room, _OF_SPARE * (task.room - at_most))
     trajectory = _trajectory(task, whole, tolerance, limits)
-    motion = GripperMotion(estimate, trajectory, whole.shapes[-1],
-                           swing_of(trajectory, estimate, whole))
+    motion = GripperMotion(estimate, trajectory, there, swing_of(trajectory, estimate, whole))
     bound = bound_in(motion.steered)
     return Entry(estimate, bound, whole, commanded, None if bound > most else motion)
 
@@ -186,7 +273,7 @@ def commanded_of(plan: Plan, estimate: Estimate) -> Plan:
                    grippers=tuple(estimate.commanded(pose) for pose in plan.grippers))
 
 
-def way_back(task: Threading, estimate: Estimate, poses: Sequence[Pose],
+def way_back(task: LoopTask, estimate: Estimate, poses: Sequence[Pose],
              known: Shape) -> GripperMotion:
     """Return the motion through many measured poses; the DLO hangs, and leaves the hole freely.
 
@@ -233,10 +320,14 @@ def slowed(limits: Limits, part: float) -> Limits:
     return Limits(*map(float, (limits.sizes * part ** np.arange(1.0, 4.0)[:, None]).ravel()))
 
 
-def _trajectory(task: Threading, plan: Plan, tolerance: float, limits: Limits) -> Trajectory:
+def _trajectory(task: LoopTask, plan: Plan, tolerance: float, limits: Limits) -> Trajectory:
     """Return the motion along a Plan of true poses, which keeps clear of what is around."""
-    trajectory = Trajectory(plan, limits, tolerance=tolerance,
-                            obstacles=obstacles_around(task.inverse))
+    last = plan.shapes[-1]
+    touched = [last.obstacles[one.obstacle] for one in last.contacts]
+    trajectory = Trajectory(
+        plan, limits, tolerance=tolerance,
+        simulator=simulator_of(last, True) if touched else None,
+        obstacles=[one for one in obstacles_around(task.inverse) if one not in touched])
     motion = trajectory.motion
     if motion is not None and motion.clearance < 0:
         raise Infeasible(f'in motion the DLO comes {-motion.clearance:.3g} m into what it has to '
@@ -244,7 +335,7 @@ def _trajectory(task: Threading, plan: Plan, tolerance: float, limits: Limits) -
     return trajectory
 
 
-def _motion(task: Threading, estimate: Estimate, plan: Plan) -> GripperMotion:
+def _motion(task: LoopTask, estimate: Estimate, plan: Plan) -> GripperMotion:
     trajectory = _trajectory(task, plan, task.tolerance, task.motion_limits)
     return GripperMotion(estimate, trajectory, plan.shapes[-1],
                          swing_of(trajectory, estimate, plan))
@@ -310,7 +401,7 @@ class Calming:
 def _answers(vibration: FreeVibration, begins: Floats, lasts: float, windows: Floats,
              duration: float) -> Floats:
     """Return (3 k, 2, m) what each of k pulses along each axis leaves of the modes at the end."""
-    count = int(np.ceil(duration * vibration.rates.min() / (2 * np.pi * _STEP)))
+    count = int(np.ceil(duration * vibration.rates.min() / (2 * np.pi * _OF_PERIOD)))
     step = duration / count
     middle = step * (np.arange(count) + 0.5)
     pulls = vibration.modes.participation[:, :3]

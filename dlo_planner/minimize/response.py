@@ -1,0 +1,172 @@
+# SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How an equilibrium answers to small changes: implicit differentiation.
+
+The gradient of the potential stays zero when the gripper moves, so H dq = - d(gradient), with the
+Hessian of the equilibrium: a few solves with one factorization, far cheaper than another search.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlo_planner.energy.potential import at_element, evaluate, project
+from dlo_planner.energy.problem import (
+    Configuration,
+    Problem,
+    new_configuration,
+    unknown_count,
+)
+from dlo_planner.energy.terms import constraint_jacobian, row_count
+from dlo_planner.geometry.kinematics import part_of_element, point_inside
+from dlo_planner.kernels import kernel
+from dlo_planner.minimize.contact_table import touching
+from dlo_planner.minimize.dense import lu_factor, lu_solve
+from dlo_planner.minimize.hessian import (
+    Hessian,
+    assemble,
+    factorize,
+    new_hessian,
+    solve,
+    solve_held,
+)
+from dlo_planner.minimize.semismooth import linearize_contact_law, unit_load
+from dlo_planner.model.arrays import Floats
+
+
+@kernel
+def strain_answers(system: Problem, hessian: Hessian, slopes: Floats) -> Floats:
+    """Return (k, N, 3) the answers of the strains to slopes (k, N, 3) of the potential by them."""
+    out = np.empty_like(slopes)
+    m = unknown_count(system)
+    load, answer = np.empty((m, 3)), np.empty((m, 3))
+    held = row_count(system.needs.border)
+    miss, reaction = np.zeros(held), np.empty(held)
+    basis, scale = system.basis, system.scale
+    for k in range(slopes.shape[0]):
+        project(basis, -scale * slopes[k], load)
+        solve_held(system, hessian, load, miss, answer, reaction)
+        for e in range(slopes.shape[1]):
+            for i in range(3):
+                out[k, e, i] = scale[e, i] * at_element(basis, answer, e, i)
+    return out
+
+
+@kernel
+def gripper_answers(system: Problem, q: Floats) -> tuple[Configuration, Floats, Hessian]:
+    """Return the Configuration at q (m, 3), its change (6, m, 3) by the gripper, the Hessian."""
+    state = new_configuration(system)
+    state.q[:] = q
+    evaluate(system, state)
+    hessian = new_hessian(system)
+    assemble(system, state, hessian)
+    factorize(system, hessian, 0.0)
+    answers = np.zeros((6, q.shape[0], 3))
+    load = np.empty_like(q)
+    held, last = row_count(system.needs.border), system.lengths.size
+    moved, reaction = np.empty((held, 6)), np.empty(held)  # the grip does not go with the gripper
+    constraint_jacobian(system.effects, state.rotations[last], state.positions[last], moved)
+    for column in range(hessian.cross.shape[2]):
+        project(system.basis, -hessian.cross[:, :, column], load)
+        solve_held(system, hessian, load, moved[:, column].copy(), answers[column], reaction)
+    return state, answers, hessian
+
+
+@kernel
+def node_twists(system: Problem, state: Configuration, answers: Floats, columns: int) -> Floats:
+    """Return (N + 1, 6, 6) the twists of the nodes' frames by that of the gripper.
+
+    Args:
+        columns: of the gripper's twist, 3 where its displacement moves all alike, else 6
+    """
+    n = system.lengths.size
+    out = np.zeros((n + 1, 6, 6))
+    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
+    for i in range(6):
+        out[0, i, i] = 1.0
+    for e in range(n):
+        for i in range(6):
+            for j in range(6):
+                out[e + 1, i, j] = out[e, i, j]
+        _carry_on(system, state, answers, columns, e, 1.0, part, arm, value, out[e + 1])
+    return out
+
+
+@kernel
+def twists_inside(system: Problem, state: Configuration, answers: Floats, columns: int,
+                  begin: Floats, element: int, fraction: float) -> Floats:
+    """Return (6, 6) the same inside `element`, whose beginning has the twists `begin` (6, 6)."""
+    out = begin.copy()
+    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
+    _carry_on(system, state, answers, columns, element, fraction, part, arm, value, out)
+    return out
+
+
+@kernel
+def _carry_on(system: Problem, state: Configuration, answers: Floats, columns: int, e: int,
+              share: float, part: Floats, arm: Floats, value: Floats, out: Floats) -> None:
+    """Turn the twists `out` (6, 6) at the beginning of element e into those at a share of it.
+
+    Args:
+        part: (6, 3), arm, value: (3,) to work with
+    """
+    basis = system.basis
+    part_of_element(system.lengths[e], share, state.strains[e], system.scale[e],
+                    state.rotations[e], part, arm)
+    for column in range(columns):
+        t0, t1, t2 = out[0, column], out[1, column], out[2, column]
+        out[3, column] += t1 * arm[2] - t2 * arm[1]
+        out[4, column] += t2 * arm[0] - t0 * arm[2]
+        out[5, column] += t0 * arm[1] - t1 * arm[0]
+        for i in range(3):
+            value[i] = at_element(basis, answers[column], e, i)
+        for i in range(6):
+            out[i, column] += (part[i, 0] * value[0] + part[i, 1] * value[1]
+                               + part[i, 2] * value[2])
+
+
+@kernel
+def add_slip(system: Problem, state: Configuration, hessian: Hessian, answers: Floats) -> None:
+    """Complete the `answers` (6, m, 3) to the gripper's twists by what slides: T follows mu N.
+
+    Args:
+        hessian: of `system` at `state`, factorized; with the springs of friction alone, which know
+            nothing of the forces that the limits depend on
+    """
+    contacts, k = system.effects.contact.contacts, system.effects.contact.contacts.stiffness
+    table = touching(system.effects.contact.scene, contacts, system.lengths, state)
+    first = np.arange(0, 3 * table.gap.size, 3)
+    axes, laws = np.zeros((first.size * 3, 3)), np.zeros((first.size * 3, 3))
+    linearize_contact_law(system, state, table, first, axes, laws)
+    slides = np.flatnonzero(laws[1::3, 0] > 0.0)
+    size = slides.size
+    across, response = np.empty((size, *state.q.shape)), np.empty((size, *state.q.shape))
+    matrix, change, load = np.eye(size), np.empty((6, size)), np.empty_like(state.q)
+    rotation, x = np.empty((3, 3)), np.empty(3)
+    for p in range(size):
+        a = slides[p]
+        e, fraction = table.element[a], table.fraction[a]
+        unit_load(system, state, hessian, e, fraction, table.arm[a], axes[3 * a], across[p])
+        unit_load(system, state, hessian, e, fraction, np.zeros(3), axes[3 * a + 1], load)
+        solve(system, hessian, load, response[p])
+        response[p] *= laws[3 * a + 1, 2]
+        point_inside(system.lengths, state.strains, state.rotations, state.positions, e, fraction,
+                     rotation, x)
+        x += table.arm[a]
+        normal = axes[3 * a]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            change[i, p] = x[j] * normal[m] - x[m] * normal[j]  # turned with the gripper
+            change[3 + i, p] = normal[i]
+        for i in range(6):
+            change[i, p] = -k * (change[i, p] + np.sum(across[p] * answers[i]))
+    for p in range(size):
+        for r in range(size):
+            matrix[p, r] -= k * np.sum(across[p] * response[r])
+    order = np.empty(size, dtype=np.int64)
+    if lu_factor(matrix, order) == 0:
+        return
+    for i in range(6):
+        lu_solve(matrix, order, change[i])
+        for p in range(size):
+            answers[i] -= change[i, p] * response[p]
