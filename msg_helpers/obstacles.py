@@ -33,6 +33,7 @@ _ALIKE = 1e-6  # relative: sizes that count as the same
 _LONGEST = 10_000  # characters of a text
 _ROLES = ('all', 'workspace only')
 _ENDS = ('flat', 'round')
+_MARKERS = {'box': Marker.CUBE, 'ball': Marker.SPHERE, 'cylinder': Marker.CYLINDER}
 _SAID = ('friction', 'role', 'ends', 'cutouts')  # what the text of a marker may say
 
 
@@ -98,12 +99,6 @@ def obstacles_msg(obstacles: Iterable[Obstacle], frame_id: str, stamp: Time | No
 
 def _drawn(obstacle: Obstacle) -> tuple[int, Pose, Iterable[float], dict[str, Any]]:
     """Return type, pose and scale of the marker of an obstacle, and what its text has to say."""
-    if isinstance(obstacle, Box):
-        return Marker.CUBE, obstacle.pose, obstacle.size, {}
-    if isinstance(obstacle, Sphere):
-        return Marker.SPHERE, Pose(obstacle.center, (0, 0, 0, 1)), (2 * obstacle.radius,) * 3, {}
-    if isinstance(obstacle, Ellipsoid):
-        return Marker.SPHERE, obstacle.pose, 2 * obstacle.half_axes, {}
     if isinstance(obstacle, Plane):
         return Marker.ARROW, Pose.looking_along(obstacle.point, obstacle.normal), (0.1,) * 3, {}
     if isinstance(obstacle, Sheet):
@@ -113,11 +108,8 @@ def _drawn(obstacle: Obstacle) -> tuple[int, Pose, Iterable[float], dict[str, An
             if (value := getattr(one, name)) is not None}} for pose, one in local]
         return Marker.CUBE, obstacle.pose, (max(obstacle.thickness, 1e-9), obstacle.width,
                                             obstacle.height), {'cutouts': cutouts}
-    along = obstacle.end - obstacle.start
-    pose = Pose.looking_along(0.5 * (obstacle.start + obstacle.end), along)
-    return Marker.CYLINDER, Pose.from_rotation(pose.position, pose.rotation[:, [1, 2, 0]]), (
-        2 * obstacle.radius, 2 * obstacle.radius, float(np.linalg.norm(along))), {
-            'ends': 'round'} if isinstance(obstacle, Capsule) else {}
+    body, *ends = obstacle.solids
+    return _MARKERS[body.kind], body.pose, body.size, {'ends': 'round'} if ends else {}
 
 
 def _body(marker: Marker) -> Body:

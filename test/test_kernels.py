@@ -41,8 +41,7 @@ from dlo_planner.geometry.kinematics import frame_along, nearest_place
 from dlo_planner.identify import Observation, correct, parameters, residuals
 from dlo_planner.identify.residuals import nearest
 from dlo_planner.inverse.equilibria import integrate_from_tip
-from dlo_planner.inverse.nearest_goals import _nearest_goals
-from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
+from dlo_planner.inverse.waypoint_newton import _nearest_goals, follow_goals, solve_goals
 from dlo_planner.kernels import files
 from dlo_planner.kernels.cache import key_of
 from dlo_planner.minimize.active_set import update_active_set

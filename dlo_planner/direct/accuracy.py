@@ -301,9 +301,9 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
             or shape.contacts and accuracy < _BEARS * shape.s[-1]
             or shape.stability < _STABLE and (shape.far_end is None or here.basis != 'local')):
         return False
-    if here is shape.state.mesh:
-        return bool(times * _truncation(here, shape.element_strains) <= accuracy)
-    strains = here.strains_from(shape.s, shape.element_strains)
+    strains = shape.element_strains
+    if not here.has_nodes(shape.s):
+        strains = here.strains_from(shape.s, strains)
     return bool(times * _truncation(here, strains) <= accuracy)
 
 

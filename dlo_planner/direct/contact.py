@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -69,16 +68,17 @@ def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tup
 
     Shapes: origin (3,) of the gripper, m.
     """
-    found = [_made(obstacle=source, s=float(s[e]) + along, position=origin + x, normal=normal,
-                   force=force, friction=friction, penetration=max(0.0, -gap))
-             for source, e, along, x, normal, force, friction, gap in zip(
-                 *(row.tolist() if row.ndim == 1 else row for row in rows), strict=True)]
-    return tuple(sorted(found, key=lambda contact: contact.s))
-
-
-def _made(**fields: Any) -> Contact:
-    """Return a Contact of what a simulator has found: to judge it takes as long as to find it."""
-    contact = Contact.__new__(Contact)
-    freeze((fields['position'], fields['normal'], fields['friction']))
-    put(contact, **fields)
-    return contact
+    source, element, along, places, normals, forces, frictions, gaps = rows
+    at = s[element] + along
+    order = np.argsort(at, kind='stable')
+    vectors = (places + origin)[order], normals[order], frictions[order]
+    freeze(vectors)  # so are their rows
+    found = []
+    for obstacle, where, force, depth, position, normal, friction in zip(
+            source[order].tolist(), at[order].tolist(), forces[order].tolist(),
+            np.maximum(-gaps[order], 0.0).tolist(), *vectors, strict=True):
+        contact = Contact.__new__(Contact)  # to judge it takes as long as to find it
+        put(contact, obstacle=obstacle, s=where, position=position, normal=normal, force=force,
+            friction=friction, penetration=depth)
+        found.append(contact)
+    return tuple(found)

@@ -16,6 +16,7 @@ from math import acos, cos, exp, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq, root
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretization import Discretization, with_breaks
@@ -27,13 +28,12 @@ from dlo_planner.model.supports import FarEnd
 
 _TAUT = 10.0    # l in the length: with so many tension decides
 _SURELY, _SLACK = 1e-9, 0.05  # of the length: slack that is looked at
-_BISECTIONS, _STEPS = 40, 15
+_TRIALS = 60    # forces with which the string is added up
 _CLOSE = 1e-3   # of the slack: how well the first shape ends where the far end is held
 _ELEMENT, _GROWTH = 0.4, 0.2  # elements next to clamps: of l; longer by so much of their distance
 _ROUGH = 0.8    # of l: elements that are longer are too long
 _APART = 0.3    # of an element: the least distance of two nodes
 _POINT, _POINTS = 0.15, 40  # of l, in the length: where the string is added up
-_DIFFERENCE = 1e-6
 
 
 class Span(NamedTuple):
@@ -73,15 +73,10 @@ def _tension(sag: float, bend: float, slack: float) -> float:
     """Return T in N where sag / T^2 + bend / sqrt(T) = slack."""
     if sag == 0.0:
         return (bend / slack)**2
-    least = log(max(sqrt(sag / slack), (bend / slack)**2))
-    most = least + log(4.0)  # with four times as much either part is at most half
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (least + most)
-        if sag * exp(-2 * middle) + bend * exp(-0.5 * middle) > slack:
-            least = middle
-        else:
-            most = middle
-    return exp(most)
+    least = max(sqrt(sag / slack), (bend / slack)**2)  # with four times as much either is half
+    result: float = brentq(lambda tension: sag / tension**2 + bend / sqrt(tension) - slack,
+                           0.99 * least, 4.04 * least)
+    return result
 
 
 def _clamps(mesh: Discretization, gripper: Pose, far_end: FarEnd) -> list[Floats | None]:
@@ -226,18 +221,11 @@ class _String:
         def left(x: Floats) -> Floats:
             end = self._weights @ self.tangents(force_of(x), self._points)
             slack = max(self._length - float(end @ way), 1e-300)
-            return np.append(log(slack / self._span.slack), across @ (end - self._away))
+            return np.append(log(slack / self._span.slack),
+                             across @ (end - self._away) / self._span.slack)
 
-        x = np.array([log(self._span.tension), 0.0, 0.0])
-        for _ in range(_STEPS):
-            off = left(x)
-            if abs(off[0]) < _CLOSE and abs(off[1:]).max() < _CLOSE * self._span.slack:
-                return force_of(x)
-            slope = np.column_stack([(left(x + step) - off) / _DIFFERENCE
-                                     for step in _DIFFERENCE * np.eye(3)])
-            step = np.linalg.solve(slope, -off)
-            x = x + step / max(1.0, abs(step[0]), 2 * abs(step[1:]).max())
-        return None
+        found = root(left, [log(self._span.tension), 0.0, 0.0], options={'maxfev': _TRIALS})
+        return force_of(found.x) if np.abs(found.fun).max() < _CLOSE else None
 
 
 def _spread(bend: float, length: float) -> Floats:

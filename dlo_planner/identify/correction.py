@@ -24,9 +24,8 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate, miss_of, passages_in
 from dlo_planner.identify.parameters import stretched
 from dlo_planner.identify.predicted_miss import PredictedMiss
-from dlo_planner.inverse.nearest_goals import nearest_on
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.waypoint_newton import follow, free_axis
+from dlo_planner.inverse.waypoint_newton import follow, free_axis, nearest_on
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results

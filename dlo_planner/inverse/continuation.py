@@ -15,6 +15,9 @@ from itertools import pairwise, takewhile
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
+from scipy.linalg import null_space
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import fell
 from dlo_planner.direct.discretization import Discretization
@@ -22,8 +25,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.equilibria import Crossings, HangingShapes, crossings
-from dlo_planner.inverse.nested import nested_alignment
-from dlo_planner.inverse.waypoint_newton import Found, follow, free_axis
+from dlo_planner.inverse.waypoint_newton import MESHES, Found, follow, free_axis
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, turned_by
@@ -41,7 +43,6 @@ _ROLLS = (0.2, -0.2, 0.5, -0.5, 1.0, -1.0)  # of the largest turn, tried between
 DOUBTFUL = 0.05    # stability below which another roll is looked for
 _AT_ONCE = 32      # waypoints that are found in one call
 _LATER = 8         # waypoints until that is tried again, where one was in doubt
-_MESHES = 6        # that an accuracy may take
 _ALIGNED = 1e-8    # rad: of what another solver finds
 _AROUND = 0.25     # of the length: how far before a guess a place is sought
 
@@ -320,7 +321,7 @@ class Aligned(Family):
         """Return the Passing near a Shape, not turned about the free axis since `reference`."""
         s = self.simulator.rod.length - depth
         if final and self._nested:
-            shape = nested_alignment(self.simulator, guess, s, self.normal, reference)
+            shape = _nested_alignment(self.simulator, guess, s, self.normal, reference)
             across = np.linalg.norm(np.cross(shape.at(s).direction, self.normal))
             aligned = across < _ALIGNED and shape.at(s).direction @ self.normal > 0
             if not (shape.converged and aligned):
@@ -463,7 +464,7 @@ class TwoPoints(Family):
         mesh = shape.state.mesh
         assert mesh is not None  # only a shape that was loaded has none
         _, place = shape.frame_at(s1 if at is None else at)
-        for _ in range(_MESHES):
+        for _ in range(MESHES):
             kinds = np.array([first, THROUGH if first == POSITION else POSITION, ROLL])
             goals = GoalTable(kinds, np.zeros(3), np.array([np.zeros(3), self.chord, axis]),
                               np.array([np.eye(3), np.eye(3), turned_by(roll * axis) @ rotation]),
@@ -545,7 +546,7 @@ def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Fl
     """Return the shape whose tangent at `s` (m) is `normal`, or None; as `Aligned.from_guess`."""
     mesh, shape = guess.state.mesh, guess
     assert mesh is not None  # a guess is made on one
-    for _ in range(_MESHES):
+    for _ in range(MESHES):
         found = aligned_on(mesh, shape, s, normal, reference, trend)
         if found is None or simulator.accuracy is None:  # its mesh is the same everywhere
             return found
@@ -562,3 +563,38 @@ def aligned_on(mesh: Discretization, guess: Shape, s: float, normal: Floats, ref
     normal = np.array(normal)
     found = follow(mesh, guess, _along(normal, reference), np.array([[s, s]]), normal, trend=trend)
     return found[0] if found else None
+
+
+def _nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, normal: Floats,
+                      reference: Floats) -> Shape:
+    """Return the Shape whose tangent at `s` is `normal`, by the paper's nested optimization.
+
+    Sections 5.1, 5.2: outside arccos(t . n)^2, a sum of squares, is minimized over two rotations of
+    the gripper since `reference`, across `free_axis`; inside is the direct simulation. Slower than
+    `waypoint_newton`, and independent of it.
+    """
+    latest = initial
+    # steps are judged by the size of the variables: tilts of zero would be sought to 1e-308
+    offset = 1.0
+    across = null_space(free_axis(np.array(reference), np.array(normal))[None, :])
+
+    def gripper(tilts: Floats) -> Pose:
+        turn = Rotation.from_rotvec(across @ (tilts - offset)).as_matrix()
+        return Pose.from_rotation((0.0, 0.0, 0.0), turn @ reference)
+
+    def angle_vector(tilts: Floats) -> Floats:
+        nonlocal latest
+        shape = simulator.solve(gripper(tilts), latest)
+        if shape.converged:
+            latest = shape
+        tangent = shape.at(s).direction
+        axis = np.cross(tangent, normal)
+        sine = np.linalg.norm(axis)
+        angle = np.arctan2(sine, tangent @ normal)
+        vector: Floats = axis * (angle / sine) if sine > 0 else axis
+        return vector
+
+    start = across.T @ Rotation.from_matrix(initial.gripper.rotation @ reference.T).as_rotvec()
+    solution = least_squares(angle_vector, start + offset, jac='3-point', method='lm', xtol=1e-14,
+                             ftol=1e-14, gtol=1e-14, diff_step=1e-5, max_nfev=500)
+    return simulator.solve(gripper(solution.x), latest)

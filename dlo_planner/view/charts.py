@@ -32,10 +32,11 @@ _DISTANCES = {
     'clearance': ('clearance, at rest', False),
     'dynamic_clearance': ('clearance, in motion', False),
     'workspace_margin': ('room to the workspace', False)}
-_SMALL, _LARGE, _BAD = '#21688e', '#5ec962', '#d81b60'  # two of viridis, and ALERT
+_BLUE, _GREEN, _BAD, _BROWN = '#21688e', '#5ec962', '#d81b60', '#b35806'
 _LEAST = 1e-3   # mm, where the scale begins
 _INSTANTS = 400
-_REPORT_SIZE, _ALONE = (8.0, 6.2), (8.0, 4.0)  # inches
+_REPORT_SIZE, _SIZE = (8.0, 6.2), (8.0, 4.0)  # inches
+_MOST = 25      # shapes that are drawn
 
 
 def plot_report(report: ValidationReport, ax: Axes | None = None) -> Figure:
@@ -44,16 +45,12 @@ def plot_report(report: ValidationReport, ax: Axes | None = None) -> Figure:
     Bars of its distances, blue those that should be small, green those that should be large; and,
     in a new figure, the speeds of its trajectory with their limits.
     """
-    if ax is not None:
-        figure: Figure = checked_axes(ax).figure
-        _report_bars(ax, report)
-        return figure
     trajectory = report.trajectory
-    figure = matplotlib('.pyplot').figure(
-        figsize=_ALONE if trajectory is None else _REPORT_SIZE, layout='constrained')
-    if trajectory is None:
-        _report_bars(figure.add_subplot(), report)
-        return figure
+    if ax is not None or trajectory is None:
+        axes = _axes(ax)
+        _report_bars(axes, report)
+        return _figure(axes)
+    figure: Figure = matplotlib('.pyplot').figure(figsize=_REPORT_SIZE, layout='constrained')
     bars, below = figure.subplots(2, 1, height_ratios=(1.7, 1.0))
     _report_bars(bars, report)
     speeds(below, trajectory)
@@ -70,7 +67,7 @@ def _report_bars(axes: Any, report: ValidationReport) -> None:
         axes.barh(row, max(length, _LEAST) - _LEAST, left=_LEAST, color=color, height=0.6)
         axes.annotate(text, (max(length, _LEAST), row), (4, 0), textcoords='offset points',
                       va='center', fontsize=8, color='0.55' if np.isnan(value) else '0.1',
-                      bbox={'facecolor': 'w', 'edgecolor': 'none', 'alpha': 0.8, 'pad': 0.5})
+                      bbox={'facecolor': 'w', 'edgecolor': 'none', 'pad': 0.5})
     axes.set(xscale='log', xlim=(_LEAST, 3 * most), yticks=range(len(values)), xlabel='mm')
     axes.set_yticklabels(list(values), fontsize=8)
     axes.invert_yaxis()
@@ -86,14 +83,14 @@ def _report_bars(axes: Any, report: ValidationReport) -> None:
 def _bar(value: float, small: bool, most: float) -> tuple[str, float, str]:
     """Return the text, length and color of a bar of `value` mm."""
     if np.isnan(value):
-        return 'not looked at', 0.0, _SMALL
+        return 'not looked at', 0.0, _BLUE
     if np.isinf(value):
         return ('could not be simulated' if small == (value > 0) else 'nothing is near',
-                most, _BAD if small == (value > 0) else _LARGE)
+                most, _BAD if small == (value > 0) else _GREEN)
     if value < 0:
         return f'{value:.3g} mm: inside', -value, _BAD
     text = f'{value:.3g} mm' if value >= _LEAST else f'below {_LEAST:g} mm'
-    return text, value, _SMALL if small else _LARGE
+    return text, value, _BLUE if small else _GREEN
 
 
 def speeds(axes: Any, trajectory: Trajectory) -> None:
@@ -102,8 +99,8 @@ def speeds(axes: Any, trajectory: Trajectory) -> None:
     linear, angular = np.linalg.norm(trajectory.at(times)[1].reshape(-1, 2, 3), axis=2).T
     other = axes.twinx()
     for one, values, limit, color, scale, label in (
-            (axes, linear, trajectory.limits.linear_speed, '#21688e', 1e3, 'speed [mm/s]'),
-            (other, angular, trajectory.limits.angular_speed, '#b35806', 180 / np.pi,
+            (axes, linear, trajectory.limits.linear_speed, _BLUE, 1e3, 'speed [mm/s]'),
+            (other, angular, trajectory.limits.angular_speed, _BROWN, 180 / np.pi,
              'turning [deg/s]')):
         one.plot(times, scale * values, color=color, lw=1.4)
         one.set_ylabel(label, color=color)
@@ -116,11 +113,6 @@ def speeds(axes: Any, trajectory: Trajectory) -> None:
              title='gripper (dotted: limits of speed)')
     axes.title.set_fontsize(10)
     axes.grid(alpha=0.3)
-
-
-_SIZE = (8.0, 4.0)  # inches
-_MOST = 25          # shapes that are drawn
-_BLUE = '#21688e'
 
 
 def plot_fit(fit: Fit, ax: Axes | None = None) -> Figure:

@@ -107,6 +107,7 @@ class Frame:
             return
         axes.set(xlabel='x [m]', ylabel='y [m]', zlabel='z [m]', xlim=(low[0], high[0]),
                  ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        axes.computed_zorder = False  # lines over faces: a DLO on a table is not seen through it
         sizes = (high - low) / np.linalg.norm(high - low)
         for axis, size in zip((axes.xaxis, axes.yaxis, axes.zaxis), sizes / sizes.max(),
                               strict=True):

@@ -44,6 +44,9 @@ def plot_shape(shape: Shape, ax: 'Axes | Frame | None' = None, color: str | None
     _show(frame, stage, [_line(0, shape, painted.colors), *contact_primitives(shape)],
           [shape.gripper])
     frame.color_bar(painted.top, painted.label)
+    if shape.contacts:
+        most = max(float(np.linalg.norm(contact.vector)) for contact in shape.contacts)
+        frame.legend({f'contact force, {most:.3g} N at most': VERMILION})
     frame.title(_title(shape))
     return frame.figure
 

@@ -15,17 +15,6 @@ from dlo_planner.direct.accuracy import mode_may_be_missed, surely_within
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))
 
 
-def test_what_yields_is_bent_once_not_on_every_mesh():
-    # a set left by a coarse mesh would be 3 mm off here
-    rod = Rod.circular(0.6, 2e-3, 8960.0, 110e9, 0.34, yield_stress=60e6, tip_mass=0.05,
-                       section_model='round', hardening=0.01)
-    fine = DirectSimulator(rod, basis='local', n_elements=500).solve(LEVEL)
-    shape = DirectSimulator(rod, accuracy=1e-4).solve(LEVEL)
-    assert shape.converged and shape.error_estimate <= 1e-4
-    assert np.linalg.norm(shape.positions[-1] - fine.positions[-1]) < 2e-4
-    assert shape.dissipated == pytest.approx(fine.dissipated, rel=1e-3)
-
-
 def test_a_held_dlo_keeps_an_accuracy():
     rod = Rod(1.0, 0.05, (0.3, 0.6), 0.4, natural_curvature=(0.5, -0.3))
     end = FarEnd(Pose((0.6, 0.1, 0.9), (0, 0, 0, 1)))

@@ -233,6 +233,7 @@ def test_steps_that_exceed_the_tolerance_say_so():
     assert 'more than the tolerance of 1e-06 m' in rough.message and not rough.within_tolerance
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('viscosity', [1e-4, 1e-3, 5e-3])
 def test_damping_takes_no_more_than_there_is_of_what_is_too_quick_for_the_steps(viscosity):
     thing = Rod.circular(1.0, 4e-3, 1200.0, 5e6, 0.4, damping=(0.0, viscosity))
@@ -321,6 +322,7 @@ def test_the_error_of_a_drop_is_known():
 # How stable the shapes of a motion are: found when it is asked for, from how the DLO moves.
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
 @pytest.mark.parametrize('damping', [0.0, (0.5, 5e-4)])
 @pytest.mark.parametrize('integrator', ['generalized_alpha', 'paper'])
@@ -441,6 +443,7 @@ def test_one_step_does_not_use_up_what_a_motion_may_gain():
 
 
 # 26, 77, 148: one of the last elements gets flat; 98: the DLO slips along a bar
+@pytest.mark.every(2)
 @pytest.mark.parametrize('seed', [77, 98, 148, 26])
 def test_a_slow_motion_along_obstacles_ends_at_rest(seed):
     simulator, way, dt = random_slide(seed)
@@ -566,6 +569,7 @@ def test_the_estimate_looks_between_the_instants():
     assert at_instants[-1] < motion.error_estimate[-1]
 
 
+@pytest.mark.every(3)
 @pytest.mark.parametrize('options', [{}, {'basis': 'local', 'n_elements': 24}])
 @pytest.mark.parametrize('integrator', ['generalized_alpha', 'paper'])
 def test_many_steps_at_once_are_the_same_as_one_by_one(options, integrator, monkeypatch):

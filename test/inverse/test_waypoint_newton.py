@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import kernel_arrays
-from dlo_planner.inverse import nearest_goals as nearest_module
+from dlo_planner.inverse import waypoint_newton
 from dlo_planner.inverse.continuation import Passing, TwoPoints, aligned_shape
-from dlo_planner.inverse.nearest_goals import nearest_goals
-from dlo_planner.inverse.waypoint_newton import follow, free_axis
+from dlo_planner.inverse.waypoint_newton import follow, free_axis, nearest_goals
 from dlo_planner.model.pose import displaced, turned_by
 from dlo_planner.penalties import DirectionAt, PositionAt, Through
 from dlo_planner.plan.goal_rows import (
@@ -203,7 +202,7 @@ def test_where_it_is_the_nearest_already_it_stays():
 
 def test_where_no_trial_is_an_equilibrium_there_is_none(monkeypatch):
     simulator, shape, goals = begun(OPTIONS[0], (0.1, 0.2, -0.1))
-    monkeypatch.setattr(nearest_module, 'MAX_ITERATIONS', 0)
+    monkeypatch.setattr(waypoint_newton, 'MAX_ITERATIONS', 0)
     assert nearest_goals(simulator, goals, shape, 0.3, 0.3) is None
 
 

@@ -86,9 +86,8 @@ def rates(places):
     return np.linalg.norm(both / PERIOD**2, axis=1).max()
 
 
-@pytest.mark.parametrize('seed', range(2))
-def test_a_machine_that_is_late_delays_nothing(seed):
-    line = Line(late=0.7, seed=seed)
+def test_a_machine_that_is_late_delays_nothing():
+    line = Line(late=0.7)
     places = line.run(WAY.duration + 1.0)
     times = np.arange(len(places)) * STEP
     assert np.linalg.norm(places - on_the_way(times), axis=1)[10:].max() < CLOSE
@@ -145,12 +144,11 @@ def test_a_correction_begins_where_nothing_was_told_yet(late):
     assert np.linalg.norm(places[-1] - on_the_way(times[-1:])[0]) > 0.01
 
 
-@pytest.mark.parametrize('late', [0.0, 0.08])
-def test_cancel_does_not_wait_for_the_horizon(late):
+def test_cancel_does_not_wait_for_the_horizon():
     def cancels(line):
         line.execution = line.execution.canceled()
 
-    line = Line(late=late, seed=1)
+    line = Line(late=0.08, seed=1)
     places = line.run(8.0, {4.0: cancels})
     assert (line.execution.phase, line.execution.cause) == ('stopped', Cause.CANCELED)
     moving = np.linalg.norm(np.diff(places, axis=0), axis=1) > 1e-9

@@ -122,20 +122,6 @@ def test_a_pause_while_it_stops_does_not_hide_why_it_stops():
     assert paused.reason == 'canceled'
 
 
-def test_poses_that_are_not_believed_any_more_stop_it_calmly():
-    # as when the clock of the node jumps, and that of the publisher does not
-    last = []
-
-    def heard(robot, now):
-        if now <= 3.0:
-            last[:] = [robot.heard(now)]
-        return last[0]
-
-    execution, places, _ = run(begun(), np.arange(500) * PERIOD, heard)
-    assert (execution.phase, execution.cause) == ('stopped', Cause.GRIPPER_POSE_LOST)
-    assert largest_step(places) <= 1.2 * REGULAR
-
-
 def differences(places):
     """Return velocities and accelerations by differences."""
     speeds = np.diff(places, axis=0) / PERIOD
@@ -202,20 +188,6 @@ def test_faults_on_the_way_stop_it_with_the_reason(heard, cause, named):
 def test_guards_that_are_off_do_not_stop_it(guards, heard):
     execution = run(begun(**guards), np.arange(300) * PERIOD, heard)[0]
     assert execution.phase == 'running'
-
-
-def test_a_robot_that_lags_by_a_tenth_of_a_second_is_followed_to_the_end():
-    times = np.arange(0, WAY.duration + 3, PERIOD)
-    execution = run(begun(), times, lambda robot, now: robot.heard(now, age=0.03))[0]
-    assert execution.phase == 'succeeded'
-
-
-def test_a_robot_that_stands_still_is_noticed():
-    still = Robot()
-    execution, places, _ = run(begun(), np.arange(520) * PERIOD,
-                               lambda robot, now: still.heard(now))
-    assert execution.cause == Cause.PATH_TOLERANCE
-    assert np.linalg.norm(places[-1] - places[0]) < 0.06
 
 
 def short_of_the_goal(robot, now):

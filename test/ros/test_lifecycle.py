@@ -176,6 +176,7 @@ def test_nothing_is_seen_before_it_is_ready_but_that_it_starts(monkeypatch, cont
     assert made
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('limits', [Limits(), Limits(linear_acceleration=0.06)],
                          ids=['quickly', 'slowly'])
 def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witness, limits):

@@ -174,6 +174,7 @@ def test_without_a_clock_plans_are_proved_and_diagnostics_come(inside, node, sim
     assert len(inside.shape_for(HERE)[0].poses) == 65
 
 
+@pytest.mark.every(2)
 @pytest.mark.parametrize('jump', [5.0, -60.0])
 def test_a_clock_that_jumps_makes_no_leap(inside, node, simulated_time, jump):
     inside.set_parameters(execute__horizon=0.0)

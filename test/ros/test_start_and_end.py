@@ -19,7 +19,7 @@ from dlo_planner.errors import DloPlannerError
 HEARD = 5.0  # s in which a signal ends the process; what does not end is left after 6 s
 
 
-@pytest.mark.every(2)
+@pytest.mark.every(9)
 @pytest.mark.parametrize('config', sorted(path.name for path in (ROOT / 'config').glob('*.yaml')))
 def test_every_dlo_in_config_hangs_whatever_the_node_is_called(domain, monkeypatch, config):
     rod = yaml.safe_load((ROOT / 'config' / config).read_text())['/**']['ros__parameters']['rod']
@@ -37,7 +37,7 @@ def test_every_dlo_in_config_hangs_whatever_the_node_is_called(domain, monkeypat
         assert path.poses[-1].pose.position.z < 1.0
 
 
-@pytest.mark.every(4)
+@pytest.mark.every(6)
 @pytest.mark.parametrize('seconds', [0.3, 1.0, 2.5])
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_signals_are_heard_while_it_starts(domain, tmp_path, seconds, number):

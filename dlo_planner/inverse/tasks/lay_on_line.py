@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.continuation import Aligned
+from dlo_planner.inverse.continuation import Aligned, Step
 from dlo_planner.inverse.equilibria import Candidate, start_candidates
-from dlo_planner.inverse.nearest_goals import nearest_goals
 from dlo_planner.inverse.task import MOST, PlanContext, Task
+from dlo_planner.inverse.waypoint_newton import nearest_goals
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
-from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
+from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, GoalTable
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_of
@@ -95,7 +95,8 @@ class LayOnLine(Task):
         most = _TOLERANCE * simulator.rod.length if self.tolerance is None else self.tolerance
         if context.requirements.tolerance is not None:
             most = min(most, context.requirements.tolerance)
-        demands = replace(context.demands, tolerance=most, angle_tolerance=self.angle_tolerance)
+        demands = replace(context.demands.made_with(simulator), tolerance=most,
+                          angle_tolerance=self.angle_tolerance)
         refused: Infeasible | None = None
         for begin in start_candidates(simulator, self.line.direction, context.start):
             builder = PlanBuilder(np.zeros(self.positions.size), demands, initial=context.initial)
@@ -109,25 +110,22 @@ class LayOnLine(Task):
         raise refused
 
     def _plan(self, simulator: DirectSimulator, begin: Candidate, builder: PlanBuilder) -> Plan:
-        shape = self._shape(simulator, begin)
-        if shape is None:
-            raise builder.refusal('equilibrium', self.length, 'no equilibrium was found that ends '
-                                  'along the line')
-        refusal = refusal_for_leap(simulator, builder, shape)
-        if refusal is not None:
+        family = Aligned(simulator, self.line.direction)
+        passing = family.from_guess(begin.shape, begin.depth, begin.reference)
+        if passing is not None and self.length:
+            shape = self._nearest(simulator, passing.shape)
+            passing = None if shape is None else passing._replace(shape=shape)
+        refusal = family.refusal(builder, None, Step(passing, begin.depth))
+        if refusal is not None or passing is None:
+            assert refusal is not None  # else there is one
             raise refusal
         for position in self.positions:
-            builder.add(self._waypoint(shape, position))
+            builder.add(self._waypoint(passing.shape, position))
         return builder.finished()
 
-    def _shape(self, simulator: DirectSimulator, begin: Candidate) -> Shape | None:
-        """Return the Shape that ends along the line, or lies along it, at any place; or None."""
-        aligned = Aligned(simulator, self.line.direction).from_guess(
-            begin.shape, begin.depth, begin.reference)
-        if aligned is None or not self.length:
-            return aligned and aligned.shape
-        shape, whole = aligned.shape, simulator.rod.length
-        rotation = np.array(shape.gripper.rotation)
+    def _nearest(self, simulator: DirectSimulator, shape: Shape) -> Shape | None:
+        """Return the Shape whose last part is the nearest to the line, near one that ends there."""
+        whole, rotation = simulator.rod.length, np.array(shape.gripper.rotation)
         kinds = np.array([POSITION, *[DIRECTION] * _TANGENTS, ROLL])
         goals = GoalTable(
             kinds, np.array([whole, *np.linspace(whole - self.length, whole, _TANGENTS), 0.0]),

@@ -19,11 +19,11 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import Family, Follower, Passing, continue_family
 from dlo_planner.inverse.equilibria import is_axisymmetric
-from dlo_planner.inverse.nearest_goals import nearest_goals
 from dlo_planner.inverse.route import quick_simulator, thinned
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.inverse.tasks.thread import Thread, Threading, thread
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
+from dlo_planner.inverse.waypoint_newton import nearest_goals
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, row
 from dlo_planner.model.cutout import CutOut
