@@ -329,7 +329,7 @@ def start_candidates(simulator: DirectSimulator, direction: Floats,
     preferred = upright
     if start is not None:
         preferred = least_turn(start.direction, direction) @ start.rotation
-    discretization = simulator.mesh_after(None)  # another one, where the accuracy needs it: later
+    discretization = simulator.discretization(Pose.from_rotation((0, 0, 0), upright), None)
     system = discretization.system(upright)
 
     def end_rolled(angle: float) -> tuple[Floats, Floats, Floats]:
