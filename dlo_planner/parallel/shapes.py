@@ -23,6 +23,7 @@ _FIGURES = ('energy', 'elastic_energy', 'dissipated', 'residual', 'stability', '
 _FLAGS = ('converged', 'jumped')
 Columns = dict[str, NDArray[Any]]  # arrays of some shapes, by the names of `Shapes`
 _CONTACT = 14  # columns: which shape, and the 13 numbers of a Contact
+_EACH = 'one for each of Shapes.grippers,'
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,8 +98,8 @@ class Shapes(Answer):
             contact_table=results('Shapes.contact_table', contacts, (None, _CONTACT)),
             **{name: results(f'Shapes.{name}', getattr(self, name), (n, *size))
                for name, size in sizes.items()},
-            **{name: as_it_is(f'Shapes.{name}', getattr(self, name), (n,), 'b', 'True or False'
-                              ).astype(bool) for name in _FLAGS})
+            **{name: as_it_is(f'Shapes.{name}', getattr(self, name), (n,), 'b',
+                              f'True or False, {_EACH}').astype(bool) for name in _FLAGS})
         of = self.contact_table[:, 0]
         if of.size and not (of[0] >= 0 and of[-1] < n and (of == np.floor(of)).all()
                             and (np.diff(of) >= 0).all()):
@@ -107,7 +108,8 @@ class Shapes(Answer):
         super().__post_init__()
 
     def _counts(self, n: int) -> Ints:
-        given = as_it_is('Shapes.iterations', self.iterations, (n,), 'iu', 'integers').astype(int)
+        given = as_it_is('Shapes.iterations', self.iterations, (n,), 'iu',
+                         f'integers, {_EACH}').astype(int)
         if (given < 0).any():
             raise InvalidTask(f'Shapes.iterations = {shown(given.tolist())}: expected none below 0')
         return given

@@ -141,7 +141,7 @@ class AheadStepper(Stepper):
               guess: Floats = NO_GUESS) -> StepBatch:
         """Return the StepBatch of the first step, which may begin where it was seen ahead."""
         place, size = float(places[0]), scheme.dt / self.dt
-        usual = self.guess(now, scheme.dt)
+        usual, make = self.guess(now, scheme.dt), super().steps
 
         def system(place: float, scheme: Scheme) -> Problem:
             return self.problem(now, place, scheme)
@@ -153,8 +153,7 @@ class AheadStepper(Stepper):
             return system(place + k * size, several), TOLERANCE + self.rounding(several)
 
         def step(guess: Floats | None) -> tuple[StepBatch, Shape, bool]:
-            batch = super(AheadStepper, self).steps(now, past, places[:1], scheme, limits,
-                                                    usual if guess is None else guess)
+            batch = make(now, past, places[:1], scheme, limits, usual if guess is None else guess)
             shape = (batch.last if batch.refused is None else batch.refused).shape
             return batch, shape, shape.converged
 

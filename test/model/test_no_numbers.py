@@ -45,7 +45,7 @@ def test_what_is_no_number_is_refused_by_name(name, odd):
         ASKING[name](MALFORMED[odd]())
 
 
-@pytest.mark.parametrize('name', ['Pose.position', 'Sphere.center', 'gravity', 'direction'])
+@pytest.mark.parametrize('name', ['Pose.position', 'Sphere.center', 'gravity', 'Workspace.lower'])
 def test_masked_numbers_are_refused(name):
     with pytest.raises(DloPlannerError, match='none masked'):
         ASKING[name](MALFORMED['masked']())

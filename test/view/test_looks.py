@@ -130,14 +130,6 @@ def rewritten(source, target, **changes):
     np.savez(target, **{name: one for name, one in arrays.items() if one is not None})
 
 
-@pytest.mark.parametrize('name', NAMES[:3])
-def test_files_of_the_first_format_are_readable(tmp_path, name):
-    value = values()[name]
-    value.save(tmp_path / 'new.npz')
-    rewritten(tmp_path / 'new.npz', tmp_path / 'old.npz', kind=None, format=1)
-    assert type(value).load(tmp_path / 'old.npz') == value
-
-
 def test_a_file_says_what_it_holds(tmp_path):
     values()['Plan'].save(tmp_path / 'plan.npz')
     for kind in (Shape, Motion, ValidationReport):
