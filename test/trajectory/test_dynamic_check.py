@@ -78,8 +78,9 @@ def rounds(monkeypatch):
     return tried
 
 
-def test_what_is_touched_between_two_waypoints_refuses(way, rounds):
-    ball = beside(way, -2e-4, 2e-4)
+@pytest.mark.parametrize('radius', [2e-3, 2e-4])
+def test_what_is_touched_between_two_waypoints_refuses(way, radius, rounds):
+    ball = beside(way, -radius, radius)
     assert min(clearance([ball], Surface.of(ROD), shape) for shape in way.shapes) > 4e-3
     with pytest.raises(Infeasible, match='however slow it is, .* touches what') as caught:
         Trajectory(way, LIMITS, simulator=amid(ball))

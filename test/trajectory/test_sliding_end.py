@@ -109,10 +109,12 @@ def test_from_a_start_pose_of_its_own_it_is_inserted_safely(rod):
 def test_what_is_outside_keeps_away_from_obstacles():
     direct, plan = planned(WIRE)
     low = min(shape.positions[:, 2].min() for shape in plan.shapes)
-    for below, free in ((1e-2, True), (-1e-3, False)):
+    way = Trajectory(plan, tolerance=2e-3)
+    for below, safe in ((1e-2, True), (-1e-3, False)):
         floor = DirectSimulator(WIRE, obstacles=[Plane((0, 0, low - 0.75e-3 - below), (0, 0, 1))])
-        report = replay(floor, plan, trajectory=fastest(WIRE))
-        assert (report.dynamic_clearance > 0) == free
+        report = replay(floor, plan, trajectory=way)
+        assert report.safe == safe
+        assert (report.dynamic_clearance > 0) == safe
 
 
 def test_what_cannot_be_calm_or_is_not_known_is_refused(monkeypatch):

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import InvalidTask, Limits, Pose
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.trajectory.time_law import DEGREE, Shift, TimeLaw
-from dlo_planner.trajectory.timed_path import most_used, smoothed
+from dlo_planner.trajectory.timed_path import _bounds, _jerks, _sizes, _slopes, most_used, smoothed
 from dlo_planner.trajectory.topp import Bearing, fastest_rates
 
 PARAMETERS, RATES = np.array([0.5, 1.1, 2.9, 4.0]), np.array([0.0, 0.8, 0.5, 0.0])
@@ -135,6 +135,13 @@ def test_bounds_are_not_below_what_is_sampled_and_not_far_above(shift):
         assert found <= bound <= 3 * found
 
 
+def test_bad_ones_are_named():
+    with pytest.raises(InvalidTask, match=r'Shift.coefficients'):
+        Shift(KNOTS, np.zeros((3, 3)))
+    with pytest.raises(InvalidTask, match=r'Shift.knots'):
+        Shift('knots', np.zeros((3, 3)))
+
+
 def wandering(rng):
     """Return a Leg through some poses."""
     position, turn, grippers = np.zeros(3), Rotation.identity(), []
@@ -179,6 +186,90 @@ def test_what_is_slowed_down_keeps_its_limits(rng):
         assert sampled(leg, law, limits).max() <= 1 and most_used(leg, law, limits) <= 1
         if windows:
             np.testing.assert_allclose(law.windows, windows)
+
+
+class Steady:
+    """A parameter of constant acceleration: no jerk of its own hides what the path adds."""
+
+    def __init__(self, rate, change):
+        self.rate, self.change, self.bounds = rate, change, np.array([abs(change), 0.0])
+
+    def at(self, times):
+        u = self.rate * times + 0.5 * self.change * times**2
+        return np.stack([u, self.rate + self.change * times, np.full_like(u, self.change), 0 * u])
+
+
+@pytest.mark.parametrize(('rate', 'change'), [(1.0, 0.0), (0.2, 0.6), (1.3, -0.3)])
+def test_slopes_and_jerks_are_bounded_within_every_interval(rate, change):
+    angles, law = np.linspace(0, 2, 21), Steady(rate, change)
+    circle, faster = ([Pose.from_rotation(place(a), Rotation.from_rotvec((0, 0, a)).as_matrix())
+                       for a in angles] for place in (
+        lambda a: (0.3 * np.cos(a), 0.3 * np.sin(a), 0), lambda a: (a**2, 0, 0)))
+    for grippers in (circle, faster):
+        leg, = GripperPath.through(grippers, angles, 1.0).legs
+        edges = np.interp(angles, law.at(np.linspace(0, 1.4, 4001))[0], np.linspace(0, 1.4, 4001))
+        edges = edges[edges < 1.3]
+        ends = law.at(np.append(edges[:-1], edges[1:]))
+        bounds = _bounds(leg, law, ends, 0.5 * np.diff(edges))
+        slopes, jerks = _slopes(bounds), _jerks(bounds)
+        largest = np.zeros((2, 2))
+        for k, (a, b) in enumerate(zip(edges, edges[1:], strict=False)):
+            times = np.linspace(a + 1e-6, b - 1e-6, 201)
+            step = times[1] - times[0]
+            u, *rates = law.at(times)
+            _, _, first, second = leg.at(u)
+            changes = np.diff(rates[1][:, None] * first + rates[0][:, None] ** 2 * second, axis=0)
+            sizes = _sizes(leg, np.stack([u, *rates]))
+            steepest = np.abs(np.diff(sizes, axis=0)).max(axis=0) / step
+            jerk = np.linalg.norm(changes.reshape(-1, 2, 3), axis=2).max(axis=0) / step
+            assert (steepest <= slopes[k] * (1 + 1e-6) + 1e-6).all()
+            assert (jerk <= jerks[k] * (1 + 1e-6) + 1e-6).all()
+            largest = np.maximum(largest, [steepest[0] / np.maximum(slopes[k, 0], 1e-9),
+                                           jerk / np.maximum(jerks[k], 1e-9)])
+        assert largest.max() > 0.7  # and not bounded by far
+
+
+class Swaying:
+    """A parameter whose rate sways as a sine."""
+
+    bounds = np.array([2.0, 4.0])
+
+    def at(self, times):
+        sine, cosine = np.sin(2 * times), np.cos(2 * times)
+        return np.stack([2 * times - 0.5 * cosine, 2 + sine, 2 * cosine, -4 * sine])
+
+
+@pytest.mark.parametrize('peak', [0.25 * np.pi, 0.5 * np.pi], ids=['rate', 'change'])
+def test_peaks_between_the_ends_are_bounded(peak):
+    leg, law = wandering(np.random.default_rng(0)), Swaying()
+    for half in (0.02, 0.2):
+        known = _bounds(leg, law, law.at(np.array([peak - half, peak + half])), np.array([half]))
+        _, rate, change, _ = np.abs(law.at(np.linspace(peak - half, peak + half, 1001))).max(axis=1)
+        assert rate <= known.rate[0] <= rate + 4 * half
+        assert change <= known.change[0] <= change + 8 * half
+
+
+def test_a_bound_that_was_proved_early_still_counts(monkeypatch):
+    # all that is found is 1; within the first second no more than 1.004 is proved at once, within
+    # the other one 1.00375 after two halvings
+    class Law:
+        duration = 2.0
+
+        def at(self, times):
+            return np.stack([times, *np.zeros((3, len(times)))])
+
+        def arrivals(self, knots):
+            return np.array([1.0])
+
+    known = {'_sizes': lambda _, ends: np.ones((ends.shape[1], 2, 2)),
+             '_bounds': lambda _, __, ends, half: ends[0, :half.size],  # where intervals begin
+             '_slopes': lambda begins: np.ones((1, 2, 2)) * np.where(
+                 begins < 1, 0.008, 0.03)[:, None, None],
+             '_largest_jerk': lambda *_: 0.0}
+    for name, function in known.items():
+        monkeypatch.setattr(f'dlo_planner.trajectory.timed_path.{name}', function)
+    leg = wandering(np.random.default_rng(0))
+    assert most_used(leg, Law(), Limits(1, 1, 1, 1, 1, 1)) == pytest.approx(1.004, abs=1e-12)
 
 
 LONG = 0.6
