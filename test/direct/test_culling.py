@@ -14,8 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, DirectSimulator, Plane, Pose, Rod, Sheet
 from dlo_planner.direct import step as step_module
+from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
+from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.stepper import Stepper
+from dlo_planner.direct.stepper import Limits, Stepper
 
 UP = (0, 0, 1)
 HOLE = CutOut(Pose.looking_along((0.9, -0.6, 0.8), (1, 0, 0)), radius=0.02)
@@ -229,3 +231,17 @@ def test_what_is_remembered_acts(all_acts):
     assert np.abs(still.shapes[-1].positions - shape.positions).max() < 1e-8
     hung = direct.with_set(bent).solve(turned(-80))
     assert hung.history.plastic.any()
+
+
+def test_steps_without_what_may_act_leave_nothing_of_it(monkeypatch):
+    direct = simulator(SOFT)
+    start = direct.solve(turned(-70, z=1.5))
+    stepper = Stepper(start.mesh, BoundaryMotion(GripTrajectory([start.gripper] * 3, 0.01)), 0.01)
+    with monkeypatch.context() as patch:  # what nobody fills has to be seen
+        patch.setattr(np, 'empty', lambda shape, dtype=float: np.full(
+            shape, np.nan if dtype is float else 7, dtype))
+        now = stepper.begin(start)
+        batch = stepper.steps(now, (), np.array([1.0, 2.0]), Scheme('paper', 0.01), Limits())
+    assert batch.refused is None and batch.last.free
+    assert batch.last.row.plastic.size and not batch.last.row.plastic.any()
+    assert not batch.last.row.node_forces.any()
