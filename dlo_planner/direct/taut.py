@@ -29,6 +29,7 @@ from dlo_planner.model.supports import FarEnd
 _TAUT = 10.0    # l in the length: with so many tension decides
 _SURELY, _SLACK = 1e-9, 0.05  # of the length: slack that is looked at
 _TRIALS = 60    # forces with which the string is added up
+_FAR = 20.0     # of the logarithm of the tension, from what is expected
 _CLOSE = 1e-3   # of the slack: how well the first shape ends where the far end is held
 _ELEMENT, _GROWTH = 0.4, 0.2  # elements next to clamps: of l; longer by so much of their distance
 _ROUGH = 0.8    # of l: elements that are longer are too long
@@ -214,8 +215,12 @@ class _String:
         way = self._span.way
         across = np.linalg.svd(way[None])[2][1:]
 
+        begin = log(self._span.tension)
+
         def force_of(x: Floats) -> Floats:
-            result: Floats = exp(x[0]) * (way + x[1:] @ across)
+            # a trial of the solver may go far off, where exp is no number any more
+            result: Floats = exp(np.clip(x[0], begin - _FAR, begin + _FAR)) * (
+                way + x[1:] @ across)
             return result
 
         def left(x: Floats) -> Floats:
@@ -224,7 +229,7 @@ class _String:
             return np.append(log(slack / self._span.slack),
                              across @ (end - self._away) / self._span.slack)
 
-        found = root(left, [log(self._span.tension), 0.0, 0.0], options={'maxfev': _TRIALS})
+        found = root(left, [begin, 0.0, 0.0], options={'maxfev': _TRIALS})
         return force_of(found.x) if np.abs(found.fun).max() < _CLOSE else None
 
 

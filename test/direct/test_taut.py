@@ -107,6 +107,22 @@ def test_the_first_shape_is_near(monkeypatch):
                                    atol=0.05 * np.linalg.norm(force))
 
 
+def test_a_trial_of_the_solver_far_off_is_no_error(monkeypatch):
+    gripper, end = next(spans(1))
+    expected = DirectSimulator(cable(100.0)).solve(gripper, far_end=end)
+    seek, tried = taut.root, []
+
+    def far_off(left, begin, **more):
+        for off in (1e4, -1e4):
+            tried.append(left(np.add(begin, [off, 0, 0])))
+        return seek(left, begin, **more)
+
+    monkeypatch.setattr(taut, 'root', far_off)
+    shape = DirectSimulator(cable(100.0)).solve(gripper, far_end=end)
+    assert tried and np.isfinite(tried).all()
+    np.testing.assert_array_equal(shape.positions, expected.positions)
+
+
 def test_a_mesh_too_coarse_for_the_slack_is_named():
     rod, (gripper, end) = cable(1e-3), next(spans(1, least=1e-4, most=1e-4))
     shape = DirectSimulator(rod, basis='local', n_elements=64).solve(gripper, far_end=end)
