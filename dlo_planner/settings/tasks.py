@@ -81,11 +81,16 @@ def open_task(text: str, name: str = 'task') -> dict[str, Any]:
 def _places(kind: object) -> list[tuple[str, bool, bool]]:
     """Return the fields of a class of tasks that say where, by their types.
 
-    And of each whether it lists several, and whether those are poses, no cut-outs.
+    And of each whether it lists several, and whether those are poses, no cut-outs. None, where
+    types of somebody's own task are known to type checkers alone.
     """
     found = []
     for task in (one for one in classes_below(Task) if one.__name__ == kind):
-        for name, hint in get_type_hints(task).items():
+        try:
+            hints = get_type_hints(task)
+        except NameError:
+            continue
+        for name, hint in hints.items():
             several = get_origin(hint) is tuple
             place = get_args(hint)[0] if several else hint
             if place in (Pose, CutOut):

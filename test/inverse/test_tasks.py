@@ -67,7 +67,7 @@ KINDS = pytest.mark.parametrize('kind', TASKS)
 class LiftTo(Task):
     """One's own: the free end at heights, one after the other, the gripper level at x = 0."""
 
-    heights: tuple
+    heights: 'Heights'  # noqa: F821  a name that type checkers alone may know
 
     def __post_init__(self):
         put(self, heights=tuple(self.heights))
