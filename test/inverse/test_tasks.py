@@ -37,7 +37,14 @@ from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.model.value import put
 from dlo_planner.penalties import DirectionAt, PositionAt
 from dlo_planner.plan.waypoint import Waypoint
-from dlo_planner.settings.tasks import read_task, task_from_yaml, task_to_yaml, write_task
+from dlo_planner.settings.tasks import (
+    close_task,
+    open_task,
+    read_task,
+    task_from_yaml,
+    task_to_yaml,
+    write_task,
+)
 from dlo_planner.tasks import Approach, Requirements
 
 DEPTHS = (0.0, 0.1, 0.25)
@@ -150,6 +157,7 @@ def test_ones_own_task_is_like_any_other():
     plan = FREE.plan(task)
     assert [shape.positions[-1, 2] for shape in plan.shapes] == pytest.approx([1.0, 1.2, 1.4])
     assert Task.from_dict(task.to_dict()) == task == task_from_yaml(task_to_yaml(task))
+    assert close_task(open_task(task_to_yaml(task))) == task  # as the node reads it
     low = Requirements(Workspace((-1, -1, 0), (1, 1, 1.3 + FIRST.s[-1])))
     deep = Requirements(Workspace((-1, -1, 0), (1, 1, plan.grippers[1].position[2] + 0.05)))
     assert len(FREE.plan(task, requirements=replace(low, workspace=None))) == 3
