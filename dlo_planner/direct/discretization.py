@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.memory import NO_POINTS, Memory, mapped
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contact, ContactSet
 from dlo_planner.energy.grip import GripConstraint, no_grip
 from dlo_planner.energy.inertia import no_inertia
@@ -39,7 +38,7 @@ from dlo_planner.minimize.contact_table import with_contacts
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Rod, Surface
-from dlo_planner.model.supports import FarEnd
+from dlo_planner.model.supports import FarEnd, Surroundings
 from dlo_planner.model.value import FrozenDict, Value, freeze, put, same
 
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces: those of

@@ -29,7 +29,7 @@ from dlo_planner.direct.integrator import (
     credit_renewal,
 )
 from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.motion import Boxed, Motion
+from dlo_planner.direct.motion import Deferred, Motion
 from dlo_planner.direct.search import MAX_ITERATIONS, Search
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
@@ -41,13 +41,12 @@ from dlo_planner.direct.stepper import (
     Stepper,
     TimePoint,
 )
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, number, returned, vector
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.supports import FarEnd
+from dlo_planner.model.supports import FarEnd, Surroundings
 from dlo_planner.progress import Progress
 
 # At time 0: of the nodes, or a callable of s
@@ -516,8 +515,7 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
                    f'tolerance of {tolerance:.3g} m: see error_estimate')
     given = {} if estimate is None else {'_estimate': estimate}
     energies = np.array([instant.energies for instant in reached])
-    # a motion that is not complete is not converged
-    shapes: Any = Boxed(len(reached), partial(_shapes, reached), made.status == 'complete')
+    shapes: Any = Deferred(partial(_shapes, reached))
     return Motion(
         stepper.dt * places, shapes,
         np.array([instant.velocities for instant in reached]), energies[:, KINETIC],

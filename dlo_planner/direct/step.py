@@ -22,12 +22,12 @@ import numpy as np
 from dlo_planner.direct.continuation import between
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import NOWHERE, Memory
-from dlo_planner.direct.paper import described_equilibrium
 from dlo_planner.direct.search import (
     EXACT,
     MAX_ITERATIONS,
     TOLERANCE,
     Search,
+    described_minimum,
     hinge_unknowns,
     minimum,
     own_unknowns,
@@ -36,7 +36,6 @@ from dlo_planner.direct.search import (
 )
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import FREELY, Watch, equilibrium, held_nearby, shape_of, underway
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration
 from dlo_planner.energy.potential import configuration_at
@@ -47,7 +46,7 @@ from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.minimize.semismooth import correction
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.supports import FarEnd, held_rows
+from dlo_planner.model.supports import FarEnd, Surroundings, held_rows
 from dlo_planner.model.value import Constant, freeze
 from dlo_planner.model.varying import scaled
 
@@ -114,7 +113,9 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: H
     if culled and far_end is None:
         return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
     if how.strains == 'paper':
-        return described_equilibrium(mesh, gripper, strains, how.method, past)
+        system = mesh.local.system(gripper.rotation, gripper.position, past)
+        return shape_of(mesh.local, gripper, described_minimum(mesh, system, strains, how.method),
+                        past)
     shape = None
     if newton and initial is not None:
         if far_end is None:

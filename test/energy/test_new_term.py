@@ -41,7 +41,7 @@ import json
 import numpy as np
 from dlo_planner import Rod
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.energy.magnet import Magnet
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
