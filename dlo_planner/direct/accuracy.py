@@ -344,7 +344,7 @@ def _times(shape: Shape) -> float | None:
 
 def _points(mesh: Discretization) -> Floats:
     """Return (n,) arc lengths of point masses and loads, m."""
-    loads = [one.s for one in mesh.surroundings.point_loads if one.s is not None]
+    loads = [one.s for one in mesh.surroundings.dead_loads if one.s is not None]
     return np.array([s for s, _ in mesh.rod.point_masses] + loads)
 
 

@@ -26,6 +26,7 @@ from dlo_planner.energy.plastic import (
 from dlo_planner.energy.problem import Problem, with_gripper
 from dlo_planner.energy.scene import Scene, build_scene, translated
 from dlo_planner.energy.terms import (
+    TERMS,
     KKTBorder,
     Structure,
     free_terms,
@@ -132,9 +133,10 @@ class Discretization(Value):
         none = np.zeros((scene.kind.size, self.s.size))
         contacts = ContactSet(self.spring, none, *(one.copy() for one in NO_POINTS[:-1]),
                               self.spring)
+        loads = {name: term.made(self.surroundings, self.s) for name, term in TERMS.items()
+                 if hasattr(term, 'made')}
         return self.free._replace(elastic=elastic_part(rod), plastic=section, anchor=no_inertia(),
-                                  hold=self._free_end,
-                                  contact=Contact(scene, contacts))
+                                  hold=self._free_end, contact=Contact(scene, contacts), **loads)
 
     @property
     def static(self) -> Problem:
@@ -232,7 +234,8 @@ class Discretization(Value):
     @cached_property
     def may_hang(self) -> bool:
         """Whether nothing but dead forces acts where nothing is touched and nothing yields."""
-        return not (self.surroundings.has_moments or self.surroundings.pinned)
+        around = self.surroundings
+        return not (around.has_moments or around.pinned or around.other_loads)
 
     @cached_property
     def hangs(self) -> bool:

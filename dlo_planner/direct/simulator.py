@@ -29,7 +29,6 @@ from dlo_planner.direct.dynamics import (
     IntegrationOptions,
     Velocity,
     first_shape,
-    last_of,
     motion_tolerance,
     moving_mesh,
     nodes_velocity,
@@ -443,13 +442,11 @@ class DirectSimulator(Value):
     def _equilibrium(self, gripper: Pose, initial: Shape | None,
                      far_end: FarEnd | None) -> Shape:
         """Return the Shape of a step as it is."""
-        self._judge_end(far_end)
         return self._judged(self._step(gripper, initial, far_end))
 
     def _followed(self, previous: Shape, gripper: Pose, far_end: FarEnd | None,
                   at_once: bool = False) -> Shape:
         """Return what `continuation.follow` does."""
-        self._judge_end(far_end)
         return self._judged(follow(self._step, previous, gripper, far_end, at_once))
 
     def _judged(self, shape: Shape) -> Shape:
@@ -467,14 +464,11 @@ class DirectSimulator(Value):
         return accurate_equilibrium(Wanted(self._discretization, self._fine, self.accuracy),
                                     gripper, initial, how)
 
-    def _judge_end(self, far_end: FarEnd | None) -> None:
-        if far_end is not None and self.method != 'newton':
-            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
-
     def _settled(self, shape: Shape | None) -> Shape | None:
         """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
         if shape is None or made_by(self, shape):
             return shape
+        self._check(shape.gripper, shape, shape.far_end)
         found = self._equilibrium(shape.gripper, shape, shape.far_end)
         return found if found.converged else None
 
@@ -485,6 +479,8 @@ class DirectSimulator(Value):
         if initial is not None and initial.parts is not None:
             raise InvalidTask(f'initial = {initial!r}: expected one of a DLO that is held at its '
                               'beginning, not grasped inside')
+        if far_end is not None and self.method != 'newton':
+            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
         if far_end is not None:  # its grip, and the gripper, go there step by step
             self._near(gripper, 'far_end', far_end.pose)
             if initial is not None:
@@ -535,12 +531,15 @@ def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers
     tolerance = motion_tolerance(tolerance, simulator.rod.length)
     choice('integrator', integrator, INTEGRATORS)
     refuse_motion(simulator.surroundings, simulator.strains)
-    initial, velocity = last_of(initial, velocity)
+    if isinstance(initial, Motion):
+        if not len(initial):
+            raise InvalidTask('initial: expected a Motion with instants, it has none')
+        velocity = initial.velocities[-1] if velocity is None else velocity
+        initial = initial.shapes[-1]
     simulator._check(grippers[0], initial)
     ends = ends_of(far_ends, len(grippers))
     for gripper, end in zip(grippers, ends, strict=True):
         simulator._check(gripper, None, end)
-        simulator._judge_end(end)
     grips = moving_grips(grippers, ends, dt, velocity is None, initial)
     start, mesh = simulator._beginning(grippers[0], ends[0], initial)
     begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start))

@@ -180,7 +180,7 @@ class TimePoint:
         return replace(shape, state=State(mesh, past, past, _NOT_ESTIMATED, self.free))
 
 
-class Limits(NamedTuple):
+class Acceptance(NamedTuple):
     """Until when the steps of a StepBatch are good."""
 
     patience: int = MAX_ITERATIONS  # Newton steps after which a step counts as not solved
@@ -200,7 +200,7 @@ class StepBatch(NamedTuple):
     last: TimePoint          # at the end of the last good step
     past: list[tuple[float, Floats]]  # time and node positions: the last but one, and before
     samples: Floats          # (k, m, 3) places of some nodes after each good step, see `sampled`
-    budget: Floats           # (5,) that of Limits, renewed
+    budget: Floats           # (5,) that of Acceptance, renewed
     refused: TimePoint | None         # at the end of the step after that, which is not good
 
 
@@ -244,7 +244,7 @@ class Stepper:
         return mesh.hangs or not acts_at(mesh, now.row.bends[0], now.positions, now.positions)
 
     def steps(self, now: TimePoint, past: Sequence[tuple[float, Floats]], places: Floats,
-              scheme: Scheme, limits: Limits, guess: Floats = NO_GUESS) -> StepBatch:
+              scheme: Scheme, limits: Acceptance, guess: Floats = NO_GUESS) -> StepBatch:
         """Return the StepBatch of steps that end at `places` (n,), each the end of one of a Scheme.
 
         It may end before that, where something begins to act. The first search begins with the
@@ -260,7 +260,7 @@ class Stepper:
         return batch
 
     def _batch(self, now: TimePoint, past: Sequence[tuple[float, Floats]], places: Floats,
-               scheme: Scheme, limits: Limits, guess: Floats, culled: bool) -> StepBatch | None:
+               scheme: Scheme, limits: Acceptance, guess: Floats, culled: bool) -> StepBatch | None:
         """Return the StepBatch, `culled`: without what may act; None: its first step needs more."""
         buffer = self._buffer(np.append(now.place, places), now.row)
         for row, (time, positions) in enumerate(past or [
@@ -366,7 +366,7 @@ class Stepper:
         buffer = self._buffer(now.place + ahead * np.array([0.0, 1.0, 0.0, -1.0]), now.row)
         consistent_rates(self._problem(self.hangs_from(now)),
                          self.coefficients(brief, (0.0, 0.0)), self.coefficients(brief), buffer,
-                         going, self._options(brief, Limits(), _AT_ONCE))
+                         going, self._options(brief, Acceptance(), _AT_ONCE))
         energies = now.row.energies.copy()
         energies[[KINETIC, POWER]] = buffer.energies[PAST, [KINETIC, POWER]]
         row = now.row._replace(nodes=buffer.nodes[:, PAST].copy(),
@@ -387,7 +387,7 @@ class Stepper:
         """Return the Problem of one step of a Scheme to a place."""
         buffer = self._buffer(np.array([now.place, place]), now.row)
         result: Problem = step_problem(self._problem(), self.coefficients(scheme), buffer, PAST + 1,
-                                       PAST, self._options(scheme, Limits()))
+                                       PAST, self._options(scheme, Acceptance()))
         return result
 
     def guess(self, now: TimePoint, dt: float) -> Floats:
@@ -407,7 +407,7 @@ class Stepper:
             known = self._known[scheme, damping] = scheme.coefficients(damping, self.masses)
         return known
 
-    def _options(self, scheme: Scheme, limits: Limits, exact: float = EXACT) -> StepOptions:
+    def _options(self, scheme: Scheme, limits: Acceptance, exact: float = EXACT) -> StepOptions:
         mesh, rounding = self.discretization, self.rounding(scheme)
         end = self._far_end
         share = np.zeros(3) if end is None else end.share

@@ -67,7 +67,7 @@ def node_forces(surroundings: Surroundings, s: Floats) -> Floats:
         half = 0.5 * np.diff(s)[:, None] * load
         forces[:-1] += half
         forces[1:] += half
-    for one in surroundings.point_loads:
+    for one in surroundings.dead_loads:
         _share(forces, s, s[-1] if one.s is None else one.s, one.force)
     return forces
 
@@ -78,7 +78,7 @@ def node_moments(surroundings: Surroundings, s: Floats) -> Floats:
     Shapes: s (N + 1,).
     """
     moments = np.zeros((s.size, 3))
-    for one in surroundings.point_loads:
+    for one in surroundings.dead_loads:
         _share(moments, s, s[-1] if one.s is None else one.s, one.moment)
     return moments
 

@@ -149,6 +149,11 @@ class PointLoad(Value):
         super().__post_init__()
 
 
+# What `point_loads` may hold. Of any other kind than PointLoad the term of the potential makes what
+# it needs (`made`, see `energy.terms`): it is no dead load.
+LOADS: tuple[type, ...] = (PointLoad,)
+
+
 # ------------------------------------------------------------------------------------------------
 # All that acts on a DLO but its grippers.
 
@@ -174,14 +179,14 @@ class Surroundings(Value):
         choice('grip', self.grip, GRIPPERS)
         put(self, gravity=vector('gravity', self.gravity, 3),
             obstacles=items('obstacles', self.obstacles, OBSTACLES),
-            point_loads=items('point_loads', self.point_loads, PointLoad))
-        for one in self.point_loads:
+            point_loads=items('point_loads', self.point_loads, LOADS))
+        for one in self.dead_loads:
             if one.s is not None and one.s > self.rod.length:
                 raise InvalidTask(f'PointLoad.s = {one.s:g}: expected a place on the DLO, at most '
                                   f'{self.rod.length:g} m')
         if self.pinned and self.rod.yields:
             raise InvalidTask('grip = \'pinned\': expected \'clamped\' where the rod yields')
-        if self.pinned and any(one.moment.any() for one in self.point_loads):
+        if self.pinned and self.has_moments:
             raise InvalidTask('grip = \'pinned\': expected \'clamped\' where dead moments act')
         if self.load is not None and not callable(self.load):
             put(self, load=vector('load', self.load, 3))
@@ -199,19 +204,29 @@ class Surroundings(Value):
         instance('rod', rod, Rod)
         old, new = self.rod.length, rod.length
         end = max(min(old, new), (1 - _NEAR) * old)
-        return replace(self, rod=rod, point_loads=tuple(
-            one if one.s is None or one.s < end else replace(one, s=new)
-            for one in self.point_loads))
+        dead = [one if one.s is None or one.s < end else replace(one, s=new)
+                for one in self.dead_loads]
+        return replace(self, rod=rod, point_loads=(*dead, *self.other_loads))
 
     def part(self, at: float, direction: int) -> Self:
         """Return the same about the part from `at` (m) to one end: direction 1 to L, -1 to 0."""
-        places = [(self.rod.length if one.s is None else one.s, one) for one in self.point_loads]
+        places = [(self.rod.length if one.s is None else one.s, one) for one in self.dead_loads]
+        dead = [replace(one, s=abs(s - at)) for s, one in places
+                if (s - at) * direction > 0 or s == at and direction > 0]
         load = self.load
-        return replace(
-            self, rod=part_of_rod(self.rod, at, direction),
-            load=SeenFrom(load, at, direction) if callable(load) else load,
-            point_loads=tuple(replace(one, s=abs(s - at)) for s, one in places
-                              if (s - at) * direction > 0 or s == at and direction > 0))
+        return replace(self, rod=part_of_rod(self.rod, at, direction),
+                       load=SeenFrom(load, at, direction) if callable(load) else load,
+                       point_loads=(*dead, *self.other_loads))
+
+    @property
+    def dead_loads(self) -> tuple[PointLoad, ...]:
+        """The PointLoads."""
+        return tuple(one for one in self.point_loads if isinstance(one, PointLoad))
+
+    @property
+    def other_loads(self) -> tuple[Any, ...]:
+        """The loads of other kinds."""
+        return tuple(one for one in self.point_loads if not isinstance(one, PointLoad))
 
     @cached_property
     def load_profile(self) -> Profile:
@@ -223,7 +238,7 @@ class Surroundings(Value):
     @cached_property
     def breaks(self) -> Floats:
         """(n,) arc lengths inside the DLO at which what acts on it, or it itself, jumps, m."""
-        places = [one.s for one in self.point_loads
+        places = [one.s for one in self.dead_loads
                   if one.s is not None and 0 < one.s < self.rod.length]
         if callable(self.load):
             places.extend(self.load_profile.breaks)
@@ -232,7 +247,7 @@ class Surroundings(Value):
     @cached_property
     def has_moments(self) -> bool:
         """Whether a dead moment acts somewhere."""
-        return any(one.moment.any() for one in self.point_loads)
+        return any(one.moment.any() for one in self.dead_loads)
 
     @cached_property
     def free(self) -> Self:

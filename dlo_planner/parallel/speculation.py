@@ -34,7 +34,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, made_by, motion_by
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import past_of
-from dlo_planner.direct.stepper import NO_GUESS, Limits, StepBatch, Stepper, TimePoint
+from dlo_planner.direct.stepper import NO_GUESS, Acceptance, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
@@ -137,7 +137,7 @@ class AheadStepper(Stepper):
         super().__init__(*more)
         self._rounds, self._last = rounds, last
 
-    def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme, limits: Limits,
+    def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme, limits: Acceptance,
               guess: Floats = NO_GUESS) -> StepBatch:
         """Return the StepBatch of the first step, which may begin where it was seen ahead."""
         place, size = float(places[0]), scheme.dt / self.dt
