@@ -17,7 +17,7 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import EXACT, Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import used
-from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.online_trajectory import Steered
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd

@@ -28,7 +28,7 @@ from dlo_planner.execute.guards import Enabled
 from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
-from dlo_planner.identify.observing import Observing
+from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
@@ -83,7 +83,7 @@ def room_of(made: PlanResult) -> float | None:
     return min(radii) - thick
 
 
-def closed_loop_of(state: State, observing: Observing | None,
+def closed_loop_of(state: State, observing: DloEstimator | None,
                    worker: Worker) -> ClosedLoopDrive | None:
     """Return what carries out the plan that was started in a closed loop, or None: it cannot.
 
@@ -103,7 +103,7 @@ def closed_loop_of(state: State, observing: Observing | None,
     return ClosedLoopDrive(loop, worker, scene.planning_deadline)
 
 
-def not_looked_at(state: State, observing: Observing | None) -> str:
+def not_looked_at(state: State, observing: DloEstimator | None) -> str:
     """Return in words that a plan is executed without a look that it could have, '' if it is not.
 
     `observing` as for `closed_loop_of`.
@@ -219,12 +219,12 @@ _COMMAND = 0.1   # m, axes of the command: longer than those of the gripper
 class TrajectoryStreamer(Part):
     """Streams what is executed.
 
-    `cancel` ends the `planning` as well. `observing` takes a Time and returns the Observing of the
-    DLO if it was looked at shortly before, or None; `worker` plans for a closed loop.
+    `cancel` ends the `planning` as well. `observing` takes a Time and returns the DloEstimator of
+    the DLO if it was looked at shortly before, or None; `worker` plans for a closed loop.
     """
 
     def __init__(self, shared: Shared, planning: PlanningServer,
-                 observing: Callable[[Time], Observing | None], worker: Worker, commands: Any,
+                 observing: Callable[[Time], DloEstimator | None], worker: Worker, commands: Any,
                  control: Any) -> None:
         super().__init__(shared)
         node = self.node

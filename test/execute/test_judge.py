@@ -32,7 +32,7 @@ from dlo_planner.execute.judge import (
 )
 from dlo_planner.execute.loop_motions import commanded_of
 from dlo_planner.identify import Steered, correct
-from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
 from dlo_planner.ros.scene import build_scene
 from dlo_planner.ros.state import PlanResult
 from dlo_planner.ros.streaming import room_of
@@ -40,7 +40,7 @@ from dlo_planner.settings.parameters import PARAMETERS
 from dlo_planner.trajectory.dynamic_check import InMotion
 from dlo_planner.trajectory.trajectory import restored
 
-SEEING = Seeing(SPREAD, NOISE)
+SEEING = EstimatorConfig(SPREAD, NOISE)
 LARGEST, ROOM = 0.05, 4.25e-3  # m, of a correction; in the hole
 PLAN = plan_of(depths=DEPTHS)
 
@@ -53,7 +53,7 @@ def scene(*obstacles, **changes):
 
 
 def looked(points_of, looks=8):
-    out = Observing(scene().direct, SEEING)
+    out = DloEstimator(scene().direct, SEEING)
     for time in (0.0, 10.0):
         out.gripper(time, START)
     for k in range(looks):
@@ -90,7 +90,7 @@ def test_a_dlo_that_does_not_hang_freely_is_not_explained():
 
 
 def seen(observing, **changes):
-    """Return an Observing that has seen something else, see `SimpleNamespace`."""
+    """Return an DloEstimator that has seen something else, see `SimpleNamespace`."""
     return SimpleNamespace(**{name: getattr(observing, name)
                               for name in ('estimate', 'off', 'seeing')} | changes)
 
@@ -139,7 +139,7 @@ def test_what_the_motion_and_late_commands_displace_is_expected():
 
 def test_a_look_in_motion_with_outliers_and_wrong_stamps_is_explained():
     rng = np.random.default_rng(4)
-    truth, out = Truth.drawn(rng), Observing(scene().direct, replace(SEEING, stamps=0.06))
+    truth, out = Truth.drawn(rng), DloEstimator(scene().direct, replace(SEEING, stamps=0.06))
     shape = truth.shape(START)
     for time in np.linspace(0, 2, 101):
         out.gripper(time, Pose(START.position + (0.1 * (time - 1.0), 0, 0), START.quaternion))
@@ -184,7 +184,7 @@ def test_the_way_in_is_not_corrected_for_a_cutout_that_was_seen_before_it_was_pl
 
 
 def test_it_stops_before_a_cutout_that_it_may_miss(observing):
-    unsure = correct(Observing(scene().direct, SEEING).estimate, PLAN).miss.together
+    unsure = correct(DloEstimator(scene().direct, SEEING).estimate, PLAN).miss.together
     sure = correct(observing.estimate, PLAN).miss.together
     assert sure < 4e-3 and unsure > 6e-3
     said = kept_out(unsure, ROOM, 2.0, 0.0)
