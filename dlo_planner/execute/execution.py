@@ -23,7 +23,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Enabled, Guards, Heard
 from dlo_planner.execute.limiter import Limiter, Rising, accelerate, decelerate, used
-from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered
+from dlo_planner.identify.online_trajectory import NARROWEST, WIDEST, Change, Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.requirements import Limits

@@ -13,8 +13,8 @@ import numpy as np
 from dlo_planner.execute.execution import Execution
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.observing import Observing, Seeing
-from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
+from dlo_planner.identify.online_trajectory import Steered
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle, Sheet
@@ -30,7 +30,7 @@ _STOPPING = 3.0  # s before the entry, at which a motion can still come to rest 
 _WAYPOINTS = 5   # whose miss is predicted, evenly from the entry to the depth
 
 
-def disagreement(observing: Observing) -> str:
+def disagreement(observing: DloEstimator) -> str:
     """Return in words that the last looks do not agree with the estimate."""
     return ('looks at the DLO do not agree with what was expected of it (surprise '
             f'{observing.surprise:.3g}): it slips, swings or touches something, or the robot is '
@@ -38,7 +38,7 @@ def disagreement(observing: Observing) -> str:
             '~/identify, and plan again')
 
 
-def unexplained(observing: Observing, speed: float = 0.0) -> str:
+def unexplained(observing: DloEstimator, speed: float = 0.0) -> str:
     """Return in words why an Estimate is not of the DLO that is seen, '' if it may be.
 
     It tells of a DLO that hangs freely; one that touches something, or is held elsewhere, is none.
@@ -171,7 +171,7 @@ def aimed_anew(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: S
         for one in (way.corrected(free, found, reached[first:]), way)))
 
 
-def lag_of(seeing: Seeing, horizon: float) -> float:
+def lag_of(seeing: EstimatorConfig, horizon: float) -> float:
     """Return the seconds from a look until a motion is changed by it; inf: it is not corrected."""
     if not seeing.correct:
         return np.inf

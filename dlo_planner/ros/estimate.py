@@ -18,7 +18,7 @@ from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.judge import disagreement, expected_miss, kept_out, unexplained
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.observing import Observing, Swing, deviation
+from dlo_planner.identify.estimator import DloEstimator, Swing, deviation
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 from dlo_planner.ros.inputs import Frames, pose_in
@@ -44,11 +44,11 @@ class Estimator(Part):
         self._turn = Lock()  # one look, or identification, after the other
         # (stamp, Pose of the tool frame)
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
-        # Scene, Observing of its DLO or None, State.resets
-        self._at: tuple[Scene | None, Observing | None, int] = None, None, 0
+        # Scene, DloEstimator of its DLO or None, State.resets
+        self._at: tuple[Scene | None, DloEstimator | None, int] = None, None, 0
         self._identified: Estimate | None = None  # of which the parameters are being made
         # the plan whose motion is expected, by whom, State.resets
-        self._moves_by: tuple[PlanResult | None, Observing | None, int] = None, None, -1
+        self._moves_by: tuple[PlanResult | None, DloEstimator | None, int] = None, None, -1
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
         # center of the cut-out that was seen, as stated; stamp
         self._hole: tuple[Floats | None, float] = None, -np.inf
@@ -66,7 +66,7 @@ class Estimator(Part):
         when, off = self._seen
         return off if abs(seconds - when) <= _LONGEST_AGE else np.nan
 
-    def observing(self, stamp: Time) -> Observing | None:
+    def observing(self, stamp: Time) -> DloEstimator | None:
         """Return what observes the DLO, None where it was not looked at shortly before a stamp."""
         with self._turn:
             observing = self._observing_of(self.store.state)
@@ -126,7 +126,7 @@ class Estimator(Part):
             self._hole = stated, stamp
             observing.hole(stated, seen)
 
-    def _look(self, observing: Observing, stamp: float, points: Floats) -> Estimate:
+    def _look(self, observing: DloEstimator, stamp: float, points: Floats) -> Estimate:
         try:
             return observing.look(stamp, points)
         except InvalidTask as error:
@@ -140,8 +140,8 @@ class Estimator(Part):
                 self.markers.show('estimate', scene.frame_id, stamp, lambda: estimate_primitives(
                     shape, drawn_radius(scene.direct.rod), points))
 
-    def _observing_of(self, state: State) -> Observing | None:
-        """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""
+    def _observing_of(self, state: State) -> DloEstimator | None:
+        """Return the DloEstimator of the DLO as it is stated; None where nothing is uncertain."""
         scene = state.scene
         known, observing, resets = self._at
         kept = state.executing and state.looking is not None  # by the closed loop
@@ -154,7 +154,7 @@ class Estimator(Part):
         self._at = known if kept else scene, observing, state.resets
         return observing
 
-    def _expect(self, state: State, observing: Observing) -> None:
+    def _expect(self, state: State, observing: DloEstimator) -> None:
         """Have the DLO expected as inertia bends it in the motion that was proved."""
         made, proof = state.planned, state.proof
         known = made, observing, state.resets
@@ -174,7 +174,7 @@ class Estimator(Part):
             return -np.inf
         return execution.done_at(stamp) if execution.active else np.inf
 
-    def _follow(self, state: State, stamp: float, points: Floats, observing: Observing,
+    def _follow(self, state: State, stamp: float, points: Floats, observing: DloEstimator,
                 estimate: Estimate) -> None:
         """Remember how far the DLO is off its plan; stop before a cut-out that it may miss."""
         execution, made = state.execution, state.running
@@ -233,10 +233,10 @@ def cutout_of(state: State) -> Floats | None:
 
 
 def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
-                 known: Estimate | None) -> Observing | None:
-    """Return a new Observing, None where the DLO cannot be observed or nothing is uncertain."""
+                 known: Estimate | None) -> DloEstimator | None:
+    """Return a new DloEstimator, None where the DLO cannot be observed or nothing is uncertain."""
     try:
-        made = Observing(scene.direct, scene.seeing, known)
+        made = DloEstimator(scene.direct, scene.seeing, known)
     except InvalidTask:
         return None
     for stamp, pose in grippers:

@@ -14,7 +14,7 @@ from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.guards import Guards
-from dlo_planner.identify.observing import Seeing
+from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.checks import choice
 from dlo_planner.model.obstacles import Obstacle
@@ -54,7 +54,7 @@ class Scene:
     task: Mapping[str, Any]
     wanted: Wanted
     guards: Guards
-    seeing: Seeing
+    seeing: EstimatorConfig
 
     @classmethod
     def of(cls, values: Mapping[str, Any],
@@ -148,8 +148,8 @@ def _guards(values: Mapping[str, Any]) -> Guards:
                   values['execute.longest_pause'], values['execute.enable_timeout'])
 
 
-def _seeing(values: Mapping[str, Any]) -> Seeing:
-    return Seeing(spread_of(values), **{
-        item.name: values[f'observe.{item.name}'] for item in fields(Seeing)
+def _seeing(values: Mapping[str, Any]) -> EstimatorConfig:
+    return EstimatorConfig(spread_of(values), **{
+        item.name: values[f'observe.{item.name}'] for item in fields(EstimatorConfig)
         if item.name not in ('spread', 'robot_time')},
         robot_time=values['observe.robot_time'] or np.inf)

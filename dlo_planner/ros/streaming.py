@@ -28,7 +28,7 @@ from dlo_planner.execute.guards import Enabled
 from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
-from dlo_planner.identify.observing import Observing
+from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
@@ -74,7 +74,7 @@ def loop_task_of(made: PlanResult) -> LoopTask | None:
         return None
 
 
-def closed_loop_of(state: State, observing: Observing | None,
+def closed_loop_of(state: State, observing: DloEstimator | None,
                    worker: Worker) -> ClosedLoopDrive | None:
     """Return what carries out the plan that was started in a closed loop, or None: it cannot.
 
@@ -94,7 +94,7 @@ def closed_loop_of(state: State, observing: Observing | None,
     return ClosedLoopDrive(loop, worker, scene['threading.planning_deadline'])
 
 
-def open_loop_warning(state: State, observing: Observing | None) -> str:
+def open_loop_warning(state: State, observing: DloEstimator | None) -> str:
     """Return in words why what is seen of the DLO does not correct what is executed, '' if it does.
 
     `observing` as for `closed_loop_of`.
@@ -213,12 +213,12 @@ _COMMAND = 0.1   # m, axes of the command: longer than those of the gripper
 class TrajectoryStreamer(Part):
     """Streams what is executed.
 
-    `cancel` ends the `planning` as well. `observing` takes a Time and returns the Observing of the
-    DLO if it was looked at shortly before, or None; `worker` plans for a closed loop.
+    `cancel` ends the `planning` as well. `observing` takes a Time and returns the DloEstimator of
+    the DLO if it was looked at shortly before, or None; `worker` plans for a closed loop.
     """
 
     def __init__(self, shared: Shared, planning: PlanningServer,
-                 observing: Callable[[Time], Observing | None], worker: Worker, commands: Any,
+                 observing: Callable[[Time], DloEstimator | None], worker: Worker, commands: Any,
                  control: Any) -> None:
         super().__init__(shared)
         node = self.node

@@ -24,7 +24,7 @@ from dlo_planner import (
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import frames_of, used
-from dlo_planner.identify.observing import Observing
+from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.penalties import Through
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
@@ -77,7 +77,7 @@ class Cell:
     def __init__(self, state, worker):
         self.rng = np.random.default_rng(8)
         self.truth = Truth.drawn(self.rng, WIRE, SPREAD)
-        self.observing = Observing(state.scene.direct, state.scene.seeing)
+        self.observing = DloEstimator(state.scene.direct, state.scene.seeing)
         self.here, self.time, self.sent, self.phases = START, 0.0, [], []
         started = state.started(0.0)
         self.drive = closed_loop_of(started, self.observing, worker)
@@ -222,9 +222,9 @@ def test_what_is_barred_ends_a_motion(proved, worker):
 def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(proved, worker):
     started = proved.started(0.0)
     scene = started.scene
-    observing = Observing(scene.direct, scene.seeing)
+    observing = DloEstimator(scene.direct, scene.seeing)
     assert closed_loop_of(started, None, worker) is None
-    blind = Observing(scene.direct, replace(scene.seeing, correct=False))
+    blind = DloEstimator(scene.direct, replace(scene.seeing, correct=False))
     assert closed_loop_of(started, blind, worker) is None
     made = started.running
     for narrow in (None, 0.5e-3):
@@ -252,10 +252,10 @@ def test_a_plan_that_could_be_looked_at_and_is_not_says_so(proved):
     started = proved.started(0.0)
     scene = started.scene
     assert 'in open loop: no cloud' in open_loop_warning(started, None)
-    assert open_loop_warning(started, Observing(scene.direct, scene.seeing)) == ''
+    assert open_loop_warning(started, DloEstimator(scene.direct, scene.seeing)) == ''
     seeing = replace(scene.seeing, correct=False)  # nobody wants it
     assert open_loop_warning(replace(started, scene=replace(scene, seeing=seeing)), None) == ''
     made = replace(started, running=replace(started.running, task=Thread(CutOut(HOLE.pose))))
     assert open_loop_warning(made, None) == ''  # nobody looks, nothing could be corrected
-    said = open_loop_warning(made, Observing(scene.direct, scene.seeing))
+    said = open_loop_warning(made, DloEstimator(scene.direct, scene.seeing))
     assert 'in open loop' in said and 'cutouts.radius' in said

@@ -15,7 +15,7 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Guards, Heard
 from dlo_planner.execute.limiter import Limiter, frames_of, shortest_stop, used
-from dlo_planner.identify.steering import Change, Steered
+from dlo_planner.identify.online_trajectory import Change, Steered
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.parameters import PARAMETERS
 

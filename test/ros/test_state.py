@@ -15,7 +15,7 @@ from dlo_planner import Pose, Sphere, replay
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Heard
 from dlo_planner.execute.guards import Enabled, Guards
-from dlo_planner.identify.observing import Seeing
+from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.plan.plan import PlanStatus, truncate
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.ros.plan import make_plan, through
@@ -266,7 +266,7 @@ def test_each_guard_and_figure_of_seeing_is_that_of_its_parameter():
               'goal_angle': 'constraints.goal.angle', 'goal_time': 'constraints.goal_time',
               'longest_pause': 'execute.longest_pause', 'enable_timeout': 'execute.enable_timeout'}
     named = {**{item.name: guards.get(item.name, item.name) for item in fields(Guards)},
-             **{item.name: f'observe.{item.name}' for item in fields(Seeing)
+             **{item.name: f'observe.{item.name}' for item in fields(EstimatorConfig)
                 if item.name != 'spread'}}
     given = {name: 0.01 * k for k, name in enumerate(named.values(), start=1)}
     given |= {'decelerate_on_cancel': False, 'observe.correct': False}

@@ -18,13 +18,13 @@ from dlo_planner import (
     Trajectory,
     Uncertainty,
 )
-from dlo_planner.identify.observing import Observing, Seeing, Swing, motion_at
+from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig, Swing, motion_at
 from dlo_planner.ros.estimate import estimate_summary, observing_of
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.settings.parameters import PARAMETERS
 
-SEEING = Seeing(SPREAD, NOISE)
+SEEING = EstimatorConfig(SPREAD, NOISE)
 COPPER = {'rod.diameter': 1.5e-3}
 SPRING = {'rod.section': 'stiffness', 'rod.mass_per_length': 0.05, 'rod.torsional_stiffness': 0.02,
           'rod.bending_stiffness': [0.03, 0.05]}
@@ -35,7 +35,7 @@ def parameters(**changes):
 
 
 def observing(simulator=None, seeing=SEEING, gripper=START, times=(0.0, 10.0)):
-    out = Observing(simulator or DirectSimulator(WIRE), seeing)
+    out = DloEstimator(simulator or DirectSimulator(WIRE), seeing)
     for time in times:
         out.gripper(time, gripper)
     return out
@@ -193,7 +193,8 @@ def test_a_dlo_in_motion_is_expected_where_inertia_bends_it(rng):
     assert swing.at(np.inf)[1] == 0
 
     def looked_once(known):
-        out = Observing(DirectSimulator(WIRE), Seeing(replace(SPREAD, gripper_position=1e-4)))
+        out = DloEstimator(DirectSimulator(WIRE), EstimatorConfig(
+            replace(SPREAD, gripper_position=1e-4)))
         for time in times:
             out.gripper(time, way.at([time])[0][0])
         if known:
@@ -246,13 +247,13 @@ def test_poses_before_the_first_cloud_are_of_the_tool_frame(rng):
     out = observing_of(scene, [(0.0, there), (10.0, there)], None)
     looked(out, Truth.drawn(rng), rng, looks=1)
     assert out.off < 3e-3
-    certain = replace(scene, seeing=Seeing(Uncertainty()))
+    certain = replace(scene, seeing=EstimatorConfig(Uncertainty()))
     assert observing_of(certain, [], None) is None
 
 
 def test_nothing_uncertain_is_refused():
     with pytest.raises(InvalidTask, match='uncertainty'):
-        Observing(DirectSimulator(replace(WIRE)), Seeing())
+        DloEstimator(DirectSimulator(replace(WIRE)), EstimatorConfig())
     assert isinstance(WIRE, Rod)
 
 
