@@ -32,11 +32,11 @@ from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import How, corrected_by, past_of, step
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.minimize.expected_error import discretization_errors, resampled_means
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import freeze, same
 
 _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
@@ -344,7 +344,7 @@ def _times(shape: Shape) -> float | None:
 
 def _points(mesh: Discretization) -> Floats:
     """Return (n,) arc lengths of point masses and loads, m."""
-    loads = [one.s for one in mesh.surroundings.point_loads if one.s is not None]
+    loads = [one.s for one in mesh.surroundings.dead_loads if one.s is not None]
     return np.array([s for s, _ in mesh.rod.point_masses] + loads)
 
 

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import row, shown
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import Value, freeze
 
 _SAME = 1e-9        # of the length

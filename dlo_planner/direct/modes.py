@@ -389,8 +389,9 @@ def _definite(vibration: Vibration, name: str) -> Floats:
 
 def _signs(displacements: Floats) -> Floats:
     """Return (n,) 1 or -1: signs of the largest displacements of n modes (N + 1, 3, n)."""
-    flat = displacements.reshape(-1, displacements.shape[2])
-    return np.where(flat[np.abs(flat).argmax(axis=0), np.arange(flat.shape[1])] < 0, -1.0, 1.0)
+    nodes, _, count = displacements.shape
+    flat = displacements.reshape(3 * nodes, count)
+    return np.where(flat[np.abs(flat).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
 
 
 def _error(linear: Linearized, rates: Floats, places: Ints) -> Floats:

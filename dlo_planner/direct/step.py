@@ -19,15 +19,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.continuation import between
+from dlo_planner.direct.continuation import Grips
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import NOWHERE, Memory
-from dlo_planner.direct.paper import described_equilibrium
 from dlo_planner.direct.search import (
     EXACT,
     MAX_ITERATIONS,
     TOLERANCE,
     Search,
+    described_minimum,
     hinge_unknowns,
     minimum,
     own_unknowns,
@@ -36,11 +36,9 @@ from dlo_planner.direct.search import (
 )
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import FREELY, Watch, equilibrium, held_nearby, shape_of, underway
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration
 from dlo_planner.energy.potential import configuration_at
-from dlo_planner.energy.scene import Scene
 from dlo_planner.geometry.so3 import partway
 from dlo_planner.minimize.contact_solver import follow_contact
 from dlo_planner.minimize.newton import follow_homotopy
@@ -114,7 +112,9 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: H
     if culled and far_end is None:
         return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
     if how.strains == 'paper':
-        return described_equilibrium(mesh, gripper, strains, how.method, past)
+        system = mesh.local.system(gripper.rotation, gripper.position, past)
+        return shape_of(mesh.local, gripper, described_minimum(mesh, system, strains, how.method),
+                        past)
     shape = None
     if newton and initial is not None:
         if far_end is None:
@@ -123,9 +123,10 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: H
             shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
     if shape is not None:
         return shape
-    gripper = held_by(mesh.surroundings, gripper, initial)
-    gripper, strains, past, clear = _advanced(mesh, initial, strains, gripper, far_end, past,
-                                              culled)
+    if initial is not None and mesh.surroundings.pinned:  # it does not turn with its gripper
+        gripper = Pose.from_rotation(gripper.position, initial.gripper.rotation)
+    gripper, strains, past, clear = _advanced(mesh, initial, strains, Grips(gripper, far_end),
+                                              past, culled)
     if newton and initial is None and far_end is not None:
         shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
     if shape is None:
@@ -146,16 +147,6 @@ def _bearing(mesh: Discretization, gripper: Pose, initial: Shape, strains: Float
     found = follow_contact(mesh.system(gripper.rotation, gripper.position, past), start, TOLERANCE,
                            MAX_ITERATIONS, EXACT * float(mesh.s[-1]), before)
     return None if found is None else shape_of(mesh, gripper, found, past)
-
-
-def held_by(surroundings: Surroundings, gripper: Pose, initial: Shape | None) -> Pose:
-    """Return the Pose in which the gripper holds the DLO of `initial` (a Shape or None).
-
-    A pinned DLO does not turn with its gripper.
-    """
-    if initial is None or not surroundings.pinned:
-        return gripper
-    return Pose.from_rotation(gripper.position, initial.gripper.rotation)
 
 
 def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) -> Memory:
@@ -226,70 +217,65 @@ class Predictor(NamedTuple):
     clear: bool = True
 
 
-def _advanced(mesh: Discretization, previous: Shape | None, strains: Floats, gripper: Pose,
-              far_end: FarEnd | None, memory: Memory, culled: bool) -> Predictor:
+def _advanced(mesh: Discretization, previous: Shape | None, strains: Floats, goal: Grips,
+              memory: Memory, culled: bool) -> Predictor:
     """Return where the search begins, the past with the forces of a grip at the end of the way.
 
-    The gripper (and the far end's grip) goes straight from its pose in `previous`; the DLO gives
-    way. Where an obstacle is between here and there, the motion is made in smaller parts.
+    The grips go straight from where they are in `previous`; the DLO gives way. Where an obstacle is
+    between here and there, the motion is made in smaller parts.
     """
-    amid = mesh.obstructed and not culled
+    (gripper, far_end), amid = goal, mesh.obstructed and not culled
     if far_end is None and (previous is None or not amid):
         return Predictor(gripper, strains, memory)
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
-    begin = gripper if previous is None else previous.gripper
-    held = None
+    begin = Grips(gripper if previous is None else previous.gripper)
     if far_end is not None:  # where the end is now
-        held = FarEnd(_end_of(mesh, previous, strains, begin), far_end.grip)
-    parts = _parts_between(begin, gripper, held, far_end, float(mesh.s[-1]))
+        if previous is None:
+            state = configuration_at(mesh.system(gripper.rotation, culled=True), strains)
+            position, frame = gripper.position + state.positions[-1], state.rotations[-1]
+        else:
+            position, frame = previous.positions[-1], previous.frames[-1]
+        begin = Grips(begin.gripper, FarEnd(Pose.from_rotation(position, frame), far_end.grip))
+    parts = _parts_between(begin, goal, float(mesh.s[-1]))
     if parts == 0:
         return Predictor(gripper, strains, memory)
-    if previous is None and held is not None and far_end is not None:
-        return _set_down(mesh, gripper, strains, (held, far_end), memory, parts)
-    if not amid and held is not None and far_end is not None:
-        return _led(mesh, strains, (begin, gripper), (held, far_end), memory, parts, culled)
-    return _in_parts(mesh, strains, (begin, gripper), (held, far_end), memory, parts)
+    if far_end is not None and previous is None:
+        return _set_down(mesh, strains, begin, goal, memory, parts)
+    if far_end is not None and not amid:
+        return _led(mesh, strains, begin, goal, memory, parts, culled)
+    return _in_parts(mesh, strains, begin, goal, memory, parts)
 
 
-def _end_of(mesh: Discretization, previous: Shape | None, strains: Floats, begin: Pose) -> Pose:
-    if previous is not None:
-        return Pose.from_rotation(previous.positions[-1], previous.frames[-1])
-    state = configuration_at(mesh.system(begin.rotation, culled=True), strains)
-    return Pose.from_rotation(begin.position + state.positions[-1], state.rotations[-1])
-
-
-def _parts_between(begin: Pose, gripper: Pose, held: FarEnd | None, far_end: FarEnd | None,
-                   length: float) -> int:
+def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
     """Return in how many parts the motion is to be made at least; 0 if there is none."""
-    pairs, parts = [(begin, gripper)], 0.0
-    if held is not None and far_end is not None:
-        pairs.append((held.pose, far_end.pose))
-    for one, other in pairs:
+    pairs = [(begin.gripper, goal.gripper, True)]
+    if begin.far_end is not None and goal.far_end is not None:
+        pairs.append((begin.far_end.pose, goal.far_end.pose, goal.far_end.grip != 'pinned'))
+    parts = 0.0
+    for one, other, turns in pairs:
         shift = float(np.linalg.norm(other.position - one.position))
-        turn = angle_between(one.rotation, other.rotation)
-        if far_end is None:
-            parts = max(parts, 1.0 if shift + turn > 0 else 0.0)
-        else:
-            if far_end.grip == 'pinned' and one is not begin:
-                turn = 0.0
-            parts = max(parts, shift / (_SHIFT * length), turn / _TURN)
+        turn = angle_between(one.rotation, other.rotation) if turns else 0.0
+        if goal.far_end is None:
+            return int(shift + turn > 0)
+        parts = max(parts, shift / (_SHIFT * length), turn / _TURN)
     return int(np.ceil(parts - 1e-9))
 
 
-def _led(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
-         far_ends: tuple[FarEnd, FarEnd], memory: Memory, parts: int, culled: bool) -> Predictor:
+def _led(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
+         parts: int, culled: bool) -> Predictor:
     """Return where the search begins near the end of a straight way of both grips.
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
     """
-    (begin, end), (held, far_end) = grippers, far_ends
-    done = 0.0
+    held, far_end = begin.far_end, goal.far_end
+    assert held is not None and far_end is not None  # see `_advanced`
+    first, last, done = begin.gripper, goal.gripper, 0.0
     for finer in range(_FINEST):
         count = int(np.ceil(parts * _FINER**finer * (1.0 - done) - 1e-9))
         if count <= 1:
             break
         shares = done + (1.0 - done) * np.arange(1, count) / count
-        gripped, bases = _way(begin, end, shares)
+        gripped, bases = _way(first, last, shares)
         held_at, axes = _way(held.pose, far_end.pose, shares)
         system = mesh.system(bases[0], gripped[0], memory,
                              FarEnd(Pose.from_rotation(held_at[0], axes[0]), held.grip),
@@ -301,8 +287,8 @@ def _led(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
             bases[:] = system.base
             q, gone = follow_homotopy(with_hinge(system), hinge_unknowns(system, q), bases,
                                       held_at - gripped, axes, rows)
-            begin, end = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
-                          for pose in (begin, end))
+            first, last = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
+                           for pose in (first, last))
             q = own_unknowns(system, q)
         else:
             q, gone = follow_homotopy(system, q, bases, held_at - gripped, axes, rows)
@@ -311,7 +297,7 @@ def _led(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
         if gone == len(shares):
             break
         done = shares[gone - 1] if gone else done
-    return Predictor(end, strains, memory)
+    return Predictor(last, strains, memory)
 
 
 def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
@@ -320,20 +306,21 @@ def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
     return one.position + shares[:, None] * (other.position - one.position), np.array(turned)
 
 
-def _set_down(mesh: Discretization, gripper: Pose, strains: Floats,
-              far_ends: tuple[FarEnd, FarEnd], memory: Memory, parts: int) -> Predictor:
+def _set_down(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
+              parts: int) -> Predictor:
     """Return where the search begins for a DLO that is set down in its grips.
 
     First without obstacles, then it grows to its thickness among them; torsion that is soft is as
     stiff as bending until then.
     """
     from dlo_planner.direct.taut import first_shape  # noqa: PLC0415  (SciPy: a free DLO needs none)
-    far_end, amid = far_ends[1], mesh.obstructed
+    (gripper, far_end), amid = goal, mesh.obstructed
+    assert far_end is not None  # see `_advanced`
     firm = _resisting_twist(mesh)
     bare = firm.within(replace(firm.surroundings, obstacles=())) if amid else firm
     past = bare.past(memory)
     gripper, strains, past, _ = first_shape(bare, gripper, far_end, past) or _led(
-        bare, strains, (gripper, gripper), far_ends, past, parts, False)
+        bare, strains, begin, goal, past, parts, False)
     if amid:
         shape = equilibrium(bare, gripper, strains, past, far_end)
         past = replace(firm.past(memory), hold=shape.state.left.hold)
@@ -351,8 +338,8 @@ def _resisting_twist(mesh: Discretization) -> Discretization:
     twist, bend = rod.stiffness[0], min(rod.stiffness[1:])
     if rod.yields or twist > _SOFT * bend:
         return mesh
-    return mesh.of(replace(rod, torsional_stiffness=scaled(rod.torsional_stiffness,
-                                                           float(bend / twist))))
+    firm = replace(rod, torsional_stiffness=scaled(rod.torsional_stiffness, float(bend / twist)))
+    return mesh.within(mesh.surroundings.of_rod(firm))
 
 
 def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd,
@@ -366,8 +353,11 @@ def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd
     while thin > 0.0 and step > _LEAST_GROWTH * growth:
         wanted = max(0.0, thin - step)
         system = mesh.system(gripper.rotation, gripper.position, memory, far_end)
-        found = minimum(mesh, system._replace(scene=_thinner(system.scene, wanted)), gripper,
-                        mesh.unknowns(strains), memory, _GROWING)
+        scene = system.scene  # of a DLO whose surface is deeper everywhere
+        scene = scene._replace(radius=scene.radius - wanted, radii=scene.radii - wanted,
+                               rounding=scene.rounding - wanted)
+        found = minimum(mesh, system._replace(scene=scene), gripper, mesh.unknowns(strains),
+                        memory, _GROWING)
         if not (found.residual < 10.0 * _LEFT and found.violation < _DEPTH * mesh.s[-1]):
             step *= 0.5
             continue
@@ -379,44 +369,32 @@ def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd
     return Predictor(gripper, strains, memory)
 
 
-def _thinner(scene: Scene, thin: float) -> Scene:
-    """Return the Scene of a DLO whose surface is `thin` (m) deeper everywhere."""
-    return scene._replace(radius=scene.radius - thin, radii=scene.radii - thin,
-                          rounding=scene.rounding - thin)
-
-
-def _in_parts(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
-              far_ends: tuple[FarEnd | None, FarEnd | None], memory: Memory,
+def _in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
               parts: int) -> Predictor:
     """Return where the search begins after a way in parts, around obstacles where it can."""
-    (begin, gripper), (held, far_end) = grippers, far_ends
-    done, step = 0.0, 1.0 / parts
-    where, past, left = begin, memory, parts + _MORE_PARTS
+    done, step, where, past, left = 0.0, 1.0 / parts, begin.gripper, memory, parts + _MORE_PARTS
     while done < 1.0:
         old = configuration_at(mesh.system(where.rotation), strains)
         target = min(1.0, done + step)
-        there = gripper if target == 1.0 else between(begin, gripper, target)
-        grip = far_end
-        if held is not None and far_end is not None and target < 1.0:
-            grip = FarEnd(between(held.pose, far_end.pose, target), far_end.grip)
-        system = mesh.system(there.rotation, there.position, memory, grip)
+        there = goal if target == 1.0 else begin.towards(goal, target)
+        system = mesh.system(there.gripper.rotation, there.gripper.position, memory, there.far_end)
         new = configuration_at(system, strains)
-        shift = there.position - where.position
+        shift = there.gripper.position - where.position
         if sweeps_through(system.scene, system.lengths, old.strains, old.rotations,
                           old.positions - shift, new.rotations, new.positions):
             step *= 0.5
             if step < _SMALLEST or left == 0:
-                return Predictor(gripper, strains, past, False)
+                return Predictor(goal.gripper, strains, past, False)
             continue
-        done, where, left = target, there, max(left - 1, 0)
+        done, where, left = target, there.gripper, max(left - 1, 0)
         step = min(2 * step, 1.0 / parts)
         if done == 1.0:
             break  # what is left is the step itself
-        found = minimum(mesh, system, there, new.q, memory, _RELAXING)
+        found = minimum(mesh, system, where, new.q, memory, _RELAXING)
         strains = found.state.strains
         if mesh.surroundings.pinned:  # it has turned
-            there, begin, gripper = (Pose.from_rotation(pose.position, found.system.base)
-                                     for pose in (there, begin, gripper))
-            where = there
-        memory = underway(mesh, found, there, memory)
-    return Predictor(gripper, strains, replace(past, hold=memory.hold))
+            where, first, last = (Pose.from_rotation(pose.position, found.system.base)
+                                  for pose in (where, begin.gripper, goal.gripper))
+            begin, goal = begin._replace(gripper=first), goal._replace(gripper=last)
+        memory = underway(mesh, found, where, memory)
+    return Predictor(goal.gripper, strains, replace(past, hold=memory.hold))
