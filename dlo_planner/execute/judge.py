@@ -78,18 +78,29 @@ def obstacles_around(inverse: InverseSimulator) -> tuple[Obstacle, ...]:
                      if not isinstance(body, Sheet) and body not in kept))
 
 
-def kept_out(miss: float, room: float, left: float, moving: float) -> str:
+def expected_miss(estimate: Estimate, plan: Plan, execution: Execution) -> tuple[float, float]:
+    """Return by how much the DLO may miss in a motion that is not corrected, and when it enters.
+
+    m, with 95 %, as far as the estimate tells and with what motion adds; s until the entry.
+    """
+    way = execution.way
+    steered = way if isinstance(way, Steered) else Steered.of(way, plan.shapes[-1])
+    reached = steered.reached(plan.times)
+    entry = next((float(time) for time, passes in zip(reached, plan.via_points, strict=True)
+                  if passes), -np.inf)
+    return (bound_of(estimate, plan, steered, reached, execution.free, np.inf)
+            + in_motion(execution), entry - execution.done)
+
+
+def kept_out(miss: float, room: float, left: float) -> str:
     """Return in words why a motion has to stop before the cut-out, '' if it may go on.
 
-    It goes in if the DLO is inside the cut-out with 95 %, as far as the estimate tells, and with
-    what motion adds. Whether it is, is judged when the stop has to begin; after the entry it would
-    be of no use.
+    It goes in if the DLO is inside the cut-out with 95 %. Whether it is, is judged when the stop
+    has to begin; after the entry it would be of no use.
     """
-    bound = miss + moving
-    return '' if not 0 < left <= _STOPPING or bound <= room else (
-        f'the DLO may miss the cut-out by {bound:.3g} m (95 %, {moving:.3g} m of it by '
-        f'motion): expected at most the room of {room:.3g} m; let it hang at rest before the '
-        'camera, call ~/identify, and plan again')
+    return '' if not 0 < left <= _STOPPING or miss <= room else (
+        f'the DLO may miss the cut-out by {miss:.3g} m (95 %): expected at most the room of '
+        f'{room:.3g} m; let it hang at rest before the camera, call ~/identify, and plan again')
 
 
 def in_motion(execution: Execution) -> float:

@@ -20,7 +20,7 @@ from dlo_planner import (
 )
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig, Swing, motion_at
 from dlo_planner.ros.estimate import estimate_summary, observing_of
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.settings.parameters import PARAMETERS
 
@@ -210,13 +210,13 @@ def test_a_dlo_in_motion_is_expected_where_inertia_bends_it(rng):
 @pytest.mark.parametrize('section', [COPPER, SPRING])
 def test_what_is_identified_is_the_dlo_of_the_estimate(section, rng):
     values = parameters(**section)
-    scene = build_scene(values)
+    scene = Scene.of(values)
     truth = Truth.drawn(rng, scene.direct.rod)
     estimate = looked(observing(scene.direct), truth, rng, looks=6)
     changed = parameters_of_estimate(estimate, values)
     assert set(changed) <= set(PARAMETERS)
     assert all(type(value) is type(PARAMETERS[name].default) for name, value in changed.items())
-    after = build_scene(values | changed)
+    after = Scene.of(values | changed)
     commanded = START.compose(after.tool)
     np.testing.assert_allclose(commanded.matrix, estimate.actual(START).matrix, atol=1e-12)
     s = np.linspace(0, 0.999, 9) * after.direct.rod.length
@@ -227,7 +227,7 @@ def test_what_is_identified_is_the_dlo_of_the_estimate(section, rng):
 
 def test_terms_add_up(rng):
     values = parameters(**COPPER, **{'rod.natural_curvature_terms': [0.1, 0.2, 0.0, -0.1]})
-    rod = build_scene(values).direct.rod
+    rod = Scene.of(values).direct.rod
     np.testing.assert_allclose(rod.natural_strains([0.0, 1.0])[:, 1:],
                                [[-0.1, -0.3], [0.1, 0.1]])
     estimate = observing(DirectSimulator(rod)).estimate
@@ -237,12 +237,12 @@ def test_terms_add_up(rng):
 
 def test_terms_that_are_no_pairs_are_refused():
     with pytest.raises(InvalidTask, match='rod.natural_curvature_terms'):
-        build_scene(parameters(**{'rod.natural_curvature_terms': [0.1, 0.2, 0.3]}))
+        Scene.of(parameters(**{'rod.natural_curvature_terms': [0.1, 0.2, 0.3]}))
 
 
 def test_poses_before_the_first_cloud_are_of_the_tool_frame(rng):
     tool = Pose.looking_along((0.0, 0.1, 0.02), (1.0, 0.3, 0.2))
-    scene = replace(build_scene(parameters(**COPPER)), tool=tool)
+    scene = replace(Scene.of(parameters(**COPPER)), tool=tool)
     there = START.compose(tool.inverse())
     out = observing_of(scene, [(0.0, there), (10.0, there)], None)
     looked(out, Truth.drawn(rng), rng, looks=1)
