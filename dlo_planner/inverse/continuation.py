@@ -20,7 +20,6 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import fell
-from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
