@@ -25,7 +25,6 @@ from dlo_planner.direct.discretization import (
     even_mesh,
     graded_mesh,
     nodes_at,
-    straight_between,
     with_breaks,
 )
 from dlo_planner.direct.memory import Memory
@@ -43,7 +42,6 @@ _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
 _MANY = 512  # elements: a DLO whose error is not known with so many is given up
 _FIRST_TERMS, _MOST_TERMS = 12, 48
 _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
-_RESOLVED = 2e-4  # of the length: an error below it goes with the mesh, as its leading order does
 _FORESEEN = 2e-3  # the same, of what is expected on a finer mesh
 _DOUBTFUL = 2.0  # times the accuracy: what is expected to be off by more is off
 _TURNED = 0.1  # rad: it is another equilibrium
@@ -116,8 +114,7 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
             finer = _refined(mesh, fine, shape, accuracy)
             if finer is None:
                 return judged(shape, wanted_accuracy)
-            mesh = finer
-            start = _smooth_start(mesh, shape) if _hangs_resolved(shape) else None
+            mesh, start = finer, None
         if not _way_counts(shape, initial):
             begin = shape  # a better start; else the step is made again
 
@@ -272,25 +269,6 @@ def _refined(mesh: Discretization, fine: str, shape: Shape,
     if terms == mesh.n_terms and s.size == mesh.s.size:
         return None
     return Discretization(around, s, fine, terms)
-
-
-def _hangs_resolved(shape: Shape) -> bool:
-    """Whether the elements of a DLO that hangs freely follow its bend, if roughly."""
-    return (shape.state.culled and shape.far_end is None
-            and shape.error_estimate < _RESOLVED * shape.s[-1])
-
-
-def _smooth_start(mesh: Discretization, shape: Shape) -> Floats:
-    """Return (N, 3): strains whose moments lie straight between those of a Shape.
-
-    Moments do not jump where stiffness and natural strains do: a search on a finer mesh begins
-    nearer to its end than with steps.
-    """
-    known = shape.state.made_on
-    moments = known.free.stiffness * (shape.element_strains - known.natural)
-    strains: Floats = mesh.natural + (straight_between(known.s, moments, mesh.s)
-                                      / mesh.free.stiffness)
-    return strains
 
 
 def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = None) -> bool:
