@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.accuracy import (
-    Wanted,
     accurate_equilibrium,
     default_accuracy,
     fine_enough,
@@ -461,8 +460,8 @@ class DirectSimulator(Value):
         how = How(self._history, far_end, self.method, self.strains, most)
         if self.accuracy is None:
             return step(self._discretization, gripper, initial, how)
-        return accurate_equilibrium(Wanted(self._discretization, self._fine, self.accuracy),
-                                    gripper, initial, how)
+        return accurate_equilibrium(self._discretization, self._fine, self.accuracy, gripper,
+                                    initial, how)
 
     def _settled(self, shape: Shape | None) -> Shape | None:
         """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
