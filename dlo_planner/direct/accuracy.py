@@ -30,7 +30,7 @@ from dlo_planner.direct.discretization import (
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.step import How, corrected_by, past_of, step
+from dlo_planner.direct.step import StepInputs, corrected_by, past_of, step
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.minimize.expected_error import discretization_errors, resampled_means
 from dlo_planner.model.arrays import Bools, Floats
@@ -60,7 +60,7 @@ _BEARS = 5e-4    # of the length: below, where it bears on an obstacle may be of
 
 
 def accurate_equilibrium(first: Discretization, fine: str, wanted: float, gripper: Pose,
-                         initial: Shape | None, how: How) -> Shape:
+                         initial: Shape | None, how: StepInputs) -> Shape:
     """Return a Shape on a mesh for the accuracy `wanted`, m: `first`, or better ones in `fine`.
 
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
@@ -112,7 +112,7 @@ def accurate_equilibrium(first: Discretization, fine: str, wanted: float, grippe
 
 def _made_with_a_set(shape: Shape) -> bool:
     """Whether a DLO was bent for good before the step that made a Shape."""
-    return shape.state.before is not None and shape.state.before.lasts
+    return shape.state.before is not None and shape.state.before.has_set
 
 
 def _way_counts(shape: Shape, initial: Shape | None) -> bool:
@@ -221,7 +221,7 @@ def mesh_to_begin_with(first: Discretization, fine: str, accuracy: float | None,
         return first
     past = memory if initial is None else initial.state.history
     s = initial.s if initial is not None else None if memory is None else memory.s
-    if (past is not None and past.lasts
+    if (past is not None and past.has_set
             and (known is None or known.basis not in (first.basis, fine))):
         return Discretization(around, with_breaks(past.s, around.breaks), fine, first.n_terms)
     if s is None or known is not None and known.basis not in (first.basis, fine):

@@ -328,7 +328,7 @@ class Discretization(Value):
         known = memory.of is None or same(memory.of, self.surroundings)
         if not known or len(memory.node_force) != len(self.start.node_force):
             bodies = len(self.start.node_force)
-            memory = replace(memory.lasting(), node_force=np.zeros((bodies, memory.s.size)))
+            memory = replace(memory.permanent_part(), node_force=np.zeros((bodies, memory.s.size)))
         return memory.resampled(self.s)
 
     def _suits(self, memory: Memory) -> bool:
