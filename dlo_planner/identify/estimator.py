@@ -59,7 +59,7 @@ _FAR = 6.0           # deviations along an axis by which a cut-out may be seen o
 
 
 @dataclass(frozen=True)
-class Seeing:
+class EstimatorConfig:
     """How well the camera sees, and how uncertain the DLO is; m, rad and s, see `Observer`."""
 
     spread: Uncertainty = field(default_factory=Uncertainty)  # and how the gripper holds it
@@ -123,13 +123,13 @@ class Swing:
         return (1 - share) * self.bent[low] + share * self.bent[low + 1], float(most)
 
 
-class Observing:
+class DloEstimator:
     """The Estimate of a DLO from all that was seen since the last `reset`; for several threads.
 
     `known`: the Estimate by which the DLO was stated so; what that was sure of stays sure.
     """
 
-    def __init__(self, simulator: DirectSimulator, seeing: Seeing,
+    def __init__(self, simulator: DirectSimulator, seeing: EstimatorConfig,
                  known: Estimate | None = None) -> None:
         self.seeing = seeing
         self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
