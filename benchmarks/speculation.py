@@ -26,7 +26,7 @@ from scipy.spatial.transform import Rotation
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from dlo_planner import DirectSimulator, Pose, Rod, parallel  # noqa: E402
-from dlo_planner.direct.simulator import Prescribed, motion_by  # noqa: E402
+from dlo_planner.direct.simulator import motion_by  # noqa: E402
 from dlo_planner.parallel.pool import Pool  # noqa: E402
 from dlo_planner.parallel.speculation import AheadStepper, Rounds, track_ahead  # noqa: E402
 from dlo_planner.progress import Progress  # noqa: E402
@@ -76,9 +76,9 @@ def moving(method, tasks, make):
     """Return the Rounds of benchmark C in motion: 180 degrees and back in 4 s, steps of 0.05 s."""
     way = [turned(90 * (1 - np.cos(np.pi * k / 40))) for k in range(81)]
     rounds = Rounds(Pool(Here(), lambda: None), tasks)
-    task = Prescribed(way, 0.05, tolerance=np.inf, integrator='paper')
     motion = motion_by(partial(make, rounds, 80), DirectSimulator(
-        wire(damping=(0.5, 0.0)), method=method, **mesh_of(method)), task, Progress())
+        wire(damping=(0.5, 0.0)), method=method, **mesh_of(method)), way, 0.05, Progress(),
+        tolerance=np.inf, integrator='paper')
     assert motion.converged, motion.message
     return rounds.made
 

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What simulations and proofs return: for annotations, and to load them from files."""
 
-from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.modes import Modes
 from dlo_planner.direct.motion import Motion
-from dlo_planner.direct.shape import modes_along
+from dlo_planner.direct.shape import Contact, modes_along
 from dlo_planner.parallel.shapes import Shapes
 from dlo_planner.verify.report import ValidationReport
 from dlo_planner.verify.robustness import Robustness

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all tests share. The environment is set before any ROS message is imported."""
 
+import gc
 import os
 import sys
 import tempfile
@@ -21,6 +22,17 @@ from dlo_planner import Pose, Rod  # noqa: E402
 
 # They time threads, processes and pages, without the fixture `domain`.
 _TIMED = ('test/ros/test_main.py', 'test/ros/test_worker.py', 'test/view/test_plan_page.py')
+
+
+def pytest_collection():
+    """Look for no garbage while thousands of tests are made: none of them is any."""
+    gc.disable()
+
+
+def pytest_collection_finish():
+    """Look for garbage again, but not among the tests and what they have imported."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items):

@@ -85,4 +85,4 @@ def box(number, x=3.0, size=0.1, namespace='cell'):
 def clear(client, node):
     """Take all obstacles away."""
     client.send_obstacles([Marker(action=Marker.DELETEALL)])
-    assert until(lambda: not state(node).bodies)
+    assert until(lambda: not state(node).scene.bodies)

@@ -245,6 +245,7 @@ def test_what_changes_numba_counts(used):
     assert run(used)[:3] == [[3.5, 0.0], [], ALL]
 
 
+@pytest.mark.sweep
 def test_the_contents_of_a_constant_count(used):
     edit(used, 'deep', '[2.0, 3.0]', '[2.5, 3.0]')
     assert run(used)[:2] == [[4.0, 0.0], ['alone.for_python', 'wide']]

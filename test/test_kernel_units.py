@@ -39,17 +39,17 @@ def constants(x):
 """
 
 
-@pytest.fixture(params=['', '(forceinline=True)'], ids=['', 'forceinline'])
-def made(request, monkeypatch, tmp_path):
+@pytest.fixture(scope='module', params=['', '(forceinline=True)'], ids=['', 'forceinline'])
+def made(request, tmp_path_factory):
     """Return a module of kernels that nobody has compiled, and the number of units among them."""
-    monkeypatch.setattr(folders, '_only', [tmp_path])
-    folders.folders.cache_clear()
     module = type(sys)('made_for_a_test')
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-    module.kernel = kernel
-    exec(TEXT.replace('{options}', request.param), module.__dict__)
-    yield module, 1 if request.param else 2
-    monkeypatch.undo()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(folders, '_only', [tmp_path_factory.mktemp('kernels')])
+        folders.folders.cache_clear()
+        patch.setitem(sys.modules, module.__name__, module)
+        module.kernel = kernel
+        exec(TEXT.replace('{options}', request.param), module.__dict__)
+        yield module, 1 if request.param else 2
     folders.folders.cache_clear()
 
 
@@ -87,7 +87,7 @@ def test_errors_cross_from_kernel_to_kernel_to_python(made):
 def test_a_constant_makes_no_version_of_its_own(made):
     module, _ = made
     assert module.constants(0.25) == plain('constants', 0.25)
-    assert len(module.large.overloads) == 1
+    assert module.large.overloads and 'Literal' not in str([*module.large.overloads])
 
 
 def test_python_calls_with_names_and_defaults(made):

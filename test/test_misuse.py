@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever is given for an argument: an answer, or an error that says what is wrong with it."""
 
+import shutil
+
 import matplotlib
 import pytest
 from matplotlib import pyplot
@@ -30,16 +32,22 @@ def keywords_of(name, parameters):
     return keywords
 
 
-@pytest.fixture(autouse=True)
-def somewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # some malformed names of files are good ones
-    values()['Shape'].save('saved.npz')
-    values()['Plan'].save('plan.npz')
-    values()['Motion'].save('motion.npz')
-    values()['ValidationReport'].save('report.npz')
-    values()['Trajectory'].save('trajectory.npz')
+@pytest.fixture(scope='module')
+def saved(tmp_path_factory):
+    """Return a folder with a file of each value that can be saved."""
+    folder = tmp_path_factory.mktemp('saved')
+    for name, file in (('Shape', 'saved'), ('Plan', 'plan'), ('Motion', 'motion'),
+                       ('ValidationReport', 'report'), ('Trajectory', 'trajectory')):
+        values()[name].save(folder / f'{file}.npz')
     for name in ('Fit', 'Robustness', 'Shapes'):
-        values()[name].save(f'{name}.json')
+        values()[name].save(folder / f'{name}.json')
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def somewhere(saved, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some malformed names of files are good ones
+    shutil.copytree(saved, tmp_path, dirs_exist_ok=True)
     monkeypatch.setitem(matplotlib.rcParams, 'figure.max_open_warning', 0)
     yield
     pyplot.close('all')

@@ -267,7 +267,7 @@ SIZES = {'micro': Units(1e-4, 1e-9, 1e-2), 'kilometer': Units(1e3, 1e6, 30.0),
 KNOWN = {}
 
 
-@pytest.mark.every(3)
+@pytest.mark.every(4)  # each task once, in one of the sizes
 @pytest.mark.parametrize('task', TASKS, ids=lambda task: task.__name__)
 @pytest.mark.parametrize('size', SIZES)
 def test_size_does_not_matter(task, size):

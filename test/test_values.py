@@ -27,7 +27,7 @@ from dlo_planner import (
 )
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import Value, brief, parts_of
 from dlo_planner.rods import GraspedInside
 

@@ -35,7 +35,7 @@ from dlo_planner.execute.guards import Guards, Heard
 from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
-from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
 from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.tasks.approach import Approach
@@ -112,7 +112,7 @@ class Looking:
     """The driver of a closed loop; `Looking.knowing` makes one for an `Unknowns` and a `Camera`."""
 
     # how well the camera sees and the robot measures, and how uncertain the DLO is
-    seeing: Seeing = Seeing()
+    seeing: EstimatorConfig = EstimatorConfig()
     limits: Limits | None = None  # limits of the gripper. If None, the default ones
     look: float = 2.0  # duration of a look at rest, s
 
@@ -124,7 +124,7 @@ class Looking:
         spread = Uncertainty(unknowns.stiffness, unknowns.stiffness, unknowns.mass, unknowns.length,
                              float(bent), unknowns.gripper_position, unknowns.gripper_rotation,
                              max([_VARIATION, *varying]))
-        return cls(Seeing(spread, **{
+        return cls(EstimatorConfig(spread, **{
             'noise': camera.noise, 'bias': camera.bias,
             'outliers': max(camera.outliers, _LEAST_OUTLIERS), 'cutout': unknowns.hole_position,
             'stamps': abs(camera.stamp_error), **seeing}), limits)
@@ -139,7 +139,7 @@ class _Looking:
 
     def __init__(self, driver: Looking, task: Task) -> None:
         simulator = DirectSimulator(task.rod, obstacles=task.obstacles)
-        self._observing = Observing(simulator, driver.seeing)
+        self._observing = DloEstimator(simulator, driver.seeing)
         goal = task.goal if isinstance(task, OtherTask) else Thread(
             task.cutout, np.linspace(0, task.depth, _WAYPOINTS))
         self._loop = TaskLoop(

@@ -13,7 +13,6 @@ from dlo_planner.direct.accuracy import hanging_surely_within
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.search import MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.statics import acts_at, hangs_still
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.problem import Problem
@@ -21,6 +20,7 @@ from dlo_planner.geometry.basis import orthonormal_basis, very_twisted
 from dlo_planner.minimize.solve import FreeShapes, RodTable, solve_free
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.model.value import read_only
 
 if TYPE_CHECKING:

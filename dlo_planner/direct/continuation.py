@@ -9,6 +9,8 @@ have to lead to the same shape as well; where one goes, the step is short. Any o
 halves. What is still in doubt in the shortest parts is a fall: it is made, and said.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, dist, log2
@@ -28,7 +30,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
 
-Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, far end, `How.most`)
+Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, far end, `StepInputs.most`)
 
 LONGEST_TURN = 0.25     # rad: longer steps of the gripper are cut in any case
 _LONGEST_SHIFT = 0.05   # of the length: the same, of a DLO that touches
@@ -50,11 +52,18 @@ _SLIDES = 1 - 1e-6      # of friction's limit
 _TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as beyond an edge
 
 
-class _Grips(NamedTuple):
-    """Where a step ends: Pose of the gripper, FarEnd or None."""
+class Grips(NamedTuple):
+    """What holds a DLO: Pose of the gripper, FarEnd or None."""
 
     gripper: Pose
     far_end: FarEnd | None = None
+
+    def towards(self, goal: Grips, fraction: float) -> Grips:
+        """Return where grips are at a fraction of the straight way to `goal`, the grip its own."""
+        far_end = goal.far_end
+        if far_end is not None and self.far_end is not None:
+            far_end = FarEnd(between(self.far_end.pose, far_end.pose, fraction), far_end.grip)
+        return Grips(between(self.gripper, goal.gripper, fraction), far_end)
 
 
 def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd | None = None,
@@ -67,10 +76,10 @@ def follow(equilibrium: Equilibrium, previous: Shape, gripper: Pose, far_end: Fa
     """
     if previous.pinned:  # a ball joint: the DLO does not turn with it
         gripper = Pose.from_rotation(gripper.position, previous.gripper.rotation)
-    return _followed(equilibrium, previous, _Grips(gripper, far_end), at_once, None)
+    return _followed(equilibrium, previous, Grips(gripper, far_end), at_once, None)
 
 
-def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: bool,
+def _followed(equilibrium: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
               halvings: int | None, tried: Shape | None = None) -> Shape:
     """Return what `follow` does."""
     last, most, shape, half, failed = halvings == 0, np.inf, None, None, False
@@ -114,7 +123,7 @@ def _followed(equilibrium: Equilibrium, previous: Shape, goal: _Grips, at_once: 
     return _jumped(rest) if jumped else rest
 
 
-def _by_halves(equilibrium: Equilibrium, previous: Shape, goal: _Grips,
+def _by_halves(equilibrium: Equilibrium, previous: Shape, goal: Grips,
                shape: Shape) -> tuple[bool, Shape]:
     """Return whether two half steps lead to `shape` as well; and the first.
 
@@ -138,16 +147,14 @@ def _jumped(shape: Shape) -> Shape:
     return shape if shape.jumped else replace(shape, jumped=True)
 
 
-def _partway(previous: Shape, goal: _Grips) -> _Grips:
+def _partway(previous: Shape, goal: Grips) -> Grips:
     """Return where the grips are halfway from a Shape to `goal`."""
-    far_end = goal.far_end
-    if far_end is not None:
-        begin = Pose.from_rotation(previous.positions[-1], previous.frames[-1])
-        far_end = FarEnd(between(begin, far_end.pose, 0.5), far_end.grip)
-    return _Grips(between(previous.gripper, goal.gripper, 0.5), far_end)
+    end = None if goal.far_end is None else FarEnd(
+        Pose.from_rotation(previous.positions[-1], previous.frames[-1]))
+    return Grips(previous.gripper, end).towards(goal, 0.5)
 
 
-def _is_long(previous: Shape, shape: Shape, goal: _Grips, turn: float, at_once: bool) -> bool:
+def _is_long(previous: Shape, shape: Shape, goal: Grips, turn: float, at_once: bool) -> bool:
     """Whether a step to `goal`, by a `turn` (rad), is cut in any case; it leads to `shape`."""
     if goal.far_end is not None:
         return False  # the ends go in small parts anyway
@@ -162,7 +169,7 @@ def _shift(previous: Shape, gripper: Pose) -> float:
     return dist(gripper.position, previous.gripper.position) / float(previous.s[-1])
 
 
-def _halvings(previous: Shape, goal: _Grips) -> int:
+def _halvings(previous: Shape, goal: Grips) -> int:
     """Return how often a step may be halved."""
     size = (angle_between(previous.gripper.rotation, goal.gripper.rotation)
             + _shift(previous, goal.gripper))
@@ -182,7 +189,7 @@ def surely_follows(previous: Shape, shape: Shape) -> bool:
     """Return whether `follow` takes `shape`, found in one step, as it is; arguments as `sound`."""
     turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
     return (sound(previous, shape) and not _is_doubtful(previous, shape, turn)
-            and not _is_long(previous, shape, _Grips(shape.gripper, shape.far_end), turn, False))
+            and not _is_long(previous, shape, Grips(shape.gripper, shape.far_end), turn, False))
 
 
 def fell(previous: Shape, shape: Shape) -> bool:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.memory import NO_POINTS, Memory, mapped
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import Contact, ContactSet
 from dlo_planner.energy.grip import GripConstraint, no_grip
 from dlo_planner.energy.inertia import no_inertia
@@ -27,6 +26,7 @@ from dlo_planner.energy.plastic import (
 from dlo_planner.energy.problem import Problem, with_gripper
 from dlo_planner.energy.scene import Scene, build_scene, translated
 from dlo_planner.energy.terms import (
+    TERMS,
     KKTBorder,
     Structure,
     free_terms,
@@ -39,7 +39,7 @@ from dlo_planner.minimize.contact_table import with_contacts
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Rod, Surface
-from dlo_planner.model.supports import FarEnd
+from dlo_planner.model.supports import FarEnd, Surroundings
 from dlo_planner.model.value import FrozenDict, Value, freeze, put, same
 
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces: those of
@@ -133,9 +133,10 @@ class Discretization(Value):
         none = np.zeros((scene.kind.size, self.s.size))
         contacts = ContactSet(self.spring, none, *(one.copy() for one in NO_POINTS[:-1]),
                               self.spring)
+        loads = {name: term.made(self.surroundings, self.s) for name, term in TERMS.items()
+                 if hasattr(term, 'made')}
         return self.free._replace(elastic=elastic_part(rod), plastic=section, anchor=no_inertia(),
-                                  hold=self._free_end,
-                                  contact=Contact(scene, contacts))
+                                  hold=self._free_end, contact=Contact(scene, contacts), **loads)
 
     @property
     def static(self) -> Problem:
@@ -233,7 +234,8 @@ class Discretization(Value):
     @cached_property
     def may_hang(self) -> bool:
         """Whether nothing but dead forces acts where nothing is touched and nothing yields."""
-        return not (self.surroundings.has_moments or self.surroundings.pinned)
+        around = self.surroundings
+        return not (around.has_moments or around.pinned or around.other_loads)
 
     @cached_property
     def hangs(self) -> bool:
@@ -326,7 +328,7 @@ class Discretization(Value):
         known = memory.of is None or same(memory.of, self.surroundings)
         if not known or len(memory.node_force) != len(self.start.node_force):
             bodies = len(self.start.node_force)
-            memory = replace(memory.lasting(), node_force=np.zeros((bodies, memory.s.size)))
+            memory = replace(memory.permanent_part(), node_force=np.zeros((bodies, memory.s.size)))
         return memory.resampled(self.s)
 
     def _suits(self, memory: Memory) -> bool:
@@ -487,14 +489,3 @@ def with_breaks(s: Any, breaks: Floats | tuple[()]) -> Floats:
     away = np.minimum(np.abs(breaks[after] - inner), np.abs(breaks[before] - inner))
     kept = inner[away > _NEAR * np.minimum(np.diff(s)[1:], np.diff(s)[:-1])]
     return np.concatenate([[0.0], np.union1d(kept, breaks), [s[-1]]])
-
-
-def straight_between(s: Floats, values: Floats, nodes: Floats) -> Floats:
-    """Return (n, k) values in the middles of the elements of another mesh, straight in between.
-
-    Shapes: s (N + 1,), values (N, k), nodes (n + 1,).
-    """
-    middle, wanted = 0.5 * (s[1:] + s[:-1]), 0.5 * (nodes[1:] + nodes[:-1])
-    after = np.clip(np.searchsorted(middle, wanted), 1, middle.size - 1)
-    share = ((wanted - middle[after - 1]) / (middle[after] - middle[after - 1]))[:, None]
-    return (1 - share) * values[after - 1] + share * values[after]

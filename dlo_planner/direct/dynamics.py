@@ -15,7 +15,6 @@ from itertools import groupby
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
@@ -29,25 +28,25 @@ from dlo_planner.direct.integrator import (
     credit_renewal,
 )
 from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.motion import Boxed, Motion
+from dlo_planner.direct.motion import Deferred, Motion
 from dlo_planner.direct.search import MAX_ITERATIONS, Search
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import past_of
 from dlo_planner.direct.stepper import (
     MOST,
-    Limits,
+    Acceptance,
     StepBatch,
     Stepper,
     TimePoint,
 )
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.errors import InvalidTask
+from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import array, number, returned, vector
-from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.supports import FarEnd
+from dlo_planner.model.pose import Pose
+from dlo_planner.model.supports import FarEnd, Surroundings
 from dlo_planner.progress import Progress
 
 # At time 0: of the nodes, or a callable of s
@@ -82,16 +81,6 @@ def motion_tolerance(tolerance: float | None, length: float) -> float:
     return tolerance if endless else number('tolerance', tolerance, minimum=1e-9 * length)
 
 
-def last_of(motion: Shape | Motion | None,
-            velocity: Velocity | None) -> tuple[Shape | None, Velocity | None]:
-    """Return the last Shape of a Motion and the velocities there, unless others are given."""
-    if not isinstance(motion, Motion):
-        return motion, velocity
-    if not len(motion):
-        raise InvalidTask('initial: expected a Motion with instants, it has none')
-    return motion.shapes[-1], motion.velocities[-1] if velocity is None else velocity
-
-
 def moving_mesh(known: Discretization) -> Discretization:
     """Return a Discretization for motions, as fine as `known`, everywhere L / 96 or finer.
 
@@ -110,10 +99,9 @@ def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd |
                 initial: Shape, memory: Memory | None) -> Shape:
     """Return the Shape at time 0: that of `initial`, on this mesh and in these surroundings."""
     length = discretization.s[-1]
-    _meets('initial', 'gripper', 'grippers[0]', initial.gripper, gripper, length)
+    _check_held('gripper', 'grippers[0]', FarEnd(gripper), initial.gripper, length)
     if far_end is not None:
-        end = initial.at(float(initial.s[-1]))
-        _meets('initial', 'far end', 'far_ends[0]', end, _allowed(far_end, end), length)
+        _check_held('far end', 'far_ends[0]', far_end, initial.at(float(initial.s[-1])), length)
     past = past_of(discretization, initial, memory)
     strains = discretization.strains_from(initial.s, initial.element_strains)
     first = equilibrium(discretization, gripper, strains, past, far_end, how=Search(0, False))
@@ -126,33 +114,15 @@ def first_shape(discretization: Discretization, gripper: Pose, far_end: FarEnd |
     return first
 
 
-def _allowed(far_end: FarEnd, end: Pose) -> Pose:
-    """Return the Pose nearest to that of an `end` which the grip of a FarEnd allows."""
-    place, pose = _held(far_end, end.position), far_end.pose
-    if far_end.grip == 'pinned':
-        return replace(end, position=place)
-    if far_end.grip == 'aligned':  # free to turn about its tangent: that of `end`, tilted
-        axis = np.cross(end.direction, pose.direction)
-        sine = np.linalg.norm(axis)
-        tilt = axis * (np.arctan2(sine, end.direction @ pose.direction) / sine if sine else 0.0)
-        turn = scipy.spatial.transform.Rotation.from_rotvec(tilt).as_matrix()
-        return Pose.from_rotation(place, turn @ end.rotation)
-    return replace(pose, position=place)
-
-
-def _held(far_end: FarEnd, position: Floats) -> Floats:
-    """Return the position (3,) nearest to `position` at which a FarEnd may be."""
-    if far_end.grip != 'sleeve':
-        return far_end.pose.position
-    free = far_end.pose.direction
-    return far_end.pose.position + free * (free @ (position - far_end.pose.position))
-
-
-def _meets(name: str, what: str, where: str, pose: Pose, wanted: Pose, length: float) -> None:
-    shift = np.linalg.norm(pose.position - wanted.position)
-    turn = angle_between(pose.rotation, wanted.rotation)
+def _check_held(what: str, where: str, grip: FarEnd, pose: Pose, length: float) -> None:
+    """Raise InvalidTask unless a Pose of `initial` is one that a grip allows."""
+    rows = grip.held
+    miss = rows @ np.concatenate([turn_between(pose.rotation, grip.pose.rotation),
+                                  grip.pose.position - pose.position])
+    turns = rows[:, :3].any(axis=1)
+    turn, shift = np.linalg.norm(miss[turns]), np.linalg.norm(miss[~turns])
     if shift > _SAME_POSE * length or turn > _SAME_POSE:
-        raise InvalidTask(f'{name}: expected a Shape whose {what} is at {where}, where the '
+        raise InvalidTask(f'initial: expected a Shape whose {what} is at {where}, where the '
                           f'motion begins; it is {shift:.3g} m away and {turn:.3g} rad turned')
 
 
@@ -216,21 +186,13 @@ class InitialConditions(NamedTuple):
     velocity: Floats | None
 
 
-class Trace(NamedTuple):
-    """Where a motion was: places of the instants, positions there, samples (see `StepBatch`)."""
-
-    places: list[float]
-    positions: list[Floats]
-    samples: Floats | None
-
-
 def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOptions,
-             trace: Trace) -> Floats:
+             ends: list[float], positions: list[Floats], samples: Floats | None) -> Floats:
     """Return (n,) how far, in m, nodes are from the true ones at most until each instant.
 
-    Looked at are all nodes at the instants and some of them after each step. What halving
-    everything changes is three quarters of a second-order error, half of a first-order one
-    (Richardson's extrapolation).
+    Looked at are all nodes at the instants (their places, and `positions` there) and some of them
+    after each step (`samples`, see `StepBatch`). What halving everything changes is three quarters
+    of a second-order error, half of a first-order one (Richardson's extrapolation).
     """
     coarse = stepper.discretization
     mesh = coarse.finer
@@ -239,8 +201,8 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
     if velocity is not None:
         velocity = np.column_stack([np.interp(mesh.s, coarse.s, one) for one in velocity.T])
     now = finer.begin(finer_start(mesh, begun), velocity)
-    found = np.full(len(trace.places), np.inf)
-    found[0] = worst = _apart(now.positions[::2], trace.positions[0])
+    found = np.full(len(ends), np.inf)
+    found[0] = worst = _apart(now.positions[::2], positions[0])
     made = at = 0  # steps, and time in the shortest ones
     for level, steps in groupby(plan.steps):
         left, size = 2 * len(list(steps)), 1 << (HALVINGS - level)
@@ -249,22 +211,21 @@ def error_of(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
             now = finer.renewed(now, scheme.dt)
         while left:
             places = (at + size * np.arange(1, min(left, MOST) + 1)) / (2 << HALVINGS)
-            batch = finer.steps(now, (), places, scheme, Limits())
+            batch = finer.steps(now, (), places, scheme, Acceptance())
             if batch.refused is not None and not batch.errors.size:
                 batch = _in_parts(finer, now, float(places[0]), scheme)
             if not batch.errors.size:
                 return _estimate(coarse, plan, found)
             count = len(batch.errors)
-            ends = np.arange(1 - made % 2, count, 2)  # two of these are one of the others
-            if trace.samples is not None and ends.size:
-                worst = max(worst, _apart(batch.samples[ends], trace.samples[(made + ends) // 2]))
+            even = np.arange(1 - made % 2, count, 2)  # two of these are one of the others
+            if samples is not None and even.size:
+                worst = max(worst, _apart(batch.samples[even], samples[(made + even) // 2]))
             for instant in batch.kept:
                 k = round(instant.place)
-                worst = found[k] = max(worst, _apart(instant.positions[::2],
-                                                     trace.positions[k]))
+                worst = found[k] = max(worst, _apart(instant.positions[::2], positions[k]))
             now, made, at, left = batch.last, made + count, at + size * count, left - count
-    if now.place == trace.places[-1]:  # of one that ended early, between two instants
-        found[-1] = max(worst, _apart(now.positions[::2], trace.positions[-1]))
+    if now.place == ends[-1]:  # of one that ended early, between two instants
+        found[-1] = max(worst, _apart(now.positions[::2], positions[-1]))
     return _estimate(coarse, plan, found)
 
 
@@ -279,7 +240,7 @@ def _in_parts(stepper: Stepper, now: TimePoint, place: float, scheme: Scheme) ->
         begun = now if now.touched else stepper.renewed(now, brief.dt)
         last = begun
         for at in now.place + (place - now.place) * np.arange(1, parts + 1) / parts:
-            batch = stepper.steps(last, (), np.array([at]), brief, Limits())
+            batch = stepper.steps(last, (), np.array([at]), brief, Acceptance())
             if batch.refused is not None:
                 break
             last = batch.last
@@ -365,15 +326,15 @@ def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
         ended = Run([first], [], 0.0, 'unsolved', 'the shape at time 0 was not found')
         return _motion(stepper, ended, plan.tolerance, None)
     made = run(stepper, first, plan, progress)
-    trace = Trace([instant.place for instant in made.reached],
-                  [instant.positions for instant in made.reached], made.samples)
-    estimate = partial(error_of, stepper, begun, replace(plan, steps=tuple(made.steps)), trace)
+    estimate = partial(error_of, stepper, begun, replace(plan, steps=tuple(made.steps)),
+                       [instant.place for instant in made.reached],
+                       [instant.positions for instant in made.reached], made.samples)
     return _motion(stepper, made, plan.tolerance, estimate)
 
 
 def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: Progress) -> Run:
     """Return the Run that begins with the TimePoint `first`."""
-    pace, reached = _Pace(stepper, first, plan), [first]
+    pace, reached = _StepControl(stepper, first, plan), [first]
     while len(reached) < plan.instants:
         batch = pace.go_on(progress)
         progress.check()
@@ -391,7 +352,7 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
     return pace.run(reached)
 
 
-class _Pace:
+class _StepControl:
     """Makes the steps of a motion, as long as they may be.
 
     It is `stuck` where the next step after `now` is not good, however short it is.
@@ -462,7 +423,7 @@ class _Pace:
             if gained <= max(self._began - now.balance, 0.0) + self._noise:  # else it is made up
                 now = fresh
                 credit_renewal(budget, now.balance, self._began)
-        limits = Limits(
+        limits = Acceptance(
             MAX_ITERATIONS if patient else _PATIENCE,
             np.inf if level == HALVINGS or self._fixed else _PART * plan.tolerance, _GAIN,
             np.inf if self._fixed else self._noise, budget, level >= _OF_CONTACT, self._began)
@@ -516,14 +477,9 @@ def _motion(stepper: Stepper, made: Run, tolerance: float,
                    f'tolerance of {tolerance:.3g} m: see error_estimate')
     given = {} if estimate is None else {'_estimate': estimate}
     energies = np.array([instant.energies for instant in reached])
-    # a motion that is not complete is not converged
-    shapes: Any = Boxed(len(reached), partial(_shapes, reached), made.status == 'complete')
+    shapes: Any = Deferred(lambda: tuple(instant.shape for instant in reached))
     return Motion(
         stepper.dt * places, shapes,
         np.array([instant.velocities for instant in reached]), energies[:, KINETIC],
         energies[:, STATIC], energies[:, WORK], energies[:, DAMPED:RUBBED + 1], tolerance,
         made.status, message, **given)
-
-
-def _shapes(reached: list[TimePoint]) -> tuple[Shape, ...]:
-    return tuple(instant.shape for instant in reached)

@@ -18,12 +18,11 @@ from dlo_planner.direct.boundary_motion import poses
 from dlo_planner.direct.shape import Shape, State
 from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask
-from dlo_planner.model.checks import instance, items, number, shown
+from dlo_planner.model.checks import instance, number, shown
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import BACK, Rod, part_of_loads, part_of_rod
-from dlo_planner.model.supports import PointLoad
+from dlo_planner.model.rod import BACK, Rod
+from dlo_planner.model.supports import STANDARD_GRAVITY, Surroundings
 from dlo_planner.model.value import Value, brief, figures, put
-from dlo_planner.model.varying import SeenFrom
 from dlo_planner.progress import OnProgress, Progress
 
 _TURNED = np.diag([-1.0, 1.0, -1.0])  # of frames
@@ -57,13 +56,12 @@ class GraspedInside(Value):
     def __init__(self, rod: Rod, at: float, **options: Any) -> None:
         instance('rod', rod, Rod)
         at = number('at', at, above=0, below=rod.length)
-        load = options.pop('load', None)
-        loads = items('point_loads', options.pop('point_loads', ()), PointLoad)
+        whole = Surroundings(rod, np.array(STANDARD_GRAVITY), options.pop('load', None),
+                             point_loads=options.pop('point_loads', ()))
+        parts = [whole.part(at, direction) for direction in (-1, 1)]
         put(self, rod=rod, at=at, _parts=tuple(
-            DirectSimulator(part_of_rod(rod, at, way), **known_options(options),
-                            load=SeenFrom(load, at, way) if callable(load) else load,
-                            point_loads=part_of_loads(loads, rod, at, way))
-            for way in (-1, 1)))
+            DirectSimulator(part.rod, **known_options(options), load=part.load,
+                            point_loads=part.point_loads) for part in parts))
 
     def __repr__(self) -> str:
         return brief(self, f'at {self.at:.4g} m', figures(self.rod))

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.discretization import placed, with_set
+from dlo_planner.direct.search import is_equilibrium
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.elastic import Elastic
 from dlo_planner.energy.grip import GripConstraint
@@ -52,8 +53,6 @@ from dlo_planner.minimize.hessian import (
 )
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import (
-    HELD_NEUTRAL,
-    NEUTRAL,
     is_held,
     minimize,
     new_workspace,
@@ -472,8 +471,8 @@ def record_step(how: SchemeCoefficients, problem: Problem, state: Configuration,
     _move_on(how, buffer.bends, row)
     violation = max(violation, inside)
     bound = buffer.held.shape[1] > 0 or may_forbid(problem.effects)
-    converged = (stationary and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
-                 and violation <= options.kept and missed <= buffer.reach[row])
+    converged = is_equilibrium(stationary, stability, bound, violation, options.kept, missed,
+                               buffer.reach[row])
     if buffer.held.shape[1]:
         buffer.reactions[row] = hold
     if plastic.shape[1]:

@@ -35,12 +35,10 @@ class Instant(NamedTuple):
     losses: Floats
 
 
-class Boxed(NamedTuple):
-    """Shapes that are made when they are first asked for: how many, how, and whether converged."""
+class Deferred(NamedTuple):
+    """Shapes of a complete motion that are made when they are first asked for."""
 
-    length: int
     make: Callable[[], tuple[Shape, ...]]
-    converged: bool
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,12 +87,13 @@ class Motion(Filmed):
     _REMEMBERED = ('error_estimate',)
 
     def __post_init__(self) -> None:
-        boxed: Any = self.__dict__.pop('shapes')
-        if isinstance(boxed, Boxed):
-            put(self, _boxed=boxed)
+        shapes: Any = self.__dict__.pop('shapes')
+        if isinstance(shapes, Deferred):
+            n = len(self.times)
+            put(self, _deferred=shapes)
         else:
-            put(self, shapes=items('Motion.shapes', boxed, Shape))
-        n = len(self)
+            put(self, shapes=items('Motion.shapes', shapes, Shape))
+            n = len(self.shapes)
         work = np.zeros(n) if self.work is None else self.work
         losses = np.zeros((n, 3)) if self.losses is None else self.losses
         put(self, velocities=results('Motion.velocities', self.velocities, (n, None, 3)),
@@ -115,11 +114,10 @@ class Motion(Filmed):
         super().__post_init__()
 
     def __getattr__(self, name: str) -> Any:
-        """Make the shapes: it takes longer than to find them, and many are never looked at."""
-        if name != 'shapes' or '_boxed' not in self.__dict__:
+        """Make the shapes: of short steps it takes as long as to find them."""
+        if name != 'shapes' or '_deferred' not in self.__dict__:
             raise AttributeError(f'Motion has no attribute {name!r}')
-        put(self, shapes=self.__dict__['_boxed'].make())
-        del self.__dict__['_boxed']
+        put(self, shapes=self.__dict__.pop('_deferred').make())
         return self.__dict__[name]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -160,8 +158,7 @@ class Motion(Filmed):
                    _estimate=Constant(tree['error_estimate']))
 
     def __len__(self) -> int:
-        boxed = self.__dict__.get('_boxed')
-        return len(self.shapes) if boxed is None else int(boxed.length)
+        return len(self.times)
 
     def __getitem__(self, index: int | slice) -> 'Instant | tuple[Instant, ...]':
         """Return one Instant, or several."""
@@ -223,7 +220,5 @@ class Motion(Filmed):
     @property
     def converged(self) -> bool:
         """Whether every step was solved, without a gain of energy."""
-        boxed = self.__dict__.get('_boxed')
-        solved = (all(shape.converged for shape in self.shapes) if boxed is None
-                  else bool(boxed.converged))
-        return self.status == 'complete' and solved
+        return self.status == 'complete' and (
+            '_deferred' in self.__dict__ or all(shape.converged for shape in self.shapes))

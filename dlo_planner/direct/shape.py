@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory, mapped
 from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, continued, modes_of
@@ -21,7 +20,7 @@ from dlo_planner.direct.storage import load, pose_of, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import (
     array,
     figure,
@@ -30,6 +29,7 @@ from dlo_planner.model.checks import (
     integer,
     items,
     number,
+    results,
     row,
     shown,
     vector,
@@ -38,13 +38,83 @@ from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, shifted
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.section import Section
-from dlo_planner.model.supports import FarEnd, distance, within_reach
+from dlo_planner.model.supports import FarEnd, distance, spans
 from dlo_planner.model.value import Constant, Value, brief, freeze, owned, put
 from dlo_planner.pictured import Pictured
 
 _ROUNDING = 1e-9  # of the length
 _NEARLY, _STABLE, _KEPT = 1e-4, 1e-3, 1e-6  # what a shape is not to exceed to go on from it
 _NOT_KNOWN = Constant(float('nan'))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Contact(Value):
+    """One place where a DLO touches an obstacle.
+
+    Attributes
+    ----------
+    obstacle : int
+        Index of the obstacle in the simulator's `obstacles`.
+    s : float
+        Arc length of the place, m.
+    position : ndarray, shape (3,)
+        Point of the DLO's axis there, m, world.
+    normal : ndarray, shape (3,)
+        Unit vector from the obstacle to the DLO.
+    force : float
+        Force in N, along the normal, on the DLO, > 0.
+    friction : ndarray, shape (3,)
+        Friction in N, on the DLO, across the normal.
+    penetration : float
+        Depth of the DLO's surface in the obstacle, m, >= 0.
+    """
+
+    obstacle: int
+    s: float
+    position: np.ndarray
+    normal: np.ndarray
+    force: float
+    friction: np.ndarray
+    penetration: float
+
+    def __post_init__(self) -> None:
+        put(self, obstacle=integer('Contact.obstacle', self.obstacle, minimum=0, maximum=2**31),
+            **{name: figure(f'Contact.{name}', getattr(self, name))
+               for name in ('s', 'force', 'penetration')},
+            **{name: results(f'Contact.{name}', getattr(self, name), (3,))
+               for name in ('position', 'normal', 'friction')})
+        super().__post_init__()
+
+    def __repr__(self) -> str:
+        return brief(self, f'obstacle {self.obstacle}', f's {self.s:.4g} m',
+                     f'force {self.force:.3g} N', f'penetration {self.penetration:.2g} m')
+
+    @property
+    def vector(self) -> np.ndarray:
+        """(3,) N, the whole force on the DLO."""
+        result: np.ndarray = self.force * self.normal + self.friction
+        return result
+
+
+def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tuple[Contact, ...]:
+    """Return the Contacts, by arc length, of `contact_rows` on nodes s (N + 1,), m.
+
+    Shapes: origin (3,) of the gripper, m.
+    """
+    source, element, along, places, normals, forces, frictions, gaps = rows
+    at = s[element] + along
+    order = np.argsort(at, kind='stable')
+    vectors = (places + origin)[order], normals[order], frictions[order]
+    freeze(vectors)  # so are their rows
+    found = []
+    for obstacle, where, force, depth, position, normal, friction in zip(
+            source[order].tolist(), at[order].tolist(), forces[order].tolist(),
+            np.maximum(-gaps[order], 0.0).tolist(), *vectors, strict=True):
+        contact = Contact.__new__(Contact)  # to judge it takes as long as to find it
+        put(contact, obstacle=obstacle, s=where, position=position, normal=normal, force=force,
+            friction=friction, penetration=depth)
+        found.append(contact)
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -313,7 +383,8 @@ class Shape(Pictured):
     @property
     def _within_reach(self) -> bool:
         loaded = self.state.mesh is None or self.state.mesh.loaded
-        return within_reach(self.far_end, self.gripper, float(self.s[-1]), loaded)
+        return self.far_end is None or bool(
+            spans(distance(self.far_end, self.gripper), float(self.s[-1]), loaded))
 
     @cached_property
     def error_estimate(self) -> float:

@@ -7,13 +7,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from inspect import signature
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.accuracy import (
-    Wanted,
     accurate_equilibrium,
     default_accuracy,
     fine_enough,
@@ -29,7 +28,6 @@ from dlo_planner.direct.dynamics import (
     IntegrationOptions,
     Velocity,
     first_shape,
-    last_of,
     motion_tolerance,
     moving_mesh,
     nodes_velocity,
@@ -39,11 +37,10 @@ from dlo_planner.direct.dynamics import (
 from dlo_planner.direct.integrator import INTEGRATORS
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Motion
-from dlo_planner.direct.paper import STRAINS
+from dlo_planner.direct.search import STRAINS
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.step import How, step
+from dlo_planner.direct.step import StepInputs, step
 from dlo_planner.direct.stepper import Stepper
-from dlo_planner.direct.surroundings import STANDARD_GRAVITY, Surroundings, judge_method
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import BASES, converging
 from dlo_planner.minimize.classic import METHODS
@@ -52,24 +49,12 @@ from dlo_planner.model.checks import choice, instance, integer, number, shown
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import FarEnd, PointLoad
+from dlo_planner.model.supports import STANDARD_GRAVITY, FarEnd, PointLoad, Surroundings
 from dlo_planner.model.value import Value, brief, figures, put, same
 from dlo_planner.model.varying import Stepwise
 from dlo_planner.progress import OnProgress, Progress
 
 _FARTHEST = 10  # of the length: from where a held far end may be brought
-
-
-class Prescribed(NamedTuple):
-    """A prescribed motion: the arguments of `DirectSimulator.simulate`, not yet judged."""
-
-    grippers: Iterable[Pose]
-    dt: float
-    initial: Shape | Motion | None = None
-    far_ends: Iterable[Any] | None = None
-    velocity: Velocity | None = None
-    tolerance: float | None = None
-    integrator: str = 'generalized_alpha'
 
 
 class DirectSimulator(Value):
@@ -160,7 +145,7 @@ class DirectSimulator(Value):
             basis='chebyshev' if basis is None else choice('basis', basis, BASES))
         put(self, _fine='local' if basis is None else converging(self.basis),
             _asked=accuracy is not None)
-        judge_method(around, self.method, self.strains, self.basis)
+        self._judge_method()
         if accuracy is not None:
             if fixed:
                 raise InvalidTask(
@@ -179,6 +164,19 @@ class DirectSimulator(Value):
                                n_terms)
         put(self, accuracy=None if fixed or method != 'newton' else default_accuracy(begin),
             _discretization=begin)
+
+    def _judge_method(self) -> None:
+        around = self.surroundings
+        if self.strains == 'paper' and (self.method == 'newton' or self.basis == 'local'):
+            raise InvalidTask(f'strains = {self.strains!r}: expected a series as basis and '
+                              "'dfp' or 'downhill_simplex' as method, got "
+                              f'{self.basis!r}, {self.method!r}')
+        if self.method != 'newton':
+            for present, what in ((around.obstacles, 'obstacles'),
+                                  (around.pinned, 'a pinned gripper'),
+                                  (around.has_moments, 'dead moments')):
+                if present:
+                    raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with {what}')
 
     def __repr__(self) -> str:
         mesh = self._discretization
@@ -229,7 +227,7 @@ class DirectSimulator(Value):
         if past is None or past.of is not None and not same(past.of.rod, self.rod):
             raise InvalidTask(f'shape = {shown(shape)}: expected one of this simulator\'s rod, '
                               'held at its beginning, which knows its permanent set')
-        return self._changed(_history=past.lasting())
+        return self._changed(_history=past.permanent_part())
 
     def left_by(self, shape: Shape) -> Self:
         """Return the simulator of the DLO as `shape` leaves it: with its set, if it has any.
@@ -242,7 +240,7 @@ class DirectSimulator(Value):
         instance('initial', shape, Shape)
         self._check(shape.gripper, shape)
         past = shape.state.history
-        return self if past is None or not past.lasts else self.with_set(shape)
+        return self if past is None or not past.has_set else self.with_set(shape)
 
     def reset(self) -> Self:
         """Return a simulator of the DLO as it was made, without any permanent set."""
@@ -319,7 +317,7 @@ class DirectSimulator(Value):
         """
         far_end = FarEnd.of(far_end)
         self._check(gripper, initial, far_end)
-        if initial is None or not (self._made(initial) or initial.state.kept):
+        if initial is None or not (made_by(self, initial) or initial.state.kept):
             return self._equilibrium(gripper, initial, far_end)
         return self._followed(initial, gripper, far_end, at_once=True)
 
@@ -413,9 +411,8 @@ class DirectSimulator(Value):
         InvalidTask
             An argument makes no sense; the message names it.
         """
-        return self._motion(Stepper, Prescribed(grippers, dt, initial, far_ends, velocity,
-                                                tolerance, integrator),
-                            Progress(progress, deadline))
+        return motion_by(Stepper, self, grippers, dt, Progress(progress, deadline), initial,
+                         far_ends, velocity, tolerance, integrator)
 
     def discretization(self, gripper: Pose, shape: Shape | None) -> Discretization:
         """Return the Discretization that this simulator uses at a gripper's pose.
@@ -430,7 +427,7 @@ class DirectSimulator(Value):
         self._check(gripper, shape)
         if self.accuracy is None:
             return self._discretization
-        if (shape is not None and self._made(shape)
+        if (shape is not None and made_by(self, shape)
                 and shape.state.made_on.basis in (self.basis, self._fine)
                 and fine_enough(shape, self.accuracy)):
             return shape.state.made_on
@@ -444,13 +441,11 @@ class DirectSimulator(Value):
     def _equilibrium(self, gripper: Pose, initial: Shape | None,
                      far_end: FarEnd | None) -> Shape:
         """Return the Shape of a step as it is."""
-        self._judge_end(far_end)
         return self._judged(self._step(gripper, initial, far_end))
 
     def _followed(self, previous: Shape, gripper: Pose, far_end: FarEnd | None,
                   at_once: bool = False) -> Shape:
         """Return what `continuation.follow` does."""
-        self._judge_end(far_end)
         return self._judged(follow(self._step, previous, gripper, far_end, at_once))
 
     def _judged(self, shape: Shape) -> Shape:
@@ -461,28 +456,20 @@ class DirectSimulator(Value):
 
     def _step(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
               most: float = np.inf) -> Shape:
-        """Return the Shape of a step; `most` as in `step.How`."""
-        how = How(self._history, far_end, self.method, self.strains, most)
+        """Return the Shape of a step; `most` as in `step.StepInputs`."""
+        how = StepInputs(self._history, far_end, self.method, self.strains, most)
         if self.accuracy is None:
             return step(self._discretization, gripper, initial, how)
-        return accurate_equilibrium(Wanted(self._discretization, self._fine, self.accuracy),
-                                    gripper, initial, how)
-
-    def _judge_end(self, far_end: FarEnd | None) -> None:
-        if far_end is not None and self.method != 'newton':
-            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
+        return accurate_equilibrium(self._discretization, self._fine, self.accuracy, gripper,
+                                    initial, how)
 
     def _settled(self, shape: Shape | None) -> Shape | None:
         """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
-        if shape is None or self._made(shape):
+        if shape is None or made_by(self, shape):
             return shape
+        self._check(shape.gripper, shape, shape.far_end)
         found = self._equilibrium(shape.gripper, shape, shape.far_end)
         return found if found.converged else None
-
-    def _made(self, shape: Shape) -> bool:
-        """Whether a Shape is of this DLO, with all that acts on it here."""
-        known = shape.state.mesh
-        return known is not None and same(known.surroundings, self.surroundings)
 
     def _check(self, gripper: Pose, initial: Shape | None,
                far_end: FarEnd | None = None) -> None:
@@ -491,6 +478,8 @@ class DirectSimulator(Value):
         if initial is not None and initial.parts is not None:
             raise InvalidTask(f'initial = {initial!r}: expected one of a DLO that is held at its '
                               'beginning, not grasped inside')
+        if far_end is not None and self.method != 'newton':
+            raise InvalidTask(f'method = {self.method!r}: expected \'newton\' with a far end')
         if far_end is not None:  # its grip, and the gripper, go there step by step
             self._near(gripper, 'far_end', far_end.pose)
             if initial is not None:
@@ -506,25 +495,6 @@ class DirectSimulator(Value):
             raise InvalidTask(f'{name} = {pose!r}: expected within {farthest:g} m of the gripper, '
                               f'is {away:.3g} m off')
 
-    def _motion(self, make: Callable[..., Stepper], task: Prescribed, steps: Progress) -> Motion:
-        """Return what `DirectSimulator.simulate` does; `make` makes the Stepper."""
-        grippers = poses(task.grippers, 1)
-        dt = number('dt', task.dt, above=0)
-        tolerance = motion_tolerance(task.tolerance, self.rod.length)
-        choice('integrator', task.integrator, INTEGRATORS)
-        refuse_motion(self.surroundings, self.strains)
-        initial, velocity = last_of(task.initial, task.velocity)
-        self._check(grippers[0], initial)
-        ends = ends_of(task.far_ends, len(grippers))
-        for gripper, end in zip(grippers, ends, strict=True):
-            self._check(gripper, None, end)
-            self._judge_end(end)
-        grips = moving_grips(grippers, ends, dt, velocity is None, initial)
-        start, mesh = self._beginning(grippers[0], ends[0], initial)
-        begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start))
-        plan = IntegrationOptions(len(grippers), task.integrator, tolerance)
-        return simulate(make(mesh, grips, dt, self.method), begun, plan, steps)
-
     def _beginning(self, gripper: Pose, far_end: FarEnd | None,
                    initial: Shape | None) -> tuple[Shape, Discretization]:
         """Return the Shape at time 0 of a motion and the Discretization for the rest of it."""
@@ -538,21 +508,42 @@ class DirectSimulator(Value):
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
         if self.accuracy is None:
             return self._equilibrium(gripper, None, far_end), mesh
-        return step(mesh, gripper, known, How(self._history, far_end, self.method)), mesh
+        return step(mesh, gripper, known, StepInputs(self._history, far_end, self.method)), mesh
 
 
 def made_by(simulator: DirectSimulator, shape: Shape) -> bool:
     """Whether a Shape is of a simulator's DLO, with all that acts on it there."""
-    return simulator._made(shape)
+    known = shape.state.mesh
+    return known is not None and same(known.surroundings, simulator.surroundings)
 
 
 _ENOUGH = 64  # nodes of a mesh that a motion is begun with as it is
 
 
-def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, task: Prescribed,
-              steps: Progress) -> Motion:
-    """Return what `DirectSimulator.simulate` does, with another Stepper."""
-    return simulator._motion(make, task, steps)
+def motion_by(make: Callable[..., Stepper], simulator: DirectSimulator, grippers: Iterable[Pose],
+              dt: float, steps: Progress, initial: Shape | Motion | None = None,
+              far_ends: Iterable[Any] | None = None, velocity: Velocity | None = None,
+              tolerance: float | None = None, integrator: str = 'generalized_alpha') -> Motion:
+    """Return what `DirectSimulator.simulate` does, with the Stepper that `make` makes."""
+    grippers = poses(grippers, 1)
+    dt = number('dt', dt, above=0)
+    tolerance = motion_tolerance(tolerance, simulator.rod.length)
+    choice('integrator', integrator, INTEGRATORS)
+    refuse_motion(simulator.surroundings, simulator.strains)
+    if isinstance(initial, Motion):
+        if not len(initial):
+            raise InvalidTask('initial: expected a Motion with instants, it has none')
+        velocity = initial.velocities[-1] if velocity is None else velocity
+        initial = initial.shapes[-1]
+    simulator._check(grippers[0], initial)
+    ends = ends_of(far_ends, len(grippers))
+    for gripper, end in zip(grippers, ends, strict=True):
+        simulator._check(gripper, None, end)
+    grips = moving_grips(grippers, ends, dt, velocity is None, initial)
+    start, mesh = simulator._beginning(grippers[0], ends[0], initial)
+    begun = InitialConditions(initial, start, nodes_velocity(velocity, initial, start))
+    plan = IntegrationOptions(len(grippers), integrator, tolerance)
+    return simulate(make(mesh, grips, dt, simulator.method), begun, plan, steps)
 
 
 def clamping(name: str, simulator: object) -> DirectSimulator:
@@ -561,8 +552,7 @@ def clamping(name: str, simulator: object) -> DirectSimulator:
     if direct.surroundings.pinned:
         raise InvalidTask(f'{name}.grip = \'pinned\': expected \'clamped\', which plans are made '
                           'for')
-    result: DirectSimulator = direct
-    return result
+    return direct
 
 
 _OPTIONS = tuple(name for name in signature(DirectSimulator).parameters

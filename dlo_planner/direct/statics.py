@@ -7,15 +7,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.contact import contacts_of
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import NOWHERE, ContactPoints, Memory
-from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE, Search, minimum
-from dlo_planner.direct.shape import NO_WRENCH, Shape, State
+from dlo_planner.direct.search import (
+    EXACT,
+    KEPT,
+    MAX_ITERATIONS,
+    TOLERANCE,
+    Search,
+    is_equilibrium,
+    minimum,
+)
+from dlo_planner.direct.shape import NO_WRENCH, Shape, State, contacts_of
 from dlo_planner.energy.terms import may_act
 from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import CONVERGED, Minimum
-from dlo_planner.minimize.newton import HELD_NEUTRAL, NEUTRAL
+from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.minimize.solve import Solution, outcome, solve_step
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
@@ -41,8 +48,8 @@ class Watch(NamedTuple):
 
 
 _HALVED = Search(4, False, tolerance=1e-9)  # of halved elements
-FREELY = Watch()
-freeze(FREELY[:3])  # nodes are of the type of others
+UNWATCHED = Watch()
+freeze(UNWATCHED[:3])  # nodes are of the type of others
 
 
 def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats,
@@ -88,7 +95,7 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
         system = mesh.system(gripper.rotation, gripper.position, memory, far_end, culled=culled,
                              springs=not how.near)
     full = None if watch is None or mesh.hangs else mesh.full
-    places, frames, rotation, nodes, most = watch or FREELY
+    places, frames, rotation, nodes, most = watch or UNWATCHED
     tangents = NOWHERE
     if memory is not None and not culled:
         places, tangents = read_only(memory.positions), read_only(memory.tangents)
@@ -161,10 +168,9 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
     freeze(end[:4])
     violation = max(end.violation, end.inside)
     bound = around.pinned or far_end is not None or mesh.obstructed and not culled
-    good = (end.stationary and end.stability > -(HELD_NEUTRAL if bound else NEUTRAL)
-            and violation <= KEPT * mesh.s[-1])
-    if far_end is not None:
-        good = good and end.missed <= reach_of(mesh, distance(far_end, gripper))
+    reach = np.inf if far_end is None else reach_of(mesh, distance(far_end, gripper))
+    good = is_equilibrium(bool(end.stationary), end.stability, bool(bound), violation,
+                          float(KEPT * mesh.s[-1]), end.missed, reach)
     after: Memory = before
     contacts: tuple[Any, ...] = ()
     if not (mesh.hangs and far_end is None):  # else the next step does not count from here

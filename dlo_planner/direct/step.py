@@ -19,15 +19,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.continuation import between
+from dlo_planner.direct.continuation import Grips
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import NOWHERE, Memory
-from dlo_planner.direct.paper import described_equilibrium
 from dlo_planner.direct.search import (
     EXACT,
     MAX_ITERATIONS,
     TOLERANCE,
     Search,
+    described_minimum,
     hinge_unknowns,
     minimum,
     own_unknowns,
@@ -35,12 +35,17 @@ from dlo_planner.direct.search import (
     with_hinge,
 )
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import FREELY, Watch, equilibrium, held_nearby, shape_of, underway
-from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.direct.statics import (
+    UNWATCHED,
+    Watch,
+    equilibrium,
+    held_nearby,
+    shape_of,
+    underway,
+)
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration
 from dlo_planner.energy.potential import configuration_at
-from dlo_planner.energy.scene import Scene
 from dlo_planner.geometry.so3 import partway
 from dlo_planner.minimize.contact_solver import follow_contact
 from dlo_planner.minimize.newton import follow_homotopy
@@ -52,7 +57,7 @@ from dlo_planner.model.value import Constant, freeze
 from dlo_planner.model.varying import scaled
 
 
-class How(NamedTuple):
+class StepInputs(NamedTuple):
     """How a DLO is held in a step, what it begins with, and how its shape is sought."""
 
     memory: Memory | None = None  # that it starts with if there is no Shape of it before
@@ -62,10 +67,10 @@ class How(NamedTuple):
     most: float = np.inf          # rad, by which a DLO that hangs freely may turn, see `Watch`
 
 
-ALONE = How()
+ALONE = StepInputs()
 
 
-def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How = ALONE,
+def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs = ALONE,
          start: Floats | None = None) -> Shape:
     """Return the Shape that follows `initial` (a Shape or None) on a mesh.
 
@@ -89,7 +94,7 @@ def _with_set_error(shape: Shape) -> Shape:
     The set that a step makes is as exact as the step; what comes later tells nothing of it.
     """
     before, after = shape.state.before, shape.state.history
-    if before is None or after is None or not (shape.converged and after.lasts):
+    if before is None or after is None or not (shape.converged and after.has_set):
         return shape
     if before.original_set is None and np.array_equal(before.plastic, after.plastic):
         return shape
@@ -99,8 +104,8 @@ def _with_set_error(shape: Shape) -> Shape:
         estimate=Constant(error)))
 
 
-def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How, past: Memory,
-              start: Floats | None, *, culled: bool) -> Shape:
+def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs,
+              past: Memory, start: Floats | None, *, culled: bool) -> Shape:
     """Return what `step` does; `culled`: without what may act."""
     far_end, newton = how.far_end, how.method == 'newton'
     if start is not None:
@@ -114,18 +119,21 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: H
     if culled and far_end is None:
         return equilibrium(mesh, gripper, strains, past, culled=True, watch=watch)
     if how.strains == 'paper':
-        return described_equilibrium(mesh, gripper, strains, how.method, past)
+        system = mesh.local.system(gripper.rotation, gripper.position, past)
+        return shape_of(mesh.local, gripper, described_minimum(mesh, system, strains, how.method),
+                        past)
     shape = None
     if newton and initial is not None:
         if far_end is None:
-            shape = _bearing(mesh, gripper, initial, strains, past)
+            shape = _corrected_contact(mesh, gripper, initial, strains, past)
         elif initial.far_end is not None and initial.far_end.grip == far_end.grip:
             shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
     if shape is not None:
         return shape
-    gripper = held_by(mesh.surroundings, gripper, initial)
-    gripper, strains, past, clear = _advanced(mesh, initial, strains, gripper, far_end, past,
-                                              culled)
+    if initial is not None and mesh.surroundings.pinned:  # it does not turn with its gripper
+        gripper = Pose.from_rotation(gripper.position, initial.gripper.rotation)
+    gripper, strains, past, clear = _predict(mesh, initial, strains, Grips(gripper, far_end),
+                                             past, culled)
     if newton and initial is None and far_end is not None:
         shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
     if shape is None:
@@ -134,10 +142,10 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: H
     return shape if clear else replace(shape, converged=False, jumped=True)
 
 
-def _bearing(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
-             past: Memory) -> Shape | None:
+def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
+                       past: Memory) -> Shape | None:
     """Return the Shape in which a DLO goes on bearing where it does, or None."""
-    if not mesh.may_hang or not past.bears:
+    if not mesh.may_hang or not past.in_contact:
         return None
     begin = initial.gripper
     start = (np.array(begin.rotation, order='C'), np.array(past.points.slid), strains,
@@ -148,16 +156,6 @@ def _bearing(mesh: Discretization, gripper: Pose, initial: Shape, strains: Float
     return None if found is None else shape_of(mesh, gripper, found, past)
 
 
-def held_by(surroundings: Surroundings, gripper: Pose, initial: Shape | None) -> Pose:
-    """Return the Pose in which the gripper holds the DLO of `initial` (a Shape or None).
-
-    A pinned DLO does not turn with its gripper.
-    """
-    if initial is None or not surroundings.pinned:
-        return gripper
-    return Pose.from_rotation(gripper.position, initial.gripper.rotation)
-
-
 def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) -> Memory:
     """Return the Memory, on a mesh, of the DLO in the Shape `initial` or None."""
     known = None if initial is None else initial.state.history
@@ -165,24 +163,24 @@ def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) 
             and known.positions is not initial.positions
             and not np.array_equal(known.positions, initial.positions)):
         # carried somewhere else since, or predicted: there it has touched nothing yet
-        known = known.lasting()
+        known = known.permanent_part()
     return mesh.past(known, memory)
 
 
 def _watched(mesh: Discretization, before: Shape | None, most: float) -> Watch:
-    """Return what a step from `before`, or None: stress-free, is watched for; `most` as of How."""
+    """Return what a step from `before` (None: stress-free) is watched for; `most`: StepInputs."""
     if before is None:
-        return FREELY
+        return UNWATCHED
     if mesh.has_nodes(before.s):
         if most == np.inf:
             return Watch(before.positions)
         return Watch(before.positions, before.frames, before.gripper.rotation, mesh.sampled, most)
     if mesh.hangs:
-        return FREELY
+        return UNWATCHED
     strains, pose = mesh.strains_from(before.s, before.element_strains), before.gripper
     places = configuration_at(mesh.system(pose.rotation, culled=True), strains).positions
     freeze(places := places + pose.position)
-    return FREELY._replace(places=places)
+    return UNWATCHED._replace(places=places)
 
 
 def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
@@ -226,70 +224,65 @@ class Predictor(NamedTuple):
     clear: bool = True
 
 
-def _advanced(mesh: Discretization, previous: Shape | None, strains: Floats, gripper: Pose,
-              far_end: FarEnd | None, memory: Memory, culled: bool) -> Predictor:
+def _predict(mesh: Discretization, previous: Shape | None, strains: Floats, goal: Grips,
+             memory: Memory, culled: bool) -> Predictor:
     """Return where the search begins, the past with the forces of a grip at the end of the way.
 
-    The gripper (and the far end's grip) goes straight from its pose in `previous`; the DLO gives
-    way. Where an obstacle is between here and there, the motion is made in smaller parts.
+    The grips go straight from where they are in `previous`; the DLO gives way. Where an obstacle is
+    between here and there, the motion is made in smaller parts.
     """
-    amid = mesh.obstructed and not culled
+    (gripper, far_end), amid = goal, mesh.obstructed and not culled
     if far_end is None and (previous is None or not amid):
         return Predictor(gripper, strains, memory)
     strains = np.array(strains)  # those of a Shape are read-only, another type for kernels
-    begin = gripper if previous is None else previous.gripper
-    held = None
+    begin = Grips(gripper if previous is None else previous.gripper)
     if far_end is not None:  # where the end is now
-        held = FarEnd(_end_of(mesh, previous, strains, begin), far_end.grip)
-    parts = _parts_between(begin, gripper, held, far_end, float(mesh.s[-1]))
+        if previous is None:
+            state = configuration_at(mesh.system(gripper.rotation, culled=True), strains)
+            position, frame = gripper.position + state.positions[-1], state.rotations[-1]
+        else:
+            position, frame = previous.positions[-1], previous.frames[-1]
+        begin = Grips(begin.gripper, FarEnd(Pose.from_rotation(position, frame), far_end.grip))
+    parts = _parts_between(begin, goal, float(mesh.s[-1]))
     if parts == 0:
         return Predictor(gripper, strains, memory)
-    if previous is None and held is not None and far_end is not None:
-        return _set_down(mesh, gripper, strains, (held, far_end), memory, parts)
-    if not amid and held is not None and far_end is not None:
-        return _led(mesh, strains, (begin, gripper), (held, far_end), memory, parts, culled)
-    return _in_parts(mesh, strains, (begin, gripper), (held, far_end), memory, parts)
+    if far_end is not None and previous is None:
+        return _initial_placement(mesh, strains, begin, goal, memory, parts)
+    if far_end is not None and not amid:
+        return _follow_way(mesh, strains, begin, goal, memory, parts, culled)
+    return _advance_in_parts(mesh, strains, begin, goal, memory, parts)
 
 
-def _end_of(mesh: Discretization, previous: Shape | None, strains: Floats, begin: Pose) -> Pose:
-    if previous is not None:
-        return Pose.from_rotation(previous.positions[-1], previous.frames[-1])
-    state = configuration_at(mesh.system(begin.rotation, culled=True), strains)
-    return Pose.from_rotation(begin.position + state.positions[-1], state.rotations[-1])
-
-
-def _parts_between(begin: Pose, gripper: Pose, held: FarEnd | None, far_end: FarEnd | None,
-                   length: float) -> int:
+def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
     """Return in how many parts the motion is to be made at least; 0 if there is none."""
-    pairs, parts = [(begin, gripper)], 0.0
-    if held is not None and far_end is not None:
-        pairs.append((held.pose, far_end.pose))
-    for one, other in pairs:
+    pairs = [(begin.gripper, goal.gripper, True)]
+    if begin.far_end is not None and goal.far_end is not None:
+        pairs.append((begin.far_end.pose, goal.far_end.pose, goal.far_end.grip != 'pinned'))
+    parts = 0.0
+    for one, other, turns in pairs:
         shift = float(np.linalg.norm(other.position - one.position))
-        turn = angle_between(one.rotation, other.rotation)
-        if far_end is None:
-            parts = max(parts, 1.0 if shift + turn > 0 else 0.0)
-        else:
-            if far_end.grip == 'pinned' and one is not begin:
-                turn = 0.0
-            parts = max(parts, shift / (_SHIFT * length), turn / _TURN)
+        turn = angle_between(one.rotation, other.rotation) if turns else 0.0
+        if goal.far_end is None:
+            return int(shift + turn > 0)
+        parts = max(parts, shift / (_SHIFT * length), turn / _TURN)
     return int(np.ceil(parts - 1e-9))
 
 
-def _led(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
-         far_ends: tuple[FarEnd, FarEnd], memory: Memory, parts: int, culled: bool) -> Predictor:
+def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
+                parts: int, culled: bool) -> Predictor:
     """Return where the search begins near the end of a straight way of both grips.
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
     """
-    (begin, end), (held, far_end) = grippers, far_ends
-    done = 0.0
+    held, far_end = begin.far_end, goal.far_end
+    assert held is not None and far_end is not None  # see `_predict`
+    first, last, done = begin.gripper, goal.gripper, 0.0
     for finer in range(_FINEST):
         count = int(np.ceil(parts * _FINER**finer * (1.0 - done) - 1e-9))
         if count <= 1:
             break
         shares = done + (1.0 - done) * np.arange(1, count) / count
-        gripped, bases = _way(begin, end, shares)
+        gripped, bases = _way(first, last, shares)
         held_at, axes = _way(held.pose, far_end.pose, shares)
         system = mesh.system(bases[0], gripped[0], memory,
                              FarEnd(Pose.from_rotation(held_at[0], axes[0]), held.grip),
@@ -301,8 +294,8 @@ def _led(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
             bases[:] = system.base
             q, gone = follow_homotopy(with_hinge(system), hinge_unknowns(system, q), bases,
                                       held_at - gripped, axes, rows)
-            begin, end = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
-                          for pose in (begin, end))
+            first, last = (Pose.from_rotation(pose.position, system.base @ turn_of(system, q))
+                           for pose in (first, last))
             q = own_unknowns(system, q)
         else:
             q, gone = follow_homotopy(system, q, bases, held_at - gripped, axes, rows)
@@ -311,7 +304,7 @@ def _led(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
         if gone == len(shares):
             break
         done = shares[gone - 1] if gone else done
-    return Predictor(end, strains, memory)
+    return Predictor(last, strains, memory)
 
 
 def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
@@ -320,43 +313,44 @@ def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
     return one.position + shares[:, None] * (other.position - one.position), np.array(turned)
 
 
-def _set_down(mesh: Discretization, gripper: Pose, strains: Floats,
-              far_ends: tuple[FarEnd, FarEnd], memory: Memory, parts: int) -> Predictor:
+def _initial_placement(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips,
+                       memory: Memory, parts: int) -> Predictor:
     """Return where the search begins for a DLO that is set down in its grips.
 
     First without obstacles, then it grows to its thickness among them; torsion that is soft is as
     stiff as bending until then.
     """
     from dlo_planner.direct.taut import first_shape  # noqa: PLC0415  (SciPy: a free DLO needs none)
-    far_end, amid = far_ends[1], mesh.obstructed
-    firm = _resisting_twist(mesh)
+    (gripper, far_end), amid = goal, mesh.obstructed
+    assert far_end is not None  # see `_predict`
+    firm = _with_firm_torsion(mesh)
     bare = firm.within(replace(firm.surroundings, obstacles=())) if amid else firm
     past = bare.past(memory)
-    gripper, strains, past, _ = first_shape(bare, gripper, far_end, past) or _led(
-        bare, strains, (gripper, gripper), far_ends, past, parts, False)
+    gripper, strains, past, _ = first_shape(bare, gripper, far_end, past) or _follow_way(
+        bare, strains, begin, goal, past, parts, False)
     if amid:
         shape = equilibrium(bare, gripper, strains, past, far_end)
         past = replace(firm.past(memory), hold=shape.state.left.hold)
-        gripper, strains, past, _ = _grown(firm, shape.gripper, np.array(shape.element_strains),
-                                           far_end, past)
+        gripper, strains, past, _ = _grow_thickness(
+            firm, shape.gripper, np.array(shape.element_strains), far_end, past)
     if firm is not mesh:
         shape = equilibrium(firm, gripper, strains, past, far_end)
         gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.left
     return Predictor(gripper, strains, memory.with_forces(past))
 
 
-def _resisting_twist(mesh: Discretization) -> Discretization:
+def _with_firm_torsion(mesh: Discretization) -> Discretization:
     """Return a Discretization whose torsion is no softer than its bending; itself if it is not."""
     rod = mesh.rod
     twist, bend = rod.stiffness[0], min(rod.stiffness[1:])
     if rod.yields or twist > _SOFT * bend:
         return mesh
-    return mesh.of(replace(rod, torsional_stiffness=scaled(rod.torsional_stiffness,
-                                                           float(bend / twist))))
+    firm = replace(rod, torsional_stiffness=scaled(rod.torsional_stiffness, float(bend / twist)))
+    return mesh.within(mesh.surroundings.of_rod(firm))
 
 
-def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd,
-           memory: Memory) -> Predictor:
+def _grow_thickness(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd,
+                    memory: Memory) -> Predictor:
     """Return a DLO grown to its thickness among obstacles, from its strains without them."""
     system = mesh.system(gripper.rotation, gripper.position, memory, far_end)
     state = configuration_at(system, strains)
@@ -366,8 +360,11 @@ def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd
     while thin > 0.0 and step > _LEAST_GROWTH * growth:
         wanted = max(0.0, thin - step)
         system = mesh.system(gripper.rotation, gripper.position, memory, far_end)
-        found = minimum(mesh, system._replace(scene=_thinner(system.scene, wanted)), gripper,
-                        mesh.unknowns(strains), memory, _GROWING)
+        scene = system.scene  # of a DLO whose surface is deeper everywhere
+        scene = scene._replace(radius=scene.radius - wanted, radii=scene.radii - wanted,
+                               rounding=scene.rounding - wanted)
+        found = minimum(mesh, system._replace(scene=scene), gripper, mesh.unknowns(strains),
+                        memory, _GROWING)
         if not (found.residual < 10.0 * _LEFT and found.violation < _DEPTH * mesh.s[-1]):
             step *= 0.5
             continue
@@ -379,44 +376,32 @@ def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd
     return Predictor(gripper, strains, memory)
 
 
-def _thinner(scene: Scene, thin: float) -> Scene:
-    """Return the Scene of a DLO whose surface is `thin` (m) deeper everywhere."""
-    return scene._replace(radius=scene.radius - thin, radii=scene.radii - thin,
-                          rounding=scene.rounding - thin)
-
-
-def _in_parts(mesh: Discretization, strains: Floats, grippers: tuple[Pose, Pose],
-              far_ends: tuple[FarEnd | None, FarEnd | None], memory: Memory,
-              parts: int) -> Predictor:
+def _advance_in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips,
+                      memory: Memory, parts: int) -> Predictor:
     """Return where the search begins after a way in parts, around obstacles where it can."""
-    (begin, gripper), (held, far_end) = grippers, far_ends
-    done, step = 0.0, 1.0 / parts
-    where, past, left = begin, memory, parts + _MORE_PARTS
+    done, step, where, past, left = 0.0, 1.0 / parts, begin.gripper, memory, parts + _MORE_PARTS
     while done < 1.0:
         old = configuration_at(mesh.system(where.rotation), strains)
         target = min(1.0, done + step)
-        there = gripper if target == 1.0 else between(begin, gripper, target)
-        grip = far_end
-        if held is not None and far_end is not None and target < 1.0:
-            grip = FarEnd(between(held.pose, far_end.pose, target), far_end.grip)
-        system = mesh.system(there.rotation, there.position, memory, grip)
+        there = goal if target == 1.0 else begin.towards(goal, target)
+        system = mesh.system(there.gripper.rotation, there.gripper.position, memory, there.far_end)
         new = configuration_at(system, strains)
-        shift = there.position - where.position
+        shift = there.gripper.position - where.position
         if sweeps_through(system.scene, system.lengths, old.strains, old.rotations,
                           old.positions - shift, new.rotations, new.positions):
             step *= 0.5
             if step < _SMALLEST or left == 0:
-                return Predictor(gripper, strains, past, False)
+                return Predictor(goal.gripper, strains, past, False)
             continue
-        done, where, left = target, there, max(left - 1, 0)
+        done, where, left = target, there.gripper, max(left - 1, 0)
         step = min(2 * step, 1.0 / parts)
         if done == 1.0:
             break  # what is left is the step itself
-        found = minimum(mesh, system, there, new.q, memory, _RELAXING)
+        found = minimum(mesh, system, where, new.q, memory, _RELAXING)
         strains = found.state.strains
         if mesh.surroundings.pinned:  # it has turned
-            there, begin, gripper = (Pose.from_rotation(pose.position, found.system.base)
-                                     for pose in (there, begin, gripper))
-            where = there
-        memory = underway(mesh, found, there, memory)
-    return Predictor(gripper, strains, replace(past, hold=memory.hold))
+            where, first, last = (Pose.from_rotation(pose.position, found.system.base)
+                                  for pose in (where, begin.gripper, goal.gripper))
+            begin, goal = begin._replace(gripper=first), goal._replace(gripper=last)
+        memory = underway(mesh, found, where, memory)
+    return Predictor(goal.gripper, strains, replace(past, hold=memory.hold))

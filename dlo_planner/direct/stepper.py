@@ -19,7 +19,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dlo_planner.direct.boundary_motion import BoundaryMotion
-from dlo_planner.direct.contact import contacts_of
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.integrator import (
     DAMPED,
@@ -44,15 +43,16 @@ from dlo_planner.direct.integrator import (
     stability_at,
     step_problem,
 )
-from dlo_planner.direct.memory import ContactPoints, Memory
+from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.search import EXACT, KEPT, MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.shape import Shape, State
-from dlo_planner.direct.statics import acts_at, reach_of
+from dlo_planner.direct.statics import acts_at, reach_of, shape_from
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import configuration_at, unknowns_of
 from dlo_planner.energy.problem import Problem
 from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import accept_by_decrement
+from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.supports import FarEnd, held_rows
 from dlo_planner.model.value import Constant, freeze
@@ -155,47 +155,32 @@ class TimePoint:
         lost = energies[DAMPED:RUBBED + 1].sum()
         return float(energies[KINETIC] + energies[STATIC] - given + lost)
 
-    def _memory(self, mesh: Discretization) -> Memory:
-        """Return what it leaves to the next step."""
-        start, row = mesh.start, self.row
-        if mesh.hangs and not self.stepper.grips.far_end:
-            return start
-        plastic, hold, force, points = start.plastic, start.hold, start.node_force, start.points
-        if not self.free:
-            hold = row.reactions
-            if mesh.yields:
-                plastic = row.plastic
-            if mesh.obstructed:
-                force = row.node_forces
-                points = ContactPoints(
-                    row.point_of[:, 0], row.point_of[:, 1], row.points[:, 0], row.points[:, 1],
-                    *(row.points[:, i:i + 3] for i in (2, 5, 8, 11)))
-        lost = self.begun.dissipated + float(row.energies[DISSIPATED])
-        return Memory(mesh.s, plastic, lost, hold, force, points, row.nodes[0],
-                      row.frames[:, :, 0], mesh.surroundings, self.begun.set_error)
-
     def _shape(self) -> Shape:
         mesh, (gripper, far_end), row = (self.stepper.discretization,
                                          self.stepper.grips.at(self.place), self.row)
         residual, stability, _, violation = row.proofs.tolist()
+        (element, obstacle), points = row.point_of.T, row.points
+        (source, at), places = row.contact_of.T, row.contacts
+        end = Solution(
+            row.bends[0], row.frames, row.nodes[0], row.wrenches, row.end_wrenches, row.reactions,
+            row.plastic, (row.node_forces, element, obstacle, points[:, 0], points[:, 1],
+                          *(points[:, i:i + 3] for i in (2, 5, 8, 11))),
+            (source, at, places[:, 0], places[:, 1:4], places[:, 4:7], places[:, 7],
+             places[:, 8:11], places[:, 11]),
+            float(row.energies[ELASTIC]), float(row.energies[STATIC]),
+            float(row.energies[DISSIPATED]), 0.0, 0.0, self.converged, residual, stability,
+            int(row.iterations), 0, violation, False)
+        shape = shape_from(mesh, gripper, end, self.begun, far_end, self.free,
+                           int(row.evaluations))
         if stability == np.inf:  # it was proved to be good, and no more
-            stability = stability_at(mesh.free, self.how, gripper.rotation, gripper.position,
-                                     np.array(row.nodes), np.array(row.bends))
-        places = row.contacts
-        contacts = contacts_of(mesh.s, (
-            row.contact_of[:, 0], row.contact_of[:, 1], places[:, 0], places[:, 1:4],
-            places[:, 4:7], places[:, 7], places[:, 8:11], places[:, 11]), gripper.position)
-        memory = self._memory(mesh)
-        return Shape(
-            gripper, mesh.s, row.nodes[0], row.frames, row.bends[0], float(row.energies[STATIC]),
-            float(row.energies[ELASTIC]), row.wrenches, residual, stability, int(row.iterations),
-            self.converged, contacts=contacts, evaluations=int(row.evaluations),
-            violation=violation, far_end=far_end, far_wrench=row.end_wrenches,
-            dissipated=memory.dissipated,
-            state=State(mesh, memory, memory, _NOT_ESTIMATED, self.free))
+            shape = replace(shape, stability=stability_at(
+                mesh.free, self.how, gripper.rotation, gripper.position, np.array(row.nodes),
+                np.array(row.bends)))
+        past = shape.state.history if shape.state.history is not self.begun else mesh.start
+        return replace(shape, state=State(mesh, past, past, _NOT_ESTIMATED, self.free))
 
 
-class Limits(NamedTuple):
+class Acceptance(NamedTuple):
     """Until when the steps of a StepBatch are good."""
 
     patience: int = MAX_ITERATIONS  # Newton steps after which a step counts as not solved
@@ -215,7 +200,7 @@ class StepBatch(NamedTuple):
     last: TimePoint          # at the end of the last good step
     past: list[tuple[float, Floats]]  # time and node positions: the last but one, and before
     samples: Floats          # (k, m, 3) places of some nodes after each good step, see `sampled`
-    budget: Floats           # (5,) that of Limits, renewed
+    budget: Floats           # (5,) that of Acceptance, renewed
     refused: TimePoint | None         # at the end of the step after that, which is not good
 
 
@@ -259,7 +244,7 @@ class Stepper:
         return mesh.hangs or not acts_at(mesh, now.row.bends[0], now.positions, now.positions)
 
     def steps(self, now: TimePoint, past: Sequence[tuple[float, Floats]], places: Floats,
-              scheme: Scheme, limits: Limits, guess: Floats = NO_GUESS) -> StepBatch:
+              scheme: Scheme, limits: Acceptance, guess: Floats = NO_GUESS) -> StepBatch:
         """Return the StepBatch of steps that end at `places` (n,), each the end of one of a Scheme.
 
         It may end before that, where something begins to act. The first search begins with the
@@ -275,7 +260,7 @@ class Stepper:
         return batch
 
     def _batch(self, now: TimePoint, past: Sequence[tuple[float, Floats]], places: Floats,
-               scheme: Scheme, limits: Limits, guess: Floats, culled: bool) -> StepBatch | None:
+               scheme: Scheme, limits: Acceptance, guess: Floats, culled: bool) -> StepBatch | None:
         """Return the StepBatch, `culled`: without what may act; None: its first step needs more."""
         buffer = self._buffer(np.append(now.place, places), now.row)
         for row, (time, positions) in enumerate(past or [
@@ -381,7 +366,7 @@ class Stepper:
         buffer = self._buffer(now.place + ahead * np.array([0.0, 1.0, 0.0, -1.0]), now.row)
         consistent_rates(self._problem(self.hangs_from(now)),
                          self.coefficients(brief, (0.0, 0.0)), self.coefficients(brief), buffer,
-                         going, self._options(brief, Limits(), _AT_ONCE))
+                         going, self._options(brief, Acceptance(), _AT_ONCE))
         energies = now.row.energies.copy()
         energies[[KINETIC, POWER]] = buffer.energies[PAST, [KINETIC, POWER]]
         row = now.row._replace(nodes=buffer.nodes[:, PAST].copy(),
@@ -402,7 +387,7 @@ class Stepper:
         """Return the Problem of one step of a Scheme to a place."""
         buffer = self._buffer(np.array([now.place, place]), now.row)
         result: Problem = step_problem(self._problem(), self.coefficients(scheme), buffer, PAST + 1,
-                                       PAST, self._options(scheme, Limits()))
+                                       PAST, self._options(scheme, Acceptance()))
         return result
 
     def guess(self, now: TimePoint, dt: float) -> Floats:
@@ -422,7 +407,7 @@ class Stepper:
             known = self._known[scheme, damping] = scheme.coefficients(damping, self.masses)
         return known
 
-    def _options(self, scheme: Scheme, limits: Limits, exact: float = EXACT) -> StepOptions:
+    def _options(self, scheme: Scheme, limits: Acceptance, exact: float = EXACT) -> StepOptions:
         mesh, rounding = self.discretization, self.rounding(scheme)
         end = self._far_end
         share = np.zeros(3) if end is None else end.share

@@ -4,17 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Protocol
-
 import numpy as np
 
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import PointLoad
-from dlo_planner.model.varying import Profile
+from dlo_planner.model.supports import Surroundings
 
 
 class Load(Record):
@@ -45,22 +41,6 @@ def potential(effect, system, positions):
     return dead_load(effect.pull, positions)[0]
 
 
-class Loaded(Protocol):
-    """What acts on a DLO besides its weight: `direct.surroundings.Surroundings` is one."""
-
-    @property
-    def load(self) -> Floats | Callable[..., Any] | None:
-        """Force per length, N/m: (3,), or a function of s; None: none."""
-
-    @property
-    def load_profile(self) -> Profile:
-        """The same where it is a function."""
-
-    @property
-    def point_loads(self) -> tuple[PointLoad, ...]:
-        """Forces and moments at places."""
-
-
 def node_masses(rod: Rod, s: Floats) -> Floats:
     """Return the masses (N + 1,) in kg that stand for the rod on its nodes.
 
@@ -74,7 +54,7 @@ def node_masses(rod: Rod, s: Floats) -> Floats:
     return masses
 
 
-def node_forces(surroundings: Loaded, s: Floats) -> Floats:
+def node_forces(surroundings: Surroundings, s: Floats) -> Floats:
     """Return the forces (N + 1, 3) in N on the nodes, of all loads but the weight.
 
     Shapes: s (N + 1,).
@@ -87,18 +67,18 @@ def node_forces(surroundings: Loaded, s: Floats) -> Floats:
         half = 0.5 * np.diff(s)[:, None] * load
         forces[:-1] += half
         forces[1:] += half
-    for one in surroundings.point_loads:
+    for one in surroundings.dead_loads:
         _share(forces, s, s[-1] if one.s is None else one.s, one.force)
     return forces
 
 
-def node_moments(surroundings: Loaded, s: Floats) -> Floats:
+def node_moments(surroundings: Surroundings, s: Floats) -> Floats:
     """Return the dead moments (N + 1, 3) in N m on the nodes.
 
     Shapes: s (N + 1,).
     """
     moments = np.zeros((s.size, 3))
-    for one in surroundings.point_loads:
+    for one in surroundings.dead_loads:
         _share(moments, s, s[-1] if one.s is None else one.s, one.moment)
     return moments
 

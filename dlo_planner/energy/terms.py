@@ -3,7 +3,7 @@
 """What acts on a DLO: the terms of its potential, a file each, and the kernels that ask all.
 
 A term has a Record of what it acts by, and those of these functions that it needs (kernels but for
-the last two); what it has is called below, by its own name:
+the last three); what it has is called below, by its own name:
 
     add_forces(effect, system, state)       its forces; returns its potential in J, and how large
                                             the terms are of which that is a sum
@@ -19,6 +19,9 @@ the last two); what it has is called below, by its own name:
     needs(effect)                           dict: what the solver has to provide, see `Structure`
     hinged(effect, part)                    the same with one more element before the first, which
                                             has a `part` of that one's stiffness
+    made(surroundings, s)                   its Record for the loads that a simulator has
+                                            (`other_loads`) on nodes s; None where none is of its
+                                            kind
 
 Forces go to `state.slope` (by strains), `state.pull` (nodes) and `state.attached` (elsewhere);
 their second derivatives by the nodes' places to `state.weight` and `state.attached`.

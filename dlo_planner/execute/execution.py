@@ -23,7 +23,7 @@ from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.guards import Enabled, Guards, Heard
 from dlo_planner.execute.limiter import Limiter, Rising, accelerate, decelerate, used
-from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered
+from dlo_planner.identify.online_trajectory import NARROWEST, WIDEST, Change, Steered
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.requirements import Limits
@@ -544,17 +544,3 @@ def _periods(way: TimedPath, shape: Shape) -> Floats:
     except InvalidTask:  # modes are not defined for all shapes
         rod: Any = shape.rod  # a plan's shapes know it
         return np.repeat(np.clip(slowest_period(rod), NARROWEST, WIDEST), 2)
-
-
-def blending_as(steered: Steered, windows: Floats, time: float) -> Steered | None:
-    """Return a Steered that blends further changes in over other windows.
-
-    None as long as one of its changes is still being blended in: the motion would leap.
-
-    Shapes: windows (k,).
-    """
-    if np.array_equal(steered.windows, windows):
-        return steered
-    last = max((change.since for change in steered.changes), default=_AGO)
-    over = last + max(steered.windows.sum(), windows.sum())
-    return replace(steered, windows=windows) if time >= over else None

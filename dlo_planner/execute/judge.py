@@ -13,8 +13,8 @@ import numpy as np
 from dlo_planner.execute.execution import Execution
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.observing import Observing, Seeing
-from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
+from dlo_planner.identify.online_trajectory import Steered
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle, Sheet
@@ -30,7 +30,7 @@ _STOPPING = 3.0  # s before the entry, at which a motion can still come to rest 
 _WAYPOINTS = 5   # whose miss is predicted, evenly from the entry to the depth
 
 
-def disagreement(observing: Observing) -> str:
+def disagreement(observing: DloEstimator) -> str:
     """Return in words that the last looks do not agree with the estimate."""
     return ('looks at the DLO do not agree with what was expected of it (surprise '
             f'{observing.surprise:.3g}): it slips, swings or touches something, or the robot is '
@@ -38,7 +38,7 @@ def disagreement(observing: Observing) -> str:
             '~/identify, and plan again')
 
 
-def unexplained(observing: Observing, speed: float = 0.0) -> str:
+def unexplained(observing: DloEstimator, speed: float = 0.0) -> str:
     """Return in words why an Estimate is not of the DLO that is seen, '' if it may be.
 
     It tells of a DLO that hangs freely; one that touches something, or is held elsewhere, is none.
@@ -78,18 +78,29 @@ def obstacles_around(inverse: InverseSimulator) -> tuple[Obstacle, ...]:
                      if not isinstance(body, Sheet) and body not in kept))
 
 
-def kept_out(miss: float, room: float, left: float, moving: float) -> str:
+def expected_miss(estimate: Estimate, plan: Plan, execution: Execution) -> tuple[float, float]:
+    """Return by how much the DLO may miss in a motion that is not corrected, and when it enters.
+
+    m, with 95 %, as far as the estimate tells and with what motion adds; s until the entry.
+    """
+    way = execution.way
+    steered = way if isinstance(way, Steered) else Steered.of(way, plan.shapes[-1])
+    reached = steered.reached(plan.times)
+    entry = next((float(time) for time, passes in zip(reached, plan.via_points, strict=True)
+                  if passes), -np.inf)
+    return (bound_of(estimate, plan, steered, reached, execution.free, np.inf)
+            + in_motion(execution), entry - execution.done)
+
+
+def kept_out(miss: float, room: float, left: float) -> str:
     """Return in words why a motion has to stop before the cut-out, '' if it may go on.
 
-    It goes in if the DLO is inside the cut-out with 95 %, as far as the estimate tells, and with
-    what motion adds. Whether it is, is judged when the stop has to begin; after the entry it would
-    be of no use.
+    It goes in if the DLO is inside the cut-out with 95 %. Whether it is, is judged when the stop
+    has to begin; after the entry it would be of no use.
     """
-    bound = miss + moving
-    return '' if not 0 < left <= _STOPPING or bound <= room else (
-        f'the DLO may miss the cut-out by {bound:.3g} m (95 %, {moving:.3g} m of it by '
-        f'motion): expected at most the room of {room:.3g} m; let it hang at rest before the '
-        'camera, call ~/identify, and plan again')
+    return '' if not 0 < left <= _STOPPING or miss <= room else (
+        f'the DLO may miss the cut-out by {miss:.3g} m (95 %): expected at most the room of '
+        f'{room:.3g} m; let it hang at rest before the camera, call ~/identify, and plan again')
 
 
 def in_motion(execution: Execution) -> float:
@@ -160,7 +171,7 @@ def aimed_anew(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: S
         for one in (way.corrected(free, found, reached[first:]), way)))
 
 
-def lag_of(seeing: Seeing, horizon: float) -> float:
+def lag_of(seeing: EstimatorConfig, horizon: float) -> float:
     """Return the seconds from a look until a motion is changed by it; inf: it is not corrected."""
     if not seeing.correct:
         return np.inf

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
-from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.online_trajectory import Steered
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose

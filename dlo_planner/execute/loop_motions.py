@@ -21,8 +21,8 @@ from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.execute.judge import bound_of, obstacles_around
 from dlo_planner.execute.limiter import used
 from dlo_planner.identify.estimate import Estimate, way_between
-from dlo_planner.identify.observing import Swing
-from dlo_planner.identify.steering import NARROWEST, WIDEST, Change, Steered, step_response
+from dlo_planner.identify.estimator import Swing
+from dlo_planner.identify.online_trajectory import NARROWEST, WIDEST, Change, Steered, step_response
 from dlo_planner.identify.vibration import FreeVibration
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import Task

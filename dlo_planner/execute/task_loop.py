@@ -43,8 +43,8 @@ from dlo_planner.execute.loop_motions import (
 )
 from dlo_planner.identify.closed_loop import ClosedLoop, Phase
 from dlo_planner.identify.correction import Correction
-from dlo_planner.identify.observing import Observing
-from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.estimator import DloEstimator
+from dlo_planner.identify.online_trajectory import Steered
 from dlo_planner.identify.vibration import STATED, FreeVibration
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.rod import Surface
@@ -78,7 +78,7 @@ class TaskLoop:
     `horizon`, `limits` and `guards` as of `Execution`.
     """
 
-    def __init__(self, task: LoopTask, observing: Observing, here: Pose, *,
+    def __init__(self, task: LoopTask, observing: DloEstimator, here: Pose, *,
                  tool: Pose | None = None, guards: Guards | None = None,
                  limits: Limits | None = None, look: float = 2.0, period: float = 0.02,
                  horizon: float = 0.0, frame_id: str = '') -> None:

@@ -250,28 +250,24 @@ class _Aim:
         """Return the goals of a waypoint, and the direction about which it may roll."""
         planned, passes = self._plan.shapes[index], self._plan.via_points[index]
         rotation, length = np.array(self._plan.grippers[index].rotation), float(planned.s[-1])
-        frames = [planned.frame_at(min(s, length)) for _, s, _ in passes]
-        places = [position + (s - min(s, length)) * axes[:, 0] + self.shift
-                  for (axes, position), (_, s, _) in zip(frames, passes, strict=True)]
-        weight, first = 1 / self.estimate.uncertain.simulator.rod.length, passes[0][1]
-        direction = frames[0][0][:, 0] if passes[0][2] is None else passes[0][2]
-        kinds, free = [POSITION] + [THROUGH] * (len(passes) - 1), np.array(direction)
-        targets, weights = [*places], [weight] * len(passes)
+        frames = [planned.frame_at(min(at, length)) for _, at, _ in passes]
+        places = [position + (at - min(at, length)) * axes[:, 0] + self.shift
+                  for (axes, position), (_, at, _) in zip(frames, passes, strict=True)]
+        weight, s = 1 / self.estimate.uncertain.simulator.rod.length, passes[0][1]
+        free = np.array(frames[0][0][:, 0] if passes[0][2] is None else passes[0][2])
+        rows = [(POSITION, places[0], rotation, weight),
+                *((THROUGH, place, rotation, weight) for place in places[1:])]
         if planned.far_end is not None:  # the mouth of a bore: the whole frame
-            first = self._mesh(planned).s[-1]
-            kinds, targets, weights = [*kinds, ROTATION], [*targets, free], [*weights, 1.0]
-            return GoalTable(
-                np.array(kinds), np.full(2, first), np.array(targets),
-                np.array([rotation, np.array(frames[0][0])]), np.array(weights)), free
-        if len(passes) == 1:
-            kinds, targets, weights = [*kinds, DIRECTION], [*targets, free], [*weights, 1.0]
-        elif len(passes) > 1:
-            free = places[1] - places[0]
-            free /= np.linalg.norm(free)
-        kinds, targets, weights = [*kinds, ROLL], [*targets, free_axis(rotation, free)], [*weights,
-                                                                                       1.0]
-        return GoalTable(np.array(kinds), np.full(len(kinds), first), np.array(targets),
-                         np.tile(rotation, (len(kinds), 1, 1)), np.array(weights)), free
+            s = self._mesh(planned).s[-1]
+            rows.append((ROTATION, free, np.array(frames[0][0]), 1.0))
+        else:
+            if len(places) == 1:
+                rows.append((DIRECTION, free, rotation, 1.0))
+            else:
+                free = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])
+            rows.append((ROLL, free_axis(rotation, free), rotation, 1.0))
+        kinds, targets, axes, weights = map(np.array, zip(*rows, strict=True))
+        return GoalTable(kinds, np.full(len(rows), s), targets, axes, weights), free
 
     def _in_contact(self, index: int, guess: Shape) -> Shape | None:
         """Return the Shape that touches where the planned one does, by Gauss and Newton."""

@@ -221,7 +221,7 @@ def _found(observed: MeasurementModel, errors: MEstimator, steps: Progress,
     if begin is not None:
         observed.choose_steps(begin, errors.step_tolerance)
         return errors.with_noise(errors.minimum(begin))
-    if not observed.at(first).any:
+    if not any(observed.at(first).solved):
         raise NotConverged('rod: no equilibrium was found for any observation with the first guess')
     starts = [first + shift * stiff for shift in (_STARTS if stiff.any() else _STARTS[:1])]
     if observed.motions:  # they are costly: only the best start is followed, with few steps first
@@ -290,7 +290,7 @@ def _fit(observed: MeasurementModel, statistics: Statistics, found: OptimizeResu
     misfit = float(np.sqrt(np.mean(np.sum(here.away**2, axis=1))))
     return Fit(unknowns.of(x), unknowns.values(x),
                unknowns.deviations(x, statistics.deviations[:unknowns.size]), misfit,
-               bool(found.success and here.converged), statistics.noise,
+               bool(found.success and all(here.solved)), statistics.noise,
                observed.grippers(found.x), correlations)
 
 

@@ -18,7 +18,6 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium, shape_of
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.gap import along_the_dlo, signed_distance
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.problem import Configuration
@@ -30,8 +29,8 @@ from dlo_planner.minimize.convergence import Minimum, residual_of
 from dlo_planner.minimize.newton import descend
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Surface, part_of_loads, part_of_rod
-from dlo_planner.model.varying import SeenFrom
+from dlo_planner.model.rod import Surface
+from dlo_planner.model.supports import Surroundings
 from dlo_planner.plan.clearance import nearest
 
 STABLE = 0.02       # least stability: a mesh's error does not make it doubtful
@@ -217,11 +216,7 @@ def _cantilever(mesh: Discretization, node: int, frame: Floats) -> tuple[Floats,
     """
     if node == mesh.s.size - 1:
         return np.array(frame, order='C'), mesh.natural[-1]
-    around = mesh.surroundings
-    s, load = mesh.s[node], around.load
-    part = replace(around, rod=part_of_rod(mesh.rod, s, 1),
-                   load=SeenFrom(load, s, 1) if callable(load) else load,
-                   point_loads=part_of_loads(around.point_loads, around.rod, s, 1))
-    tail = Discretization(part, mesh.s[node:] - s, 'local', 0)
+    s = mesh.s[node]
+    tail = Discretization(mesh.surroundings.part(s, 1), mesh.s[node:] - s, 'local', 0)
     shape = equilibrium(tail, Pose.from_rotation(np.zeros(3), frame), tail.natural)
     return np.array(shape.frames[-1], order='C'), shape.strains[0]

@@ -25,7 +25,6 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import shape_of
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.potential import configuration_at, evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
 from dlo_planner.geometry.so3 import (
@@ -47,6 +46,7 @@ from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.model.arrays import Bools, Floats, Ints
 from dlo_planner.model.pose import Pose, angle_between, turned_by
 from dlo_planner.model.rod import Rod
+from dlo_planner.model.supports import Surroundings
 
 _ROUNDS = 30
 

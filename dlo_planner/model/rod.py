@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,7 +15,6 @@ from dlo_planner.errors import InvalidRod
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, number, row, shown
 from dlo_planner.model.section import MODELS, MODULI, SIZES, Section
-from dlo_planner.model.supports import PointLoad
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.model.varying import (
     VARYING,
@@ -469,8 +468,6 @@ def _arm(rod: Rod, size: float, mass: float, radius: float | None, center: float
 # A part of a DLO as a DLO of its own.
 
 
-_NEAR = 0.05  # of the length: a load so near to the end is one at the end
-
 BACK = np.array([1.0, -1.0, 1.0])  # strains, seen along the DLO in the other direction
 
 
@@ -489,24 +486,6 @@ def of_length(rod: Rod, length: float) -> Rod:
         return length if s >= end else s
     return replace(rod, length=length, nodes=tuple(there(s) for s in rod.nodes),
                    point_masses=tuple((there(s), mass) for s, mass in rod.point_masses))
-
-
-def loads_of_length(loads: Iterable[PointLoad], rod: Rod, length: float) -> tuple[PointLoad, ...]:
-    """Return the PointLoads of a Rod as one of another length (m) has them.
-
-    What acts near the end and would be beyond it goes to the end, as in `of_length`.
-    """
-    end, near = min(rod.length, length), (1 - _NEAR) * rod.length
-    return tuple(one if one.s is None or one.s < max(end, near) else replace(one, s=length)
-                 for one in loads)
-
-
-def part_of_loads(loads: Iterable[PointLoad], rod: Rod, at: float,
-                  direction: int) -> tuple[PointLoad, ...]:
-    """Return the PointLoads of `part_of_rod`, as that part knows them."""
-    places = [(rod.length if one.s is None else one.s, one) for one in loads]
-    return tuple(replace(one, s=abs(s - at)) for s, one in places
-                 if (s - at) * direction > 0 or s == at and direction > 0)
 
 
 def part_of_rod(rod: Rod, at: float, direction: int) -> Rod:

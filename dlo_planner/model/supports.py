@@ -1,20 +1,26 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What holds and loads a DLO besides the gripper: a far end, point loads."""
+"""What surrounds a DLO: a grip of its far end, loads, obstacles, gravity."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, instance, number, vector
+from dlo_planner.model.checks import choice, instance, items, number, returned, vector
+from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Sheet
 from dlo_planner.model.pose import Pose
+from dlo_planner.model.rod import Rod, part_of_rod
 from dlo_planner.model.value import Value, put
+from dlo_planner.model.varying import Profile, SeenFrom, breaks_of, resolved
 
 # ------------------------------------------------------------------------------------------------
 # A second grip: how the free end may be held.
@@ -95,18 +101,12 @@ def distance(far_end: FarEnd, gripper: Pose) -> float:
     return sqrt(away @ away)
 
 
-def within_reach(far_end: FarEnd | None, gripper: Pose, length: float,
-                 loaded: bool = True) -> bool:
-    """Return whether a DLO of `length` (m) spans the distance with finite tension.
+def spans(distance: Any, length: float, loaded: bool) -> Any:
+    """Return whether a DLO of `length` (m) spans distances (m) with finite tension.
 
     It hardly stretches: where less than 1e-9 of it is left to sag, its weight decides nothing
     that could be computed. Without any load it may be just as long.
     """
-    return far_end is None or spans(distance(far_end, gripper), length, loaded)
-
-
-def spans(distance: Any, length: float, loaded: bool) -> Any:
-    """Return whether a DLO of `length` (m) spans distances (m), see `within_reach`."""
     return distance < (1.0 - (_SLACK if loaded else -_SLACK)) * length
 
 
@@ -147,3 +147,117 @@ class PointLoad(Value):
         if self.s is not None:
             put(self, s=number('PointLoad.s', self.s, minimum=0))
         super().__post_init__()
+
+
+# What `point_loads` may hold. Of any other kind than PointLoad the term of the potential makes what
+# it needs (`made`, see `energy.terms`): it is no dead load.
+LOADS: tuple[type, ...] = (PointLoad,)
+
+
+# ------------------------------------------------------------------------------------------------
+# All that acts on a DLO but its grippers.
+
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+GRIPPERS = ('clamped', 'pinned')
+_NEAR = 0.05  # of the length: a load so near to the end is one at the end
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Surroundings(Value):
+    """A Rod and all that acts on it but its grippers; raises InvalidTask as `DirectSimulator`."""
+
+    rod: Rod
+    gravity: Floats  # (3,) m/s^2
+    load: Floats | Callable[[float], ArrayLike] | None = None  # N/m, besides the weight
+    obstacles: tuple[Obstacle, ...] = ()
+    point_loads: tuple[PointLoad, ...] = ()
+    grip: str = 'clamped'  # one of GRIPPERS: how the gripper holds the DLO's beginning
+
+    def __post_init__(self) -> None:
+        instance('rod', self.rod, Rod)
+        choice('grip', self.grip, GRIPPERS)
+        put(self, gravity=vector('gravity', self.gravity, 3),
+            obstacles=items('obstacles', self.obstacles, OBSTACLES),
+            point_loads=items('point_loads', self.point_loads, LOADS))
+        for one in self.dead_loads:
+            if one.s is not None and one.s > self.rod.length:
+                raise InvalidTask(f'PointLoad.s = {one.s:g}: expected a place on the DLO, at most '
+                                  f'{self.rod.length:g} m')
+        if self.pinned and self.rod.yields:
+            raise InvalidTask('grip = \'pinned\': expected \'clamped\' where the rod yields')
+        if self.pinned and self.has_moments:
+            raise InvalidTask('grip = \'pinned\': expected \'clamped\' where dead moments act')
+        if self.load is not None and not callable(self.load):
+            put(self, load=vector('load', self.load, 3))
+        if self.rod.radius is None and any(isinstance(one, Sheet) for one in self.obstacles):
+            raise InvalidTask('Rod.radius = None: expected the DLO\'s radius where a Sheet is an '
+                              'obstacle')
+        super().__post_init__()
+
+    def of_rod(self, rod: Rod) -> Self:
+        """Return the same about another Rod (as long or not).
+
+        PointLoads in the last twentieth of this one that would be beyond the other's end, or are at
+        this one's, are at the other's.
+        """
+        instance('rod', rod, Rod)
+        old, new = self.rod.length, rod.length
+        end = max(min(old, new), (1 - _NEAR) * old)
+        dead = [one if one.s is None or one.s < end else replace(one, s=new)
+                for one in self.dead_loads]
+        return replace(self, rod=rod, point_loads=(*dead, *self.other_loads))
+
+    def part(self, at: float, direction: int) -> Self:
+        """Return the same about the part from `at` (m) to one end: direction 1 to L, -1 to 0."""
+        places = [(self.rod.length if one.s is None else one.s, one) for one in self.dead_loads]
+        dead = [replace(one, s=abs(s - at)) for s, one in places
+                if (s - at) * direction > 0 or s == at and direction > 0]
+        load = self.load
+        return replace(self, rod=part_of_rod(self.rod, at, direction),
+                       load=SeenFrom(load, at, direction) if callable(load) else load,
+                       point_loads=(*dead, *self.other_loads))
+
+    @property
+    def dead_loads(self) -> tuple[PointLoad, ...]:
+        """The PointLoads."""
+        return tuple(one for one in self.point_loads if isinstance(one, PointLoad))
+
+    @property
+    def other_loads(self) -> tuple[Any, ...]:
+        """The loads of other kinds."""
+        return tuple(one for one in self.point_loads if not isinstance(one, PointLoad))
+
+    @cached_property
+    def load_profile(self) -> Profile:
+        """Profile of a load that varies along the DLO."""
+        load: Any = self.load
+        return resolved('load', lambda s: vector(f'load({s:g})', returned('load', load, s), 3),
+                        self.rod.length, breaks_of(load), InvalidTask)
+
+    @cached_property
+    def breaks(self) -> Floats:
+        """(n,) arc lengths inside the DLO at which what acts on it, or it itself, jumps, m."""
+        places = [one.s for one in self.dead_loads
+                  if one.s is not None and 0 < one.s < self.rod.length]
+        if callable(self.load):
+            places.extend(self.load_profile.breaks)
+        return np.union1d(self.rod.breaks, places)
+
+    @cached_property
+    def has_moments(self) -> bool:
+        """Whether a dead moment acts somewhere."""
+        return any(one.moment.any() for one in self.dead_loads)
+
+    @cached_property
+    def free(self) -> Self:
+        """The same without what acts only where it is touched or reached: obstacles, yielding."""
+        rod = self.rod
+        if rod.yields:
+            rod = replace(rod, yield_curvature=None, yield_torsion=None)
+        return replace(self, rod=rod, obstacles=())
+
+    @property
+    def pinned(self) -> bool:
+        """Whether the DLO's beginning may turn in the gripper."""
+        return self.grip == 'pinned'

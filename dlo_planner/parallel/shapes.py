@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.memory import mapped
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Contact, Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import array, items, results, row, shown

@@ -31,10 +31,10 @@ from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import TOLERANCE
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.simulator import DirectSimulator, Prescribed, made_by, motion_by
+from dlo_planner.direct.simulator import DirectSimulator, made_by, motion_by
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.direct.step import past_of
-from dlo_planner.direct.stepper import NO_GUESS, Limits, StepBatch, Stepper, TimePoint
+from dlo_planner.direct.stepper import NO_GUESS, Acceptance, StepBatch, Stepper, TimePoint
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.errors import InvalidTask
@@ -111,8 +111,8 @@ def speculative(simulator: DirectSimulator, grippers: Iterable[Pose], dt: float 
         if dt is None:
             return track_ahead(simulator, rounds, grippers, at_first, steps)
         make = partial(AheadStepper, rounds, len(grippers) - 1)
-        return motion_by(make, simulator, Prescribed(grippers, dt, initial, None, velocity,
-                                                     tolerance, integrator), steps)
+        return motion_by(make, simulator, grippers, dt, steps, initial, None, velocity, tolerance,
+                         integrator)
 
 
 def _first_shape(initial: Shape | Motion | None, dt: float | None) -> Shape | None:
@@ -137,7 +137,7 @@ class AheadStepper(Stepper):
         super().__init__(*more)
         self._rounds, self._last = rounds, last
 
-    def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme, limits: Limits,
+    def steps(self, now: TimePoint, past: Any, places: Floats, scheme: Scheme, limits: Acceptance,
               guess: Floats = NO_GUESS) -> StepBatch:
         """Return the StepBatch of the first step, which may begin where it was seen ahead."""
         place, size = float(places[0]), scheme.dt / self.dt

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is seen of the DLO: an estimate of it, by which motions are corrected, or the parameters."""
+"""What is seen of the DLO: an estimate of it, by which motions stop, or the parameters."""
 
 from collections import deque
 from contextlib import suppress
@@ -16,27 +16,17 @@ from std_srvs.srv import Trigger
 
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.execution import blending_as
-from dlo_planner.execute.judge import (
-    aimed_anew,
-    disagreement,
-    in_motion,
-    kept_out,
-    lag_of,
-    unexplained,
-)
-from dlo_planner.identify.correction import Correction
+from dlo_planner.execute.judge import disagreement, expected_miss, kept_out, unexplained
 from dlo_planner.identify.estimate import Estimate
-from dlo_planner.identify.observing import Observing, Swing, deviation
-from dlo_planner.identify.steering import Steered
+from dlo_planner.identify.estimator import DloEstimator, Swing, deviation
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
-from dlo_planner.ros.inputs import Frames, named, pose_in
+from dlo_planner.ros.inputs import Frames, pose_in
 from dlo_planner.ros.lifecycle import LATEST, REQUEST
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, State
 from dlo_planner.ros.status import Part, Shared
-from dlo_planner.ros.streaming import MISS_EXPECTED, room_of
+from dlo_planner.ros.streaming import MISS_EXPECTED, loop_task_of
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.view.scene import drawn_radius, estimate_primitives
 from msg_helpers.clouds import points_from_cloud
@@ -54,13 +44,11 @@ class Estimator(Part):
         self._turn = Lock()  # one look, or identification, after the other
         # (stamp, Pose of the tool frame)
         self._grippers: deque[tuple[float, Pose]] = deque(maxlen=_REMEMBERED)
-        # Scene, Observing of its DLO or None, State.resets
-        self._at: tuple[Scene | None, Observing | None, int] = None, None, 0
+        # Scene, DloEstimator of its DLO or None, State.resets
+        self._at: tuple[Scene | None, DloEstimator | None, int] = None, None, 0
         self._identified: Estimate | None = None  # of which the parameters are being made
-        # running plan, when, the last Correction
-        self._corrected: tuple[PlanResult | None, float, Correction | None] = None, -np.inf, None
         # the plan whose motion is expected, by whom, State.resets
-        self._moves_by: tuple[PlanResult | None, Observing | None, int] = None, None, -1
+        self._moves_by: tuple[PlanResult | None, DloEstimator | None, int] = None, None, -1
         self._seen = -np.inf, np.nan  # stamp, deviation from the plan
         # center of the cut-out that was seen, as stated; stamp
         self._hole: tuple[Floats | None, float] = None, -np.inf
@@ -78,7 +66,7 @@ class Estimator(Part):
         when, off = self._seen
         return off if abs(seconds - when) <= _LONGEST_AGE else np.nan
 
-    def observing(self, stamp: Time) -> Observing | None:
+    def observing(self, stamp: Time) -> DloEstimator | None:
         """Return what observes the DLO, None where it was not looked at shortly before a stamp."""
         with self._turn:
             observing = self._observing_of(self.store.state)
@@ -108,15 +96,12 @@ class Estimator(Part):
                                   'estimate misfit [m]': float(estimate.misfit),
                                   'estimate outliers': float(estimate.outliers)})
             self._draw(state, estimate, points, msg.header.stamp)
-            if state.executing:
-                self._compare(state, stamp, points, observing)
-                if state.looking is not None:  # the closed loop sees to the rest
-                    return
-                if observing.doubted:
-                    return
-                self._correct(state, stamp, observing, estimate)
-            else:
+            if not state.executing:
                 self._expect(state, observing)
+            elif state.looking is not None:  # the closed loop sees to the rest
+                self._seen = stamp, observing.off
+            else:
+                self._follow(state, stamp, points, observing, estimate)
 
     def _on_cutout(self, msg: PoseStamped) -> None:
         """Take in where the cut-out of the plan is seen; one that is seen for another begins anew.
@@ -141,7 +126,7 @@ class Estimator(Part):
             self._hole = stated, stamp
             observing.hole(stated, seen)
 
-    def _look(self, observing: Observing, stamp: float, points: Floats) -> Estimate:
+    def _look(self, observing: DloEstimator, stamp: float, points: Floats) -> Estimate:
         try:
             return observing.look(stamp, points)
         except InvalidTask as error:
@@ -155,8 +140,8 @@ class Estimator(Part):
                 self.markers.show('estimate', scene.frame_id, stamp, lambda: estimate_primitives(
                     shape, drawn_radius(scene.direct.rod), points))
 
-    def _observing_of(self, state: State) -> Observing | None:
-        """Return the Observing of the DLO as it is stated; None where nothing is uncertain."""
+    def _observing_of(self, state: State) -> DloEstimator | None:
+        """Return the DloEstimator of the DLO as it is stated; None where nothing is uncertain."""
         scene = state.scene
         known, observing, resets = self._at
         kept = state.executing and state.looking is not None  # by the closed loop
@@ -169,7 +154,7 @@ class Estimator(Part):
         self._at = known if kept else scene, observing, state.resets
         return observing
 
-    def _expect(self, state: State, observing: Observing) -> None:
+    def _expect(self, state: State, observing: DloEstimator) -> None:
         """Have the DLO expected as inertia bends it in the motion that was proved."""
         made, proof = state.planned, state.proof
         known = made, observing, state.resets
@@ -189,64 +174,24 @@ class Estimator(Part):
             return -np.inf
         return execution.done_at(stamp) if execution.active else np.inf
 
-    def _compare(self, state: State, stamp: float, points: Floats, observing: Observing) -> None:
-        """Remember how far the DLO is from its plan; in a closed loop, from its estimate."""
-        running, execution = state.running, state.execution
-        assert running is not None and execution is not None
-        if state.looking is not None:
-            self._seen = stamp, observing.off
-        elif execution.phase == 'running':
-            done = execution.done_at(stamp)
-            time = float(execution.way.progress([done])[0])
-            self._seen = stamp, deviation(running.plan, time, points)
-
-    # ---- corrections ------------------------------------------------------------------------
-
-    def _correct(self, state: State, stamp: float, observing: Observing,
-                 estimate: Estimate) -> None:
-        """Aim the rest of what is executed anew, if that is wanted, due and sure."""
-        scene, execution, made = state.scene, state.execution, state.running
+    def _follow(self, state: State, stamp: float, points: Floats, observing: DloEstimator,
+                estimate: Estimate) -> None:
+        """Remember how far the DLO is off its plan; stop before a cut-out that it may miss."""
+        execution, made = state.execution, state.running
         assert execution is not None and made is not None
-        plan, (running, when, before) = made.plan, self._corrected
-        if running is not made:
-            when, before = -np.inf, None
-        if not scene.seeing.correct or execution.phase != 'running' or (
-                abs(stamp - when) < scene.seeing.correction_period):
+        if execution.phase != 'running':
             return
-        way = execution.way
-        trajectory = way.trajectory if isinstance(way, Steered) else way
-        fresh = Steered.of(trajectory, plan.shapes[-1])
-        steered = fresh
-        if isinstance(way, Steered):
-            blending = blending_as(way, fresh.windows, execution.free)
-            if blending is None:
-                return
-            steered = blending
-        reached = steered.reached(plan.times)
-        if execution.free + steered.windows.sum() > steered.trajectory.duration:
-            return  # it would come too late
-        seeing = scene.seeing
-        aimed = aimed_anew(scene.inverse, estimate, plan, steered, execution.free, reached, before,
-                           seeing.largest_correction, lag_of(seeing, execution.horizon),
-                           unexplained(observing, scene.limits.linear_speed))
-        found, reason = aimed.correction, named(aimed.doubts, state.bodies)
-        self._corrected = made, stamp, found if found.converged else None
-        entry = next((time for time, passes in zip(reached, plan.via_points, strict=True)
-                      if passes), -np.inf)
-        left, moving = entry - execution.done, in_motion(execution)
-        bound = aimed.bound_before if reason else aimed.bound
+        time = float(execution.way.progress([execution.done_at(stamp)])[0])
+        self._seen = stamp, deviation(made.plan, time, points)
+        task = loop_task_of(made)
+        if task is None or observing.doubted or not state.scene.seeing.correct:
+            return
+        miss, left = expected_miss(estimate, made.plan, execution)
         if left > 0:
-            self.statistics.note({MISS_EXPECTED: bound + moving})
-        room = room_of(made)
-        barred = '' if room is None else kept_out(bound, room, left, moving)
+            self.statistics.note({MISS_EXPECTED: miss})
+        barred = kept_out(miss, task.room, left)
         if barred:
             self.store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
-        elif not reason:
-            after = self.store.change(lambda now: now.with_correction(execution.way, lambda done: (
-                steered.corrected(done, found, reached[found.first:])))).execution
-            if after is None or after.way is way:
-                reason = (after and after.refusal) or 'it came when the motion had ended'
-        self.statistics.corrected(found, barred or reason)
 
     # ---- identification ---------------------------------------------------------------------
 
@@ -265,7 +210,7 @@ class Estimator(Part):
             if wrong:
                 raise Refused(Cause.INVALID_POINTS, f'{wrong}; let the DLO hang freely, and call '
                               '~/reset')
-            changed = parameters_of_estimate(estimate, state.values)
+            changed = parameters_of_estimate(estimate, state.scene.values)
             self._identified = estimate
             result = self.node.set_parameters_atomically(
                 [Parameter(name, value=value) for name, value in changed.items()])
@@ -288,10 +233,10 @@ def cutout_of(state: State) -> Floats | None:
 
 
 def observing_of(scene: Scene, grippers: list[tuple[float, Pose]],
-                 known: Estimate | None) -> Observing | None:
-    """Return a new Observing, None where the DLO cannot be observed or nothing is uncertain."""
+                 known: Estimate | None) -> DloEstimator | None:
+    """Return a new DloEstimator, None where the DLO cannot be observed or nothing is uncertain."""
     try:
-        made = Observing(scene.direct, scene.seeing, known)
+        made = DloEstimator(scene.direct, scene.seeing, known)
     except InvalidTask:
         return None
     for stamp, pose in grippers:

@@ -3,7 +3,7 @@
 """Messages that come, in the frame of the scene and within its bounds, or refused by name."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from math import hypot
 from typing import Any
@@ -97,7 +97,7 @@ def pose_in(scene: Scene, msg: PoseStamped, name: str, frames: Frames = _ONE) ->
     return there
 
 
-def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArray, name: str,
+def bodies_in(scene: Scene, msg: MarkerArray, name: str,
               frames: Frames = _ONE) -> dict[tuple[str, int], Any]:
     """Return the obstacles, by (namespace, id), after a visualization_msgs/MarkerArray."""
     if len(msg.markers) > _MOST_MARKERS:
@@ -107,7 +107,7 @@ def bodies_in(scene: Scene, known: Mapping[tuple[str, int], Any], msg: MarkerArr
         judge_length(marker.ns, f'{name}.markers[{index}].ns', Cause.INVALID_OBSTACLES)
     msg = markers_in(scene, msg, name, frames)
     try:
-        bodies = obstacles_after(dict(known), msg, scene.frame_id, name)
+        bodies = obstacles_after(dict(scene.bodies), msg, scene.frame_id, name)
     except InvalidTask as error:
         raise Refused(Cause.INVALID_OBSTACLES, str(error)) from None
     for index, marker in enumerate(msg.markers):
@@ -178,9 +178,9 @@ def brief_text(text: str, most: int = _MOST_SAID) -> str:
     return text if len(text) <= most else f'{text[:most]} ... ({len(text)} characters)'
 
 
-def named(text: str, bodies: Mapping[tuple[str, int], Any]) -> str:
+def named(text: str, scene: Scene) -> str:
     """Return a text in which obstacles are called as in RViz, 'cell/3', not by their index."""
-    names = [body_name(key) for key in bodies]
+    names = [body_name(key) for key in scene.bodies]
 
     def name(found: re.Match[str]) -> str:
         index = int(found[1] or found[2])
@@ -194,10 +194,10 @@ def body_name(key: tuple[str, int]) -> str:
     return f'{key[0]}/{key[1]}'
 
 
-def inside_of(scene: Scene, bodies: Mapping[tuple[str, int], Any], gripper: Pose, name: str) -> str:
+def inside_of(scene: Scene, gripper: Pose, name: str) -> str:
     """Return in words in which obstacle a gripper is, '' if in none."""
-    if not bodies:
+    if not scene.bodies:
         return ''
     found, room = scene.solid.min_margin(gripper)
     return '' if room >= 0 else named(f'{name}: the gripper is {-room:.3g} m inside {found}: '
-                                      'expected a pose outside of all obstacles', bodies)
+                                      'expected a pose outside of all obstacles', scene)

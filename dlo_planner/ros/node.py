@@ -27,7 +27,7 @@ from dlo_planner.ros.markers import MarkerCache
 from dlo_planner.ros.plan import PlanningServer
 from dlo_planner.ros.predict import ShapePredictor
 from dlo_planner.ros.proof import ProofServer
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.scene_monitor import SceneMonitor
 from dlo_planner.ros.state import State, Store
 from dlo_planner.ros.status import Shared, Statistics, Status
@@ -69,7 +69,7 @@ class PlannerNode(LifecycleNode):
     def __init__(self, **options: Any) -> None:
         super().__init__('dlo_planner', **options)
         declare(self)
-        direct = build_scene(self._values()).direct  # what makes no sense is said at once
+        direct = Scene.of(self._values()).direct  # what makes no sense is said at once
         for doubt in doubts(direct.rod, direct.gravity):
             self.get_logger().warning(doubt)
         self.add_pre_set_parameters_callback(typed)
@@ -118,8 +118,7 @@ class PlannerNode(LifecycleNode):
 
     def configure(self) -> None:
         """Read the parameters, build the scene, make all topics and services."""
-        values = self._values()
-        store, statistics = Store(State(build_scene(values), values)), Statistics()
+        store, statistics = Store(State(Scene.of(self._values()))), Statistics()
         markers_out = self.add_publisher(MarkerArray, '~/markers', LATCHED)
         markers = MarkerCache(markers_out.publish)
         self.shared = shared = Shared(self, store, statistics, Status(self, store, statistics),
@@ -152,7 +151,7 @@ class PlannerNode(LifecycleNode):
         self.streamer.announce()
         self.proof_server.look()
         scene = self.shared.store.state.scene
-        self.get_logger().info(f'ready: {scene.name}, {scene.direct.rod.length:g} m')
+        self.get_logger().info(f'ready: {scene["rod.name"]}, {scene.direct.rod.length:g} m')
 
     def deactivate(self) -> None:
         """Let the motion come to rest and the planning end; answer no more."""
@@ -215,9 +214,10 @@ class PlannerNode(LifecycleNode):
                                    text, {'lifecycle': self.lifecycle_state}, stamp)
         level, message, values = shared.statistics.report()
         state = shared.store.state
-        array = diagnostics_msg(f'{name}: solver', state.scene.name, level, message,
+        rod = state.scene['rod.name']
+        array = diagnostics_msg(f'{name}: solver', rod, level, message,
                                 {**values, 'lifecycle': 'active'}, stamp)
-        array.status = [*array.status, status_msg(f'{name}: execution', state.scene.name,
+        array.status = [*array.status, status_msg(f'{name}: execution', rod,
                                                   *described(state.execution, state.looking))]
         return array
 

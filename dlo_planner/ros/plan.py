@@ -179,7 +179,7 @@ class PlanningServer(Part):
             raise Refused(Cause.FAR_END_HELD, 'far_end_pose: the far end is held: expected '
                           'far_end.hold = free, or no pose, for a plan')
         plan, before = self._interruptible(
-            state.scene.planning_deadline,
+            state.scene['threading.planning_deadline'],
             lambda: make_plan(state.scene, task, start, state.shape, miss))
         seconds = monotonic() - begun
         scene, stamp = state.scene, self.node.get_clock().now().to_msg()

@@ -47,7 +47,7 @@ def predicted(state: State, gripper: Pose, name: str, initial: Shape | None = No
     if far_end is not None:
         span = float(np.linalg.norm(far_end.pose.position - gripper.position))
         name = f'{name}, far_end_pose {span:.3g} m away'
-    inside = inside_of(state.scene, state.bodies, gripper, name)
+    inside = inside_of(state.scene, gripper, name)
     if inside:
         raise Refused(Cause.IN_OBSTACLE, inside)
     raise Refused(Cause.NO_SHAPE, f'{name}: no stable shape found: residual {shape.residual:.3g}, '
@@ -96,7 +96,7 @@ class ShapePredictor(Part):
         """Hold the far end there; where the gripper stands, the shape follows as well."""
         with self.status.answering('far_end_pose', counter='poses refused', told=False):
             scene, arrived = self.store.state.scene, monotonic()
-            if scene.far_hold == 'free':
+            if scene['far_end.hold'] == 'free':
                 raise Refused(Cause.INVALID_PARAMETER, 'far_end_pose: it has no effect with '
                               f'far_end.hold = free: expected one of {", ".join(GRIPS)}')
             pose = pose_in(scene, msg, 'far_end_pose', self.frames)
@@ -117,10 +117,11 @@ class ShapePredictor(Part):
         with self.status.answering('gripper_pose', counter='poses refused', told=False):
             before = self.store.state
             held = before.held_at(monotonic())
-            if held is None and before.far_end is not None and before.scene.far_hold != 'free':
+            scene = before.scene
+            if held is None and before.far_end is not None and scene['far_end.hold'] != 'free':
                 self.status.warn('far end', 'far_end_pose: the last one is older than '
-                                    f'far_end.timeout = {before.scene.far_timeout:g} s: the far '
-                                    'end counts as free')
+                                 f'far_end.timeout = {scene["far_end.timeout"]:g} s: the far end '
+                                 'counts as free')
             shape = predicted(before, gripper, 'gripper_pose', before.shape, held)
             if self._closed:
                 return
@@ -128,24 +129,22 @@ class ShapePredictor(Part):
             if shape.jumped:
                 self.status.warn('jump', 'the DLO jumped into another shape on the way to this '
                                     'pose')
-            frame_id = before.scene.frame_id
-            self._out.publish(shape_bytes(shape, frame_id, stamp))
-            self._send_wrenches(before.scene, shape, stamp)
+            self._out.publish(shape_bytes(shape, scene.frame_id, stamp))
+            self._send_wrenches(scene, shape, stamp)
             self.statistics.shape_done(shape, monotonic() - arrived)
-            radius, color = drawn_radius(before.scene.direct.rod), before.scene.color
-            self.markers.show('shape', frame_id, stamp,
-                               lambda: shape_primitives(shape, radius, color))
+            self.markers.show('shape', scene.frame_id, stamp, lambda: shape_primitives(
+                shape, drawn_radius(scene.direct.rod), scene['markers.color']))
 
     def _send_wrenches(self, scene: Scene, shape: Shape, stamp: Time) -> None:
         """Publish what the DLO does to the gripper and to what holds its far end."""
         if self._wrench_out.get_subscription_count():
             sensor = shape.gripper.compose(scene.tool.inverse())
             self._wrench_out.publish(wrench_msg(wrench_in(
-                sensor, shape.gripper, -shape.gripper_wrench), scene.tool_frame, stamp))
+                sensor, shape.gripper, -shape.gripper_wrench), scene['tool.frame_id'], stamp))
         if shape.far_end is not None and self._far_wrench_out.get_subscription_count():
             end = Pose.from_rotation(shape.positions[-1], shape.frames[-1])
             self._far_wrench_out.publish(wrench_msg(wrench_in(
-                shape.far_end.pose, end, -shape.far_wrench), scene.far_frame, stamp))
+                shape.far_end.pose, end, -shape.far_wrench), scene['far_end.frame_id'], stamp))
 
     def _on_predict_shape(self, request: GetPlan.Request,
                           response: GetPlan.Response) -> GetPlan.Response:
@@ -165,11 +164,11 @@ class ShapePredictor(Part):
         if not request.goal.header.frame_id:
             return None
         pose = pose_in(state.scene, request.goal, 'predict_shape.goal', self.frames)
-        if state.scene.far_hold == 'free':
+        if state.scene['far_end.hold'] == 'free':
             raise Refused(Cause.INVALID_PARAMETER, 'predict_shape.goal: far_end.hold = free says '
                           f'that nothing holds the far end: expected one of {", ".join(GRIPS)}, or '
                           'an empty frame')
-        return FarEnd(pose, state.scene.far_hold)
+        return FarEnd(pose, state.scene['far_end.hold'])
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self.status.answering('reset', answer=response) as outcome:

@@ -37,13 +37,13 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
     slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before, 'workspace': workspace,
               'obstacles': scene.direct.obstacles}
     moving = {**slowly, 'limits': scene.motion_limits, 'tolerance': scene.wanted.tolerance,
-              'deadline': scene.deadline}
+              'deadline': scene['threading.deadline']}
     known = None
     for step in (slowly, moving):
         try:
             report = persistent(partial(replayed, **step))
         except Exception as error:  # whatever it is: the plan must not wait for ever
-            yield Proof(plan, known, *_failed(error, scene.deadline))
+            yield Proof(plan, known, *_failed(error, scene['threading.deadline']))
             return
         if report is None:
             return

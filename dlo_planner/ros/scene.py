@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the node works on, made of the values of its parameters and the obstacles around."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from dlo_planner.direct.grasp import GraspedInside
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.guards import Guards
-from dlo_planner.identify.observing import Seeing
+from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.checks import choice
 from dlo_planner.model.obstacles import Obstacle
@@ -39,41 +40,65 @@ _OPEN = lru_cache(4)(open_task)  # a long text takes long to read, at each chang
 
 @dataclass(frozen=True)
 class Scene:
-    """What the node works on; replaced as a whole when a parameter or an obstacle changes."""
+    """What the node works on, made of its parameters and obstacles; replaced as a whole.
 
-    frame_id: str
-    name: str
+    `scene[name]` is the value of a parameter.
+    """
+
+    values: Mapping[str, Any]
+    bodies: Mapping[tuple[str, int], Body]  # obstacles by namespace and id
     direct: DirectSimulator
     inverse: InverseSimulator
     grasped: GraspedInside | None
     tool: Pose
-    tool_frame: str
-    far_hold: str
-    far_timeout: float
-    far_frame: str
     task: Mapping[str, Any]
     wanted: Wanted
-    deadline: float
-    cutout_radius: float | None
-    start_distance: float
-    start_angle: float
-    planning_deadline: float
-    reach: float
-    period: float
-    horizon: float
     guards: Guards
-    seeing: Seeing
-    color: str
+    seeing: EstimatorConfig
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any],
+           bodies: Mapping[tuple[str, int], Body] = MappingProxyType({})) -> 'Scene':
+        """Return the Scene of parameter values and obstacles."""
+        _judge(values)
+        solids: dict[str, list[Obstacle]] = {'all': [], 'workspace only': []}
+        for body in bodies.values():
+            solids[body.role].append(body.obstacle if body.friction is not None else replace(
+                body.obstacle, friction=values['obstacles.friction']))
+        direct = direct_of({**values, 'rod.grasped_at': 0.0}, solids['all'])
+        grasped = grasped_of(values, solids['all']) if values['rod.grasped_at'] else None
+        return cls(values, bodies, direct, inverse_of(values, direct, solids['workspace only']),
+                   grasped, Pose(values['tool.position'], values['tool.orientation']),
+                   _OPEN(values['task'], 'parameter task'), Wanted.of(values), _guards(values),
+                   _seeing(values))
+
+    def __getitem__(self, name: str) -> Any:
+        return self.values[name]
+
+    @property
+    def frame_id(self) -> str:
+        """Frame of all that goes out."""
+        return str(self['frame_id'])
+
+    @property
+    def reach(self) -> float:
+        """How far from the origin anything may be, m."""
+        return float(self['workspace.reach'])
+
+    @property
+    def period(self) -> float:
+        """Seconds between two commands."""
+        return 1 / float(self['execute.rate'])
+
+    @property
+    def cutout_radius(self) -> float | None:
+        """Radius of cut-outs that state none, m; None: not known."""
+        return self['cutouts.radius'] or None
 
     @cached_property
     def solid(self) -> Workspace:
         """Return what nothing can be inside of."""
         return Workspace(keep_out=self.direct.obstacles)
-
-    @property
-    def predictor(self) -> DirectSimulator | GraspedInside:
-        """What predicts shapes."""
-        return self.grasped or self.direct
 
     @property
     def limits(self) -> Limits:
@@ -95,33 +120,6 @@ class Scene:
         """Whether what was planned and proved in this Scene holds in another one."""
         return all(getattr(self, name) == getattr(other, name) for name in (
             'frame_id', 'direct', 'grasped', 'inverse', 'tool', 'limits', 'cutout_radius'))
-
-
-def scene_of(values: Mapping[str, Any], bodies: Mapping[tuple[str, int], Body]) -> Scene:
-    """Return the Scene of parameter values and bodies by their (namespace, id)."""
-    solids: dict[str, list[Obstacle]] = {'all': [], 'workspace only': []}
-    for body in bodies.values():
-        solids[body.role].append(body.obstacle if body.friction is not None else replace(
-            body.obstacle, friction=values['obstacles.friction']))
-    return build_scene(values, solids['all'], solids['workspace only'])
-
-
-def build_scene(values: Mapping[str, Any], obstacles: Sequence[Obstacle] = (),
-                keep_out: Sequence[Obstacle] = ()) -> Scene:
-    """Return the Scene of parameter values."""
-    _judge(values)
-    direct = direct_of({**values, 'rod.grasped_at': 0.0}, obstacles)
-    grasped = grasped_of(values, obstacles) if values['rod.grasped_at'] else None
-    inverse = inverse_of(values, direct, keep_out)
-    return Scene(values['frame_id'], values['rod.name'], direct, inverse, grasped,
-                 Pose(values['tool.position'], values['tool.orientation']),
-                 values['tool.frame_id'], values['far_end.hold'], values['far_end.timeout'],
-                 values['far_end.frame_id'], _OPEN(values['task'], 'parameter task'),
-                 Wanted.of(values), values['threading.deadline'], values['cutouts.radius'] or None,
-                 values['execute.start_distance'], values['execute.start_angle'],
-                 values['threading.planning_deadline'], values['workspace.reach'],
-                 1 / values['execute.rate'], values['execute.horizon'], _guards(values),
-                 _seeing(values), values['markers.color'])
 
 
 def _judge(values: Mapping[str, Any]) -> None:
@@ -150,8 +148,8 @@ def _guards(values: Mapping[str, Any]) -> Guards:
                   values['execute.longest_pause'], values['execute.enable_timeout'])
 
 
-def _seeing(values: Mapping[str, Any]) -> Seeing:
-    return Seeing(spread_of(values), **{
-        item.name: values[f'observe.{item.name}'] for item in fields(Seeing)
+def _seeing(values: Mapping[str, Any]) -> EstimatorConfig:
+    return EstimatorConfig(spread_of(values), **{
+        item.name: values[f'observe.{item.name}'] for item in fields(EstimatorConfig)
         if item.name not in ('spread', 'robot_time')},
         robot_time=values['observe.robot_time'] or np.inf)

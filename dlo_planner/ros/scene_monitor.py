@@ -18,7 +18,7 @@ from dlo_planner.plan.clearance import clearance
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.ros.inputs import bodies_in, body_name, brief_text
 from dlo_planner.ros.lifecycle import CHANGES
-from dlo_planner.ros.scene import Scene, scene_of
+from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
 from dlo_planner.ros.status import Part, Shared
 from dlo_planner.settings.parameters import PARAMETERS
@@ -48,13 +48,14 @@ class SceneMonitor(Part):
     def _judge(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         changed = {one.name: one.value for one in parameters if one.name in PARAMETERS}
         state = self.store.state
+        scene = state.scene
         fixed = [name for name, value in changed.items() if not PARAMETERS[name].while_executing
-                 and not _same(value, state.values[name])]
+                 and not _same(value, scene[name])]
         if state.executing and fixed:
             return SetParametersResult(successful=False, reason=f'parameter {", ".join(fixed)}: a '
                                        'plan is being executed: expected its end, or ~/cancel')
         try:
-            scene_of({**state.values, **changed}, state.bodies)
+            Scene.of({**scene.values, **changed}, scene.bodies)
         except DloPlannerError as error:
             return SetParametersResult(successful=False, reason=brief_text(str(error)))
         except Exception as error:  # whatever it is, it must not end the node
@@ -64,14 +65,12 @@ class SceneMonitor(Part):
 
     def _apply(self, parameters: Sequence[Parameter]) -> None:
         with self.status.answering('parameters', told=False), self._rebuilding:
-            state = self.store.state
+            before = self.store.state.scene
             changed = {one.name: one.value for one in parameters if one.name in PARAMETERS}
-            values = {**state.values, **changed}
-            scene = scene_of(values, state.bodies)
             names = ', '.join(f'{name} = {value}' for name, value in changed.items()
-                              if value != state.values[name])
-            self._change(scene, Cause.PARAMETERS_CHANGED,
-                         f'parameters changed ({names})', values=values)
+                              if value != before[name])
+            self._change(Scene.of({**before.values, **changed}, before.bodies),
+                         Cause.PARAMETERS_CHANGED, f'parameters changed ({names})')
 
     def _on_obstacles(self, msg: MarkerArray) -> None:
         with self.status.answering('obstacles', told=False):
@@ -86,22 +85,22 @@ class SceneMonitor(Part):
     def _rebuilt(self, msg: MarkerArray) -> tuple[State, dict[tuple[str, int], Any], str]:
         """Change the obstacles; return the State before, what is new, what has changed or ''."""
         before = self.store.state
-        bodies = bodies_in(before.scene, before.bodies, msg, 'obstacles', self.frames)
-        changed = [key for key in {**before.bodies, **bodies}
-                   if before.bodies.get(key) != bodies.get(key)]
+        known = before.scene.bodies
+        bodies = bodies_in(before.scene, msg, 'obstacles', self.frames)
+        changed = [key for key in {**known, **bodies} if known.get(key) != bodies.get(key)]
         if not changed:
             return before, {}, ''
         reason = f'obstacles changed ({listed(changed)})'
-        scene = scene_of(before.values, bodies)
-        self._change(scene, Cause.OBSTACLES_CHANGED, reason, bodies=bodies)
+        scene = Scene.of(before.scene.values, bodies)
+        self._change(scene, Cause.OBSTACLES_CHANGED, reason)
         stamp = self.node.get_clock().now().to_msg()
         self.markers.show('obstacles', scene.frame_id, stamp, lambda: obstacle_primitives(
             body.obstacle for body in bodies.values()))
         return before, {key: bodies[key] for key in changed if key in bodies}, reason
 
-    def _change(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> None:
+    def _change(self, scene: Scene, cause: Cause, reason: str) -> None:
         before = self.store.state
-        state = self.store.change(lambda now: now.in_scene(scene, cause, reason, **parts))
+        state = self.store.change(lambda now: now.in_scene(scene, cause, reason))
         if before.planned is not None and state.planned is None:
             self.statistics.note({'report': 'void', 'report reason': reason})
             self.status.info(f'the plan is void: {reason}')

@@ -17,7 +17,6 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import EXACT, Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import used
-from dlo_planner.identify.steering import Steered
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd
@@ -93,8 +92,6 @@ class State:
     """What the node knows; its methods return the next State."""
 
     scene: Scene
-    values: Mapping[str, Any]  # of the parameters that it is made of
-    bodies: Mapping[tuple[str, int], Any] = field(default_factory=dict)  # obstacles by ns and id
     shape: Shape | None = None  # the last one, None: the DLO begins with its natural one
     resets: int = 0             # how often the shape was forgotten
     pose: Pose | None = None    # of the tool frame, the last one that came
@@ -125,9 +122,9 @@ class State:
 
     # ---- scene ------------------------------------------------------------------------------
 
-    def in_scene(self, scene: Scene, cause: Cause, reason: str, **parts: Any) -> State:
+    def in_scene(self, scene: Scene, cause: Cause, reason: str) -> State:
         """Return the State in another Scene, in which is kept what can be kept."""
-        state = replace(self, scene=scene, shape=carried(self.shape, self.scene, scene), **parts)
+        state = replace(self, scene=scene, shape=carried(self.shape, self.scene, scene))
         if scene.task != self.scene.task:
             state = state.opened(scene.task)
         return state if self.scene.keeps_plans(scene) else state.without_plan(cause, reason)
@@ -150,11 +147,11 @@ class State:
 
     def held_at(self, now: float) -> FarEnd | None:
         """Return what holds the far end at `now` s, steady; None: it is free."""
-        scene, heard = self.scene, self.far_end
-        if scene.far_hold == 'free' or heard is None or (
-                scene.far_timeout and heard.age + now - heard.arrived > scene.far_timeout):
+        heard, hold, limit = self.far_end, self.scene['far_end.hold'], self.scene['far_end.timeout']
+        if hold == 'free' or heard is None or (
+                limit and heard.age + now - heard.arrived > limit):
             return None
-        return FarEnd(heard.pose, scene.far_hold)
+        return FarEnd(heard.pose, hold)
 
     def with_enabled(self, enabled: Enabled) -> State:
         """Return the State after it was heard whether the gripper may move."""
@@ -212,8 +209,8 @@ class State:
             raise Refused(Cause.LIMITS, f'the motion of the plan uses {part:.3g} of its limits of '
                           'speed, acceleration and jerk (threading.*): plan again')
         execution = Execution(way, scene.tool.inverse(), scene.frame_id, self.scene.guards,
-                              scene.period, self.scene.horizon, scene.limits, begin=begin,
-                              done=begin)
+                              scene.period, self.scene['execute.horizon'], scene.limits,
+                              begin=begin, done=begin)
         return replace(self, execution=execution, running=self.planned, looking=None,
                        latest=None, others=0)
 
@@ -232,14 +229,6 @@ class State:
         if self.execution is None:
             return self
         return self._with_execution(self.execution.tick(now, self.feedback, stamp, self.enabled))
-
-    def with_correction(self, way: TimedPath | Steered,
-                        corrected: Callable[[float], Steered]) -> State:
-        """Return the State in which the rest of what is executed is corrected."""
-        execution = self.execution
-        if execution is None or execution.phase != 'running' or execution.way is not way:
-            return self
-        return replace(self, execution=execution.corrected(corrected(execution.free)))
 
     @property
     def proving(self) -> bool:
@@ -311,15 +300,15 @@ def ready(state: State, now: float, wanted: Time | None = None) -> TimedPath:
     first = way.poses([0.0])[0].compose(state.planned.scene.tool.inverse())
     here = state.feedback.pose
     away = float(np.linalg.norm(here.position - first.position))
-    if away > scene.start_distance:
+    if away > scene['execute.start_distance']:
         raise Refused(Cause.NOT_AT_START, f'the gripper is {away:.3g} m from where the plan '
-                      f'begins: expected execute.start_distance = {scene.start_distance:g} m at '
-                      'most')
+                      'begins: expected execute.start_distance = '
+                      f'{scene["execute.start_distance"]:g} m at most')
     angle = angle_between(here.rotation, first.rotation)
-    if angle > scene.start_angle:
+    if angle > scene['execute.start_angle']:
         raise Refused(Cause.NOT_AT_START, f'the gripper is turned by {angle:.3g} rad from where '
-                      f'the plan begins: expected execute.start_angle = {scene.start_angle:g} rad '
-                      'at most')
+                      'the plan begins: expected execute.start_angle = '
+                      f'{scene["execute.start_angle"]:g} rad at most')
     return way
 
 

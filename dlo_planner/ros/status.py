@@ -183,8 +183,7 @@ class Status:
         """Return Cause and reason of an exception; an unknown one is traced once."""
         cause = cause_of(error)
         if isinstance(error, DloPlannerError):
-            return cause, named(brief_text(f'{what} refused: {error}'),
-                                self._store.state.bodies)
+            return cause, named(brief_text(f'{what} refused: {error}'), self._store.state.scene)
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = type(error).__name__, last.filename, last.lineno
         if place not in self._traced:
@@ -199,9 +198,9 @@ class Status:
         level = ERROR if cause == Cause.INTERNAL else (
             OK if cause == Cause.DONE and not warns else WARN)
         self._out.publish(status_msg(
-            f'{self._node.get_name()}: {what}', self._store.state.scene.name, level, message,
-            {'request': what, 'stamp': stamp_text(stamp), 'code': int(cause), 'cause': cause.name,
-             **(values or {})}))
+            f'{self._node.get_name()}: {what}', self._store.state.scene['rod.name'], level,
+            message, {'request': what, 'stamp': stamp_text(stamp), 'code': int(cause),
+                      'cause': cause.name, **(values or {})}))
 
     def failed(self, what: str, cause: Cause, reason: str) -> None:
         """Take a refusal or failure to diagnostics and, at most once a second, to the log."""

@@ -21,14 +21,14 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory
 
-from dlo_planner.errors import DeadlineExceeded, DloPlannerError
+from dlo_planner.errors import DeadlineExceeded, DloPlannerError, InvalidTask
 from dlo_planner.execute.causes import Cause, Refused, cause_of
 from dlo_planner.execute.execution import Ahead, Execution
 from dlo_planner.execute.guards import Enabled
 from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
-from dlo_planner.identify.observing import Observing
+from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
@@ -56,12 +56,9 @@ _STANDOFF = 0.05  # of the length, where none is given, and the plan does not st
 def loop_task_of(made: PlanResult) -> LoopTask | None:
     """Return the task of a plan whose DLO passes cut-outs or a bore with a known room; or None."""
     plan, scene, task = made.plan, made.scene, made.task
-    if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or not (
-            room_of(made) or 0.0) > 0:
-        return None
     passing = [bool(passes) for passes in plan.via_points]
     depths = np.unique(plan.depths[passing])  # a bore takes over a mass in several waypoints
-    if not depths.size:
+    if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or not depths.size:
         return None
     if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
         depths = np.append(0.0, depths)
@@ -71,19 +68,13 @@ def loop_task_of(made: PlanResult) -> LoopTask | None:
     standoff = scene.wanted.standoff if scene.wanted.standoff > 0 else float(
         max(stops, default=0.0)) or _STANDOFF * scene.direct.rod.length
     task = Thread(first, depths) if isinstance(task, Thread) else replace(task, depths=depths)
-    return LoopTask(scene.inverse, task, standoff, scene.limits)
-
-
-def room_of(made: PlanResult) -> float | None:
-    """Return by how much the DLO may miss its cut-outs unharmed, m; None: not known."""
-    radii = [one.radius or 0.0 for one in cutouts_of(made.task)]
-    thick = made.scene.direct.rod.radius or 0.0
-    if not isinstance(thick, float) or not min(radii, default=0.0):
+    try:
+        return LoopTask(scene.inverse, task, standoff, scene.limits)
+    except InvalidTask:  # there is no room, or it is not known
         return None
-    return min(radii) - thick
 
 
-def closed_loop_of(state: State, observing: Observing | None,
+def closed_loop_of(state: State, observing: DloEstimator | None,
                    worker: Worker) -> ClosedLoopDrive | None:
     """Return what carries out the plan that was started in a closed loop, or None: it cannot.
 
@@ -100,21 +91,24 @@ def closed_loop_of(state: State, observing: Observing | None,
                          guards=execution.guards, limits=execution.limits,
                          period=execution.period, horizon=execution.horizon,
                          frame_id=execution.frame_id)
-    return ClosedLoopDrive(loop, worker, scene.planning_deadline)
+    return ClosedLoopDrive(loop, worker, scene['threading.planning_deadline'])
 
 
-def not_looked_at(state: State, observing: Observing | None) -> str:
-    """Return in words that a plan is executed without a look that it could have, '' if it is not.
+def open_loop_warning(state: State, observing: DloEstimator | None) -> str:
+    """Return in words why what is seen of the DLO does not correct what is executed, '' if it does.
 
     `observing` as for `closed_loop_of`.
     """
     made = state.running
-    if observing is not None or not state.scene.seeing.correct or made is None or (
-            loop_task_of(made) is None):
+    if not state.scene.seeing.correct or made is None:
         return ''
-    return ('in open loop: no cloud of the DLO was taken in on ~/observed_points shortly before, '
-            'so that it is not looked at before the cut-out; without clouds it is not corrected '
-            'either')
+    if loop_task_of(made) is None:
+        return '' if observing is None else (
+            'in open loop: what is seen of the DLO does not correct it, as it passes no cut-out or '
+            'bore whose radius is known (cutouts.radius)')
+    return '' if observing is not None else (
+        'in open loop: no cloud of the DLO was taken in on ~/observed_points shortly before, so '
+        'that it is neither looked at before the cut-out nor corrected')
 
 
 class ClosedLoopDrive:
@@ -219,12 +213,12 @@ _COMMAND = 0.1   # m, axes of the command: longer than those of the gripper
 class TrajectoryStreamer(Part):
     """Streams what is executed.
 
-    `cancel` ends the `planning` as well. `observing` takes a Time and returns the Observing of the
-    DLO if it was looked at shortly before, or None; `worker` plans for a closed loop.
+    `cancel` ends the `planning` as well. `observing` takes a Time and returns the DloEstimator of
+    the DLO if it was looked at shortly before, or None; `worker` plans for a closed loop.
     """
 
     def __init__(self, shared: Shared, planning: PlanningServer,
-                 observing: Callable[[Time], Observing | None], worker: Worker, commands: Any,
+                 observing: Callable[[Time], DloEstimator | None], worker: Worker, commands: Any,
                  control: Any) -> None:
         super().__init__(shared)
         node = self.node
@@ -296,7 +290,7 @@ class TrajectoryStreamer(Part):
             where = 'gripper_commands_ahead and ' if execution.horizon else ''
             outcome.message = f'{duration:.1f} s on {where}gripper_command' + (
                 '' if self._loop is None else ', or longer: it looks before it goes')
-            outcome.warning = not_looked_at(state, observing)
+            outcome.warning = open_loop_warning(state, observing)
             outcome.values = {'duration [s]': duration,
                               'plan stamp': stamp_text(state.running.stamp)}
             speed, tolerance = scene.limits.linear_speed, scene.guards.path_position
@@ -387,7 +381,7 @@ class TrajectoryStreamer(Part):
         self._told, self._told_of = monotonic(), '' if execution is None else execution.phase
         name, state = f'{self.node.get_name()}: execution', self.store.state
         level, message, values = described(execution, state.looking)
-        self._out.publish(status_msg(name, state.scene.name, level, message, values))
+        self._out.publish(status_msg(name, state.scene['rod.name'], level, message, values))
 
 
 def described(execution: Execution | None,

@@ -26,8 +26,7 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
-from dlo_planner.direct.contact import contacts_of
-from dlo_planner.direct.shape import pack
+from dlo_planner.direct.shape import contacts_of, pack
 from dlo_planner.energy.gap import signed_distance
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import evaluate

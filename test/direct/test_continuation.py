@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
-from dlo_planner.direct.contact import Contact
 from dlo_planner.direct.continuation import between, fell, follow, shape_change
+from dlo_planner.direct.shape import Contact
 
 ROD = Rod(1.0, 0.0, 1.0, 0.7)
 STRAIGHT = DirectSimulator(ROD, n_elements=16, gravity=(0, 0, 0)).solve(Pose.identity())

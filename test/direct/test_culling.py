@@ -17,7 +17,7 @@ from dlo_planner.direct import step as step_module
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.integrator import Scheme
 from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.stepper import Limits, Stepper
+from dlo_planner.direct.stepper import Acceptance, Stepper
 
 UP = (0, 0, 1)
 HOLE = CutOut(Pose.looking_along((0.9, -0.6, 0.8), (1, 0, 0)), radius=0.02)
@@ -241,7 +241,7 @@ def test_steps_without_what_may_act_leave_nothing_of_it(monkeypatch):
         patch.setattr(np, 'empty', lambda shape, dtype=float: np.full(
             shape, np.nan if dtype is float else 7, dtype))
         now = stepper.begin(start)
-        batch = stepper.steps(now, (), np.array([1.0, 2.0]), Scheme('paper', 0.01), Limits())
+        batch = stepper.steps(now, (), np.array([1.0, 2.0]), Scheme('paper', 0.01), Acceptance())
     assert batch.refused is None and batch.last.free
     assert batch.last.row.plastic.size and not batch.last.row.plastic.any()
     assert not batch.last.row.node_forces.any()

@@ -525,6 +525,11 @@ def test_what_has_no_modes_is_refused(tmp_path):
         shape.modes(0)
 
 
+def test_what_has_no_mass_has_no_modes():
+    light = Rod(1.0, 0.0, 1.0, 0.75)
+    assert len(DirectSimulator(light, gravity=(0, 0, 0)).solve(LEVEL).modes()) == 0
+
+
 def test_what_is_neutral_is_refused():
     straight = Rod(1.0, 0.1, 1.0, 0.75)
     free = DirectSimulator(straight, gravity=(0, 0, 0), grip='pinned').solve(DOWN)

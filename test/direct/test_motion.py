@@ -29,7 +29,7 @@ from dlo_planner import Capsule, DirectSimulator, FarEnd, InvalidTask, Plane, Po
 from dlo_planner.direct import dynamics
 from dlo_planner.direct.boundary_motion import BoundaryMotion, GripTrajectory
 from dlo_planner.direct.integrator import Scheme, within_energy_budget
-from dlo_planner.direct.stepper import Limits, Stepper
+from dlo_planner.direct.stepper import Acceptance, Stepper
 from dlo_planner.minimize.newton import newton
 from dlo_planner.results import Motion
 
@@ -257,16 +257,6 @@ def twist_at(guide, place):
     return guide.along(np.array([float(place)]))[2][0]
 
 
-def test_two_poses_are_one_constant_acceleration():
-    guide = GripTrajectory([Pose.identity(), Pose((0.4, 0, -0.2), (0, 0, 0, 1))], 0.5)
-    for place in (0.25, 0.5, 0.75):
-        np.testing.assert_allclose(guide.at(place).position, place**2 * np.array([0.4, 0, -0.2]),
-                                   atol=1e-15)
-    for place in (0.0, 0.5, 1.0):  # v = 2 x t / T^2
-        np.testing.assert_allclose(twist_at(guide, place),
-                                   2 * place / 0.5 * np.array([0.4, 0, -0.2, 0, 0, 0]), atol=1e-14)
-
-
 @pytest.mark.parametrize('at_rest', [True, False])
 def test_several_whole_turns_are_gone_through(at_rest):
     # a rotation has two quaternions: here now the one comes, now the other
@@ -334,7 +324,7 @@ def test_a_step_is_as_stable_as_the_hessian_that_it_minimized_says(basis, dampin
     stepper = Stepper(start.mesh, BoundaryMotion(GripTrajectory(grippers, dt)), dt)
     now, scheme, told = stepper.begin(start), Scheme(integrator, dt), []
     for k in range(1, 7):
-        batch = stepper.steps(now, (), np.array([float(k)]), scheme, Limits())
+        batch = stepper.steps(now, (), np.array([float(k)]), scheme, Acceptance())
         assert batch.refused is None
         problem = stepper.problem(now, float(k), scheme)
         there = batch.last.shape
@@ -516,7 +506,7 @@ def steps_of(wire, grippers, dt, elements, halvings, change=None):
     for k in range(len(grippers) - 1):
         if k == change:
             now = stepper.renewed(now, scheme.dt)
-        batch = stepper.steps(now, (), k + np.arange(1, parts + 1) / parts, scheme, Limits())
+        batch = stepper.steps(now, (), k + np.arange(1, parts + 1) / parts, scheme, Acceptance())
         assert batch.refused is None
         now = batch.last
     return now.positions
@@ -562,9 +552,9 @@ def test_the_estimate_looks_between_the_instants():
     # turned and back again: most of what is wrong is not where the gripper's poses are given
     motion = DirectSimulator(rod(), n_elements=16, basis='local').simulate(
         [tilted(0.4 * k) for k in (0, 1, 0, 1, 0)], 0.25)
-    func, (stepper, begun, plan, trace) = motion._estimate.func, motion._estimate.args
-    assert len(trace.samples) == len(plan.steps) > len(motion)
-    at_instants = func(stepper, begun, plan, trace._replace(samples=None))
+    func, (*known, samples) = motion._estimate.func, motion._estimate.args
+    assert len(samples) > len(motion)
+    at_instants = func(*known, None)
     assert (at_instants <= motion.error_estimate).all()
     assert at_instants[-1] < motion.error_estimate[-1]
 

@@ -21,6 +21,7 @@ from dlo_planner.geometry.kinematics import spring_at
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.supports import Pole, Surroundings  # type: ignore[attr-defined]
 
 
 class Magnet(Record):
@@ -39,6 +40,16 @@ class Magnet(Record):
     pole: Floats
     size: float
     weight: Floats
+
+
+def made(surroundings: Surroundings, s: Floats) -> Magnet | None:
+    """Return what a Pole among the loads of a simulator attracts: the DLO's last node."""
+    weight = np.zeros(s.size)
+    for one in surroundings.other_loads:
+        if isinstance(one, Pole):
+            weight[-1] = one.weight
+            return Magnet(one.place, one.size, weight)
+    return None
 
 
 def needs(effect: Magnet) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A new term of the potential takes one file and a few lines of `energy/terms.py`.
+"""A new term of the potential takes one file and a few lines of `energy/terms.py`; a load a class.
 
 A copy of the package gets the magnet of `magnet.py` by LINES alone, as CONTRIBUTING.md says. There
 its derivatives are compared with differences and its effect with closed forms; as plain Python.
@@ -20,7 +20,24 @@ ROOT = Path(__file__).parents[2]
 HOME = 'dlo_planner.energy'
 LENGTH, BENDING, SIZE = 0.8, 0.7, 0.2
 
-# Of energy/terms.py: a line that is there, and what is written behind it.
+# Of files in the package: a line that is there, and what is written behind it.
+LOAD = [('LOADS: tuple[type, ...] = (PointLoad,', ' Pole'),
+        ("put(self, s=number('PointLoad.s', self.s, minimum=0))\n        super().__post_init__()\n",
+         """
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Pole(Value):
+    \"\"\"A pole that attracts the tip: place (3,), m, its own size, m, and the weight, J m.\"\"\"
+
+    place: Floats
+    weight: float
+    size: float = 0.0
+
+    def __post_init__(self) -> None:
+        put(self, place=vector('Pole.place', self.place, 3),
+            weight=number('Pole.weight', self.weight), size=number('Pole.size', self.size))
+        super().__post_init__()
+""")]
 LINES = [
     (f'from {HOME}.loads import potential as load_potential\n',
      f'from {HOME} import magnet\n'
@@ -39,9 +56,9 @@ LINES = [
 SCRIPT = f'''
 import json
 import numpy as np
-from dlo_planner import Rod
+from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.surroundings import Surroundings
+from dlo_planner.model.supports import Pole, Surroundings
 from dlo_planner.energy.magnet import Magnet
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
@@ -68,7 +85,12 @@ def at(system, q):
     state.q[:] = q
     return evaluate(system, state)[0], state
 
-told = {{'far': fallen(attracted(({LENGTH}, 0.0, 100.0), 1.0))}}
+user = DirectSimulator(Rod({LENGTH}, 0.01, {BENDING}, 0.4), gravity=(0, 0, 0), basis='local',
+                       n_elements=16, point_loads=[Pole(({LENGTH}, 0.0, 100.0), 1.0)])
+shape = user.solve(Pose.identity())
+moved = user.solve(Pose((0, 0, 0.1), (0, 0, 0, 1)), shape)
+told = {{'user': [shape.converged, shape.positions[-1].tolist(), moved.converged,
+                 len(shape.modes(2))], 'far': fallen(attracted(({LENGTH}, 0.0, 100.0), 1.0))}}
 critical = 3 * {BENDING} / {LENGTH}**3 * {SIZE}**3
 told['hill'] = [fallen(attracted(({LENGTH}, 0.0, 0.0), -(1 + 0.1 * sign) * critical, {SIZE}))
                 for sign in (-1, 1)]
@@ -104,11 +126,13 @@ def told(tmp_path_factory):
                     ignore=shutil.ignore_patterns('compiled', '__pycache__'))
     folder = copy / 'dlo_planner' / 'energy'
     shutil.copy(Path(__file__).with_name('magnet.py'), folder)
-    text = (folder / 'terms.py').read_text(encoding='utf-8')
-    for there, more in LINES:
-        assert text.count(there) == 1, there
-        text = text.replace(there, there + more)
-    (folder / 'terms.py').write_text(text, encoding='utf-8')
+    for path, lines in ((folder / 'terms.py', LINES),
+                        (copy / 'dlo_planner' / 'model' / 'supports.py', LOAD)):
+        text = path.read_text(encoding='utf-8')
+        for there, more in lines:
+            assert text.count(there) == 1, there
+            text = text.replace(there, there + more)
+        path.write_text(text, encoding='utf-8')
     done = subprocess.run([sys.executable, '-c', SCRIPT], cwd=copy, text=True, capture_output=True,
                           check=False, env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})
     assert done.returncode == 0, done.stderr
@@ -121,6 +145,12 @@ def test_far_away_it_bends_as_a_small_force_at_the_tip_does(told):
     assert residual < 1e-10
     assert tip[2] == pytest.approx(force * LENGTH**3 / (3 * BENDING), rel=2e-3)
     assert base_force[2] == pytest.approx(-force, rel=1e-4)
+
+
+def test_users_give_it_as_a_load(told):
+    solved, tip, moved, modes = told['user']
+    assert solved and moved and modes == 2
+    np.testing.assert_allclose(tip, told['far'][3], atol=1e-9)
 
 
 def test_beside_the_tip_it_falls_where_the_field_is_stiffer_than_the_bending(told):

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Box, Capsule, CutOut, FarEnd, Plane, PointLoad, Pose, Rod, Sheet, Sphere
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.contact import ContactSet
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.loads import node_forces, node_masses, node_moments
@@ -18,6 +17,7 @@ from dlo_planner.energy.problem import new_configuration
 from dlo_planner.energy.scene import EDGE, FACE, NODE_FACE
 from dlo_planner.minimize.hessian import assemble, multiply, new_hessian
 from dlo_planner.model.section import Section
+from dlo_planner.model.supports import Surroundings
 
 GRAVITY = np.array([1.0, -2.0, -9.0])
 BASE = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()

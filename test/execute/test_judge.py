@@ -12,19 +12,18 @@ from closed_loops import DEPTHS, HOLE, NOISE, SPREAD, START, WIRE, Truth, plan_o
 
 from dlo_planner import (
     Box,
-    CutOut,
     DirectSimulator,
     InverseSimulator,
     Observer,
     Pose,
     Sheet,
-    Thread,
     Trajectory,
 )
 from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.judge import (
     bound_of,
     doubts,
+    expected_miss,
     in_motion,
     kept_out,
     looked_at,
@@ -32,28 +31,27 @@ from dlo_planner.execute.judge import (
 )
 from dlo_planner.execute.loop_motions import commanded_of
 from dlo_planner.identify import Steered, correct
-from dlo_planner.identify.observing import Observing, Seeing
-from dlo_planner.ros.scene import build_scene
-from dlo_planner.ros.state import PlanResult
-from dlo_planner.ros.streaming import room_of
+from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
+from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.parameters import PARAMETERS
 from dlo_planner.trajectory.dynamic_check import InMotion
 from dlo_planner.trajectory.trajectory import restored
+from msg_helpers.obstacles import Body
 
-SEEING = Seeing(SPREAD, NOISE)
-LARGEST, ROOM = 0.05, 4.25e-3  # m, of a correction; in the hole
+SEEING = EstimatorConfig(SPREAD, NOISE)
+LARGEST = 0.05  # m, of a correction
 PLAN = plan_of(depths=DEPTHS)
 
 
 def scene(*obstacles, **changes):
     values = {name: entry.default for name, entry in PARAMETERS.items()} | {
         'rod.diameter': 1.5e-3}
-    return build_scene(values | {name.replace('__', '.'): value
-                                 for name, value in changes.items()}, obstacles)
+    return Scene.of(values | {name.replace('__', '.'): value for name, value in changes.items()},
+                    {('', k): Body(one) for k, one in enumerate(obstacles)})
 
 
 def looked(points_of, looks=8):
-    out = Observing(scene().direct, SEEING)
+    out = DloEstimator(scene().direct, SEEING)
     for time in (0.0, 10.0):
         out.gripper(time, START)
     for k in range(looks):
@@ -90,7 +88,7 @@ def test_a_dlo_that_does_not_hang_freely_is_not_explained():
 
 
 def seen(observing, **changes):
-    """Return an Observing that has seen something else, see `SimpleNamespace`."""
+    """Return a DloEstimator that has seen something else, see `SimpleNamespace`."""
     return SimpleNamespace(**{name: getattr(observing, name)
                               for name in ('estimate', 'off', 'seeing')} | changes)
 
@@ -139,7 +137,7 @@ def test_what_the_motion_and_late_commands_displace_is_expected():
 
 def test_a_look_in_motion_with_outliers_and_wrong_stamps_is_explained():
     rng = np.random.default_rng(4)
-    truth, out = Truth.drawn(rng), Observing(scene().direct, replace(SEEING, stamps=0.06))
+    truth, out = Truth.drawn(rng), DloEstimator(scene().direct, replace(SEEING, stamps=0.06))
     shape = truth.shape(START)
     for time in np.linspace(0, 2, 101):
         out.gripper(time, Pose(START.position + (0.1 * (time - 1.0), 0, 0), START.quaternion))
@@ -184,21 +182,24 @@ def test_the_way_in_is_not_corrected_for_a_cutout_that_was_seen_before_it_was_pl
 
 
 def test_it_stops_before_a_cutout_that_it_may_miss(observing):
-    unsure = correct(Observing(scene().direct, SEEING).estimate, PLAN).miss.together
-    sure = correct(observing.estimate, PLAN).miss.together
-    assert sure < 4e-3 and unsure > 6e-3
-    said = kept_out(unsure, ROOM, 2.0, 0.0)
-    assert 'may miss the cut-out by' in said
-    assert 'the room of 0.00425 m' in said
-    assert kept_out(sure, ROOM, 2.0, 0.0) == ''
+    way = Trajectory(PLAN, tolerance=np.inf)
+    entry = Steered.of(way, PLAN.shapes[-1]).reached(PLAN.times)[looked_at(PLAN)[0]]
+    motion = Execution(way, Pose.identity(), 'world', done=entry - 2.0)
+    unsure, sure = (expected_miss(one.estimate, PLAN, motion) for one in (
+        DloEstimator(scene().direct, SEEING), observing))
+    assert unsure[1] == sure[1] == pytest.approx(2.0)
+    chosen = looked_at(PLAN)
+    at_rest = observing.estimate.miss(PLAN, chosen, [motion.way.poses([motion.free])[0]] * len(
+        chosen)).together
+    assert sure[0] == pytest.approx(at_rest, rel=1e-6) and sure[0] < 0.9 * unsure[0]
+    shaken = expected_miss(observing.estimate, PLAN, replace(motion, shaken=0.01))[0]
+    assert shaken == pytest.approx(sure[0] + 0.02)
+    room = 0.95 * unsure[0]
+    said = kept_out(unsure[0], room, 2.0)
+    assert 'may miss the cut-out by' in said and f'the room of {room:.3g} m' in said
+    assert kept_out(sure[0], room, 2.0) == ''
     for left in (3.1, 0.0, -2.0):  # there is time left, or it is too late
-        assert kept_out(unsure, ROOM, left, 0.0) == ''
-
-
-def test_what_motion_adds_counts_before_a_cutout():
-    left = ROOM - 3e-3
-    assert kept_out(3e-3, ROOM, 2.0, 0.99 * left) == ''
-    assert f'{1.01 * left:.3g} m of it by motion' in kept_out(3e-3, ROOM, 2.0, 1.01 * left)
+        assert kept_out(unsure[0], room, left) == ''
 
 
 def test_what_is_not_blended_in_at_the_entry_counts(observing):
@@ -230,9 +231,3 @@ def test_some_of_what_passes_is_looked_at():
     assert list(looked_at(PLAN)) == [0, 3, 6, 9, 12]
     late = replace(PLAN, via_points=((),) * 10 + PLAN.via_points[10:])
     assert list(looked_at(late)) == [10, 11, 12]
-
-
-def test_the_room_in_a_cutout():
-    for radius, room in ((5e-3, pytest.approx(ROOM)), (None, None)):
-        task = Thread(CutOut(START, radius=radius))
-        assert room_of(PlanResult(scene(), PLAN, None, None, task, None)) == room

@@ -36,7 +36,7 @@ from dlo_planner.execute.loop_motions import LoopTask, way_back, way_to_standoff
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify import Steered
 from dlo_planner.identify.closed_loop import Phase
-from dlo_planner.identify.observing import Observing, Seeing
+from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
 from dlo_planner.identify.vibration import STATED, FreeVibration
 from dlo_planner.model.pose import displaced
 from dlo_planner.plan.path import GripperPath
@@ -45,7 +45,7 @@ from dlo_planner.tasks import MoveTo
 from dlo_planner.trajectory.dynamic_check import InMotion, contact_lost
 from dlo_planner.trajectory.trajectory import restored
 
-SEEING = Seeing(SPREAD, NOISE, robot_rotation=5e-3)
+SEEING = EstimatorConfig(SPREAD, NOISE, robot_rotation=5e-3)
 DIRECT = DirectSimulator(WIRE)
 PERIOD, STANDOFF = 0.05, 0.3
 TOOL = Pose.looking_along((0.02, 0.0, 0.1), (1.0, 0.5, 0.0))
@@ -59,10 +59,10 @@ def task(obstacles=(), **workspace):
 
 
 class Seen:
-    """In place of Observing: what is seen is what a test says."""
+    """In place of DloEstimator: what is seen is what a test says."""
 
     def __init__(self):
-        self.seeing, self.estimate = SEEING, Observing(DIRECT, SEEING).estimate
+        self.seeing, self.estimate = SEEING, DloEstimator(DIRECT, SEEING).estimate
         self.doubted, self.seen, self.swing, self.off = False, np.inf, 0.0, 0.0
         self.vibrations, self.since = [], []
 
@@ -370,7 +370,8 @@ def test_a_way_back_that_cannot_keep_to_the_way_there_is_refused(ways):
 
 
 def test_motions_stay_clear_of_what_is_around():
-    drawn, estimate = draw_task(0, 'wire 1.5', 5e-3), Observing(DIRECT, Seeing(SPREAD)).estimate
+    drawn = draw_task(0, 'wire 1.5', 5e-3)
+    estimate = DloEstimator(DIRECT, EstimatorConfig(SPREAD)).estimate
 
     def among(*obstacles):
         return LoopTask(InverseSimulator(DirectSimulator(WIRE, obstacles=obstacles)),

@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import FarEnd, Rod
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.surroundings import Surroundings
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
@@ -25,6 +24,7 @@ from dlo_planner.minimize.hessian import (
 from dlo_planner.minimize.kkt import complemented
 from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import newton
+from dlo_planner.model.supports import Surroundings
 
 
 def matrix_of(system, hessian, state):

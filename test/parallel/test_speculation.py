@@ -25,7 +25,7 @@ from dlo_planner import (
     Rod,
     parallel,
 )
-from dlo_planner.direct.simulator import Prescribed, motion_by
+from dlo_planner.direct.simulator import motion_by
 from dlo_planner.parallel import speculation
 from dlo_planner.parallel.pool import Pool
 from dlo_planner.parallel.speculation import leads_to, lower
@@ -114,7 +114,7 @@ def test_guesses_are_used_where_they_are_better(monkeypatch, rounds):
     way, more = swung(25), {'integrator': 'paper', 'tolerance': np.inf}
     alone = speculation.Rounds(Pool(Here(), lambda: None), 1)
     serial = motion_by(partial(FromTheShapeBefore, alone, 24), simulator,
-                       Prescribed(way, 0.05, **more), Progress())
+                       way, 0.05, Progress(), **more)
     ahead = parallel.speculative(simulator, way, 0.05, Here(), tasks=2, **more)
     assert_alike(ahead.shapes, serial.shapes)
     assert_alike(ahead.shapes, simulator.simulate(way, 0.05, **more).shapes)

@@ -101,7 +101,7 @@ def _connected(node):
 @pytest.fixture
 def inside(_connected, node):
     """Yield a client of `node`; what was asked for before is answered and forgotten."""
-    if state(node).bodies:
+    if state(node).scene.bodies:
         clear(_connected, node)
     drain(_connected.statuses)
     _connected.predict_shape(HERE)  # its outcome is the last one on its way

@@ -11,12 +11,12 @@ from dlo_planner import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.model.checks import shown
 from dlo_planner.ros.inputs import Frames, bodies_in, brief_text, pose_in
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.poses import pose_from_stamped
 
 VALUES = {name: entry.default for name, entry in PARAMETERS.items()}
-SCENE = build_scene(VALUES)
+SCENE = Scene.of(VALUES)
 LONG = 'x' * 10_000_000
 
 
@@ -40,20 +40,20 @@ def test_a_long_frame_is_neither_looked_up_nor_said():
 
 
 def test_long_names_and_many_markers_are_refused():
-    error = told(Refused, bodies_in, SCENE, {}, MarkerArray(markers=[
+    error = told(Refused, bodies_in, SCENE, MarkerArray(markers=[
         Marker(), Marker(ns=LONG, action=Marker.DELETE)]), 'obstacles')
     assert error.cause == Cause.INVALID_OBSTACLES
     assert 'obstacles.markers[1].ns has 10000000 characters' in str(error)
     delete = Marker(action=Marker.DELETE)
-    assert bodies_in(SCENE, {}, MarkerArray(markers=[delete] * 10_000), 'obstacles') == {}
-    error = told(Refused, bodies_in, SCENE, {}, MarkerArray(markers=[delete] * 10_001), 'obstacles')
+    assert bodies_in(SCENE, MarkerArray(markers=[delete] * 10_000), 'obstacles') == {}
+    error = told(Refused, bodies_in, SCENE, MarkerArray(markers=[delete] * 10_001), 'obstacles')
     assert 'obstacles.markers has 10001 entries: expected 10000 at most' in str(error)
 
 
 @pytest.mark.parametrize(('name', 'value'), [
     ('rod.name', LONG), ('markers.color', LONG), ('gravity', [0.0] * 100_000)])
 def test_long_parameters_are_refused_by_name(name, value):
-    error = told(InvalidTask, build_scene, {**VALUES, name: value})
+    error = told(InvalidTask, Scene.of, {**VALUES, name: value})
     assert f'parameter {name} has {len(value)}' in str(error)
 
 

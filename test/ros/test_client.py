@@ -82,11 +82,11 @@ def test_shapes_and_obstacles(inside, node, robot):
         DIRECT.solve(level, far_end=FarEnd(there, 'pinned')).positions, atol=1e-6)
     robot.set_planner(far_end__hold='free')
     robot.set_obstacles([BAR], friction=0.4)
-    assert until(lambda: state(node).bodies)
+    assert until(lambda: state(node).scene.bodies)
     assert [one.friction for one in state(node).scene.direct.obstacles] == [0.4]
     assert len(robot.plan(HoldContact(ON_BAR, 0.5), start=HERE).poses) == 2
     robot.set_obstacles([])
-    assert until(lambda: not state(node).bodies)
+    assert until(lambda: not state(node).scene.bodies)
     robot.set_planner(task='{type: Thread}')
 
 

@@ -24,14 +24,14 @@ from dlo_planner import (
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.guards import Enabled, Heard
 from dlo_planner.execute.limiter import frames_of, used
-from dlo_planner.identify.observing import Observing
+from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.penalties import Through
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, State, Store
 from dlo_planner.ros.status import Statistics
-from dlo_planner.ros.streaming import closed_loop_of, loop_task_of, not_looked_at
+from dlo_planner.ros.streaming import closed_loop_of, loop_task_of, open_loop_warning
 from dlo_planner.ros.worker import Worker
 from dlo_planner.settings.parameters import PARAMETERS
 from dlo_planner.tasks import MoveTo
@@ -62,7 +62,7 @@ def worker():
 @pytest.fixture(scope='module')
 def proved():
     """Return a State whose plan is proved, with a gripper at its beginning."""
-    state = State(build_scene(VALUES), VALUES)
+    state = State(Scene.of(VALUES))
     task = through(state.scene, [HOLE.pose])
     plan, before = make_plan(state.scene, task, START, None)
     state = state.with_plan(PlanResult(state.scene, plan, before, None, task, None))
@@ -77,7 +77,7 @@ class Cell:
     def __init__(self, state, worker):
         self.rng = np.random.default_rng(8)
         self.truth = Truth.drawn(self.rng, WIRE, SPREAD)
-        self.observing = Observing(state.scene.direct, state.scene.seeing)
+        self.observing = DloEstimator(state.scene.direct, state.scene.seeing)
         self.here, self.time, self.sent, self.phases = START, 0.0, [], []
         started = state.started(0.0)
         self.drive = closed_loop_of(started, self.observing, worker)
@@ -222,9 +222,9 @@ def test_what_is_barred_ends_a_motion(proved, worker):
 def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(proved, worker):
     started = proved.started(0.0)
     scene = started.scene
-    observing = Observing(scene.direct, scene.seeing)
+    observing = DloEstimator(scene.direct, scene.seeing)
     assert closed_loop_of(started, None, worker) is None
-    blind = Observing(scene.direct, replace(scene.seeing, correct=False))
+    blind = DloEstimator(scene.direct, replace(scene.seeing, correct=False))
     assert closed_loop_of(started, blind, worker) is None
     made = started.running
     for narrow in (None, 0.5e-3):
@@ -251,9 +251,11 @@ def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(pro
 def test_a_plan_that_could_be_looked_at_and_is_not_says_so(proved):
     started = proved.started(0.0)
     scene = started.scene
-    assert 'in open loop: no cloud' in not_looked_at(started, None)
-    assert not_looked_at(started, Observing(scene.direct, scene.seeing)) == ''
+    assert 'in open loop: no cloud' in open_loop_warning(started, None)
+    assert open_loop_warning(started, DloEstimator(scene.direct, scene.seeing)) == ''
     seeing = replace(scene.seeing, correct=False)  # nobody wants it
-    assert not_looked_at(replace(started, scene=replace(scene, seeing=seeing)), None) == ''
-    made = replace(started.running, task=Thread(CutOut(HOLE.pose)))
-    assert not_looked_at(replace(started, running=made), None) == ''
+    assert open_loop_warning(replace(started, scene=replace(scene, seeing=seeing)), None) == ''
+    made = replace(started, running=replace(started.running, task=Thread(CutOut(HOLE.pose))))
+    assert open_loop_warning(made, None) == ''  # nobody looks, nothing could be corrected
+    said = open_loop_warning(made, DloEstimator(scene.direct, scene.seeing))
+    assert 'in open loop' in said and 'cutouts.radius' in said

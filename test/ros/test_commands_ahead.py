@@ -13,7 +13,7 @@ from dlo_planner.cell.robot import Robot, Timetable
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Ahead, Execution, places_ahead
 from dlo_planner.execute.guards import Guards, Heard
-from dlo_planner.identify.steering import Change, Steered
+from dlo_planner.identify.online_trajectory import Change, Steered
 from msg_helpers.trajectories import poses_ahead, stamped_poses
 
 PLAN = threaded()

@@ -26,13 +26,13 @@ from dlo_planner.ros.inputs import (
     markers_in,
     pose_in,
 )
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.obstacles import obstacles_after
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
-SCENE = build_scene({name: entry.default for name, entry in PARAMETERS.items()})
+SCENE = Scene.of({name: entry.default for name, entry in PARAMETERS.items()})
 CAMERA = Pose((1.0, 2.0, 3.0), Rotation.from_euler('xyz', (0.3, -0.4, 1.2)).as_quat())
 SEEN = Pose((0.1, 0.2, 0.3), Rotation.from_euler('xyz', (1.0, 0.5, 0.2)).as_quat())
 
@@ -153,7 +153,7 @@ def test_poses_and_obstacles_beyond_any_cell_are_refused(pose, cause, named):
         pose_in(SCENE, msg, 'task_goal')
     assert refused.value.cause == cause
     with pytest.raises(Refused, match=named) as refused:
-        bodies_in(SCENE, {}, MarkerArray(markers=[marker]), 'obstacles')
+        bodies_in(SCENE, MarkerArray(markers=[marker]), 'obstacles')
     assert refused.value.cause == Cause.INVALID_OBSTACLES
 
 
@@ -161,7 +161,7 @@ def test_an_obstacle_that_is_larger_than_any_cell_is_refused():
     marker = Marker(header=Header(frame_id='world'), type=Marker.CUBE, pose=pose_msg(SEEN))
     marker.scale.x, marker.scale.y, marker.scale.z = 0.1, 2001.0, 0.1
     with pytest.raises(Refused, match='scale = .*twice workspace.reach = 1000 m'):
-        bodies_in(SCENE, {}, MarkerArray(markers=[marker]), 'obstacles')
+        bodies_in(SCENE, MarkerArray(markers=[marker]), 'obstacles')
 
 
 def test_a_frame_that_tf_does_not_know_is_refused_with_its_words(frames):

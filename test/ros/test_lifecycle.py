@@ -141,7 +141,7 @@ def test_obstacles_are_heard_in_every_state(monkeypatch, context, witness):
     with planner_here(monkeypatch, context, autostart=False) as node:
         markers = witness.hear(MarkerArray, f'{NAME}/markers', LATCHED)
         assert change(witness, 'configure')
-        assert witness.wait_for(lambda: node.shared.store.state.bodies)
+        assert witness.wait_for(lambda: node.shared.store.state.scene.bodies)
         assert change(witness, 'activate')
         assert witness.wait_for(lambda: markers)  # they are drawn as soon as it may
         assert {one.ns for one in markers[-1].markers} == {'obstacle'}

@@ -15,8 +15,8 @@ from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Execution, blend_from_current_pose
 from dlo_planner.execute.guards import Enabled, Guards, Heard
 from dlo_planner.execute.limiter import Limiter, frames_of, shortest_stop, used
-from dlo_planner.identify.steering import Change, Steered
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.identify.online_trajectory import Change, Steered
+from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.parameters import PARAMETERS
 
 PERIOD, LIMITS = 0.02, Limits()
@@ -350,9 +350,9 @@ def test_a_stop_in_a_correction_keeps_the_limits():
 
 def test_a_motion_is_made_for_a_part_of_the_limits():
     values = {name: entry.default for name, entry in PARAMETERS.items()}
-    scene = build_scene({**values, 'threading.linear_jerk': float('inf')})
+    scene = Scene.of({**values, 'threading.linear_jerk': float('inf')})
     np.testing.assert_allclose(scene.motion_limits.sizes, 0.95 * scene.limits.sizes)
-    assert scene.horizon == 1.0
+    assert scene['execute.horizon'] == 1.0
     assert shares(WAY.at(regular(WAY.duration + 1))[0], FULL, PERIOD).max() <= ROUNDED
 
 

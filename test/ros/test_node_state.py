@@ -40,10 +40,10 @@ def test_of_obstacles_and_parameters_sent_at_once_none_is_lost(inside, node):
         not_in_force += state(node).scene.limits.linear_speed != value
         time.sleep(pause)
     sending.join()
-    assert until(lambda: len(state(node).bodies) == number)
+    assert until(lambda: len(state(node).scene.bodies) == number)
     assert not_in_force == 0
     assert len(state(node).scene.direct.obstacles) == number
-    assert set(state(node).bodies) == {('cell', k) for k in range(number)}
+    assert set(state(node).scene.bodies) == {('cell', k) for k in range(number)}
     clear(inside, node)
     inside.set_parameters(threading__linear_speed=0.1)
 
@@ -62,7 +62,7 @@ def test_a_limit_keeps_the_shape_and_the_pose(inside, node):
 
 def test_obstacles_that_come_again_unchanged_change_nothing(inside, node):
     inside.send_obstacles([box(1)])
-    assert until(lambda: state(node).bodies)
+    assert until(lambda: state(node).scene.bodies)
     inside.plan_threading(HERE, GOAL)
     made = state(node).planned
     for _ in range(3):
@@ -133,7 +133,7 @@ def test_a_plan_of_a_scene_that_changed_meanwhile_is_refused(inside, node, held_
     inside.send_goal(GOAL)
     assert begun.wait(PATIENCE)
     inside.send_obstacles([box(1)])
-    assert until(lambda: state(node).bodies)
+    assert until(lambda: state(node).scene.bodies)
     go.set()
     assert inside.status_of('task_goal')[0] == Cause.SCENE_CHANGED
     clear(inside, node)

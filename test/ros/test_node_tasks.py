@@ -94,10 +94,10 @@ def tell(inside):
 def bar(inside, node):
     """Put a bar there."""
     inside._obstacles_out.publish(obstacles_msg([BAR], 'world'))
-    assert until(lambda: state(node).bodies)
+    assert until(lambda: state(node).scene.bodies)
     yield
     inside._obstacles_out.publish(obstacles_msg([], 'world'))
-    assert until(lambda: not state(node).bodies)
+    assert until(lambda: not state(node).scene.bodies)
 
 
 def ask(client, name, start=None, goal=None, tolerance=0.0, stamp=0):
@@ -309,7 +309,7 @@ def test_a_far_end_is_held_while_its_poses_come(inside, node, wrenches, capfd):
           1.0, 1.5e-3, 8960.0, 110e9, 0.34, point_masses=((0.5, 0.004),), damping=(0.5, 0.0)),
           0.02, 0.002, radius=0.003), n_elements=64, n_terms=10, basis='chebyshev'))])
 def test_what_loads_the_dlo_is_stated_by_parameters(inside, node, values, simulator):
-    before = {name: state(node).values[name.replace('__', '.')] for name in values}
+    before = {name: state(node).scene.values[name.replace('__', '.')] for name in values}
     assert at_once(inside, **values).successful
     try:
         path, _ = inside.shape_for(HERE)
@@ -364,9 +364,9 @@ def test_the_commands_of_the_page_are_answered(inside, node):
             code, said, _ = inside.status_of('task', PATIENCE)
             assert code == 0, said
         elif name.endswith('/obstacles'):
-            assert until(lambda: state(node).bodies)
+            assert until(lambda: state(node).scene.bodies)
         else:
             assert until(lambda: state(node).pose is not None)
     inside.set_parameters(far_end__hold='free', task='{type: Thread}')
     inside._obstacles_out.publish(obstacles_msg([], 'world'))
-    assert until(lambda: not state(node).bodies)
+    assert until(lambda: not state(node).scene.bodies)

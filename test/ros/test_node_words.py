@@ -83,22 +83,22 @@ def test_a_plan_that_cannot_be_made_says_why(inside, node):
 
 def test_obstacles_are_called_by_their_names(inside, node):
     inside.send_obstacles([box(8), box(3, namespace='table')])
-    assert until(lambda: len(state(node).bodies) == 2)
+    assert until(lambda: len(state(node).scene.bodies) == 2)
     where = pose_msg(HERE)
     around = box(5, size=0.5)
     around.pose = where
     inside.send_obstacles([around])
-    assert until(lambda: len(state(node).bodies) == 3)
+    assert until(lambda: len(state(node).scene.bodies) == 3)
     assert inside.predict_shape(HERE)[0].poses == []
     code, message, _ = inside.status_of('predict_shape')
     assert code == Cause.IN_OBSTACLE and 'inside obstacle cell/5' in message
     # a cube before the hole: the DLO would have to go through it
     inside.send_obstacles([Marker(action=Marker.DELETEALL)])
-    assert until(lambda: not state(node).bodies)
+    assert until(lambda: not state(node).scene.bodies)
     before = box(4, size=0.2, namespace='jig')
     before.pose = pose_msg(Pose((-0.3, 0.0, 1.1), (0, 0, 0, 1)))
     inside.send_obstacles([box(8), before])
-    assert until(lambda: len(state(node).bodies) == 2)
+    assert until(lambda: len(state(node).scene.bodies) == 2)
     assert inside.plan_threading(HERE, GOAL)[0].poses == []
     code, message, _ = inside.status_of('plan_threading')
     assert code in (Cause.COLLISION, Cause.WORKSPACE) and 'jig/4' in message
@@ -119,7 +119,7 @@ def test_absurd_obstacles_are_refused_by_name(inside, node, spoil, named):
     spoil(marker)
     inside.send_obstacles([marker])
     assert until(lambda: named in node.shared.statistics.report()[1])
-    assert not state(node).bodies
+    assert not state(node).scene.bodies
 
 
 def test_a_flood_of_odd_poses_is_a_line_a_second(inside, node, capfd):
@@ -151,16 +151,16 @@ def test_a_flood_of_odd_poses_is_a_line_a_second(inside, node, capfd):
     ('execute__rate', 10, 'execute.rate'), ('constraints__goal_time', -1.0, 'constraints'),
     ('decelerate_on_cancel', 1, 'BOOL')])
 def test_parameters_at_run_time(inside, node, name, value, reason):
-    before = state(node).values
+    before = state(node).scene.values
     result = inside.set_parameters(**{name: value})[0]
     assert result.successful == (reason is None), result.reason
     assert reason is None or reason in result.reason
     plain = name.replace('__', '.')
     if reason is None:
-        assert state(node).values[plain] == value
-        assert type(state(node).values[plain]) is type(before[plain])
+        assert state(node).scene.values[plain] == value
+        assert type(state(node).scene.values[plain]) is type(before[plain])
         inside.set_parameters(**{name: before[plain]})
-    assert state(node).values[plain] == before[plain]
+    assert state(node).scene.values[plain] == before[plain]
 
 
 def test_table_and_page_of_causes_agree():

@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from dlo_planner import InvalidTask, Pose
 from dlo_planner.execute.execution import Execution
 from dlo_planner.ros.node import declare, take_overrides
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.scene_monitor import SceneMonitor
 from dlo_planner.ros.state import State, Store
 from dlo_planner.ros.status import Shared
@@ -86,7 +86,7 @@ def judged(phase, **changed):
                            add_post_set_parameters_callback=lambda _: None,
                            add_latched=lambda *_: None)
     execution = Execution(None, Pose.identity(), 'world', phase=phase)
-    state = State(build_scene(VALUES), VALUES, execution=execution)
+    state = State(Scene.of(VALUES), execution=execution)
     SceneMonitor(Shared(node, Store(state), None, None, None, None), None)
     return made[0]([Parameter(name.replace('__', '.'), value=value)
                     for name, value in changed.items()])

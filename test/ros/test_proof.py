@@ -10,9 +10,10 @@ from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.worker import ProcessLost
 from dlo_planner.settings.parameters import PARAMETERS
+from msg_helpers.obstacles import Body
 
 VALUES = {**{name: entry.default for name, entry in PARAMETERS.items()},
           'rod.diameter': 1.5e-3, 'threading.waypoints': 12, 'threading.deepest': 0.3}
@@ -20,8 +21,9 @@ GOAL = Pose.looking_along((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 
 
 def scene_with(obstacles=(), **values):
-    return build_scene({**VALUES, **{name.replace('__', '.'): value
-                                     for name, value in values.items()}}, obstacles)
+    changed = {name.replace('__', '.'): value for name, value in values.items()}
+    return Scene.of({**VALUES, **changed}, {
+        ('', k): Body(one) for k, one in enumerate(obstacles)})
 
 
 def proved(scene, plan=None, replayed=replay):

@@ -32,7 +32,7 @@ def test_every_dlo_in_config_hangs_whatever_the_node_is_called(domain, monkeypat
                          for one in path.poses])
         steps = np.linalg.norm(np.diff(ends, axis=0), axis=1)
         assert steps.sum() == pytest.approx(rod['length'], rel=1e-3)
-        assert node.shared.store.state.scene.name == rod['name']
+        assert node.shared.store.state.scene['rod.name'] == rod['name']
         assert len(path.poses) == 65
         assert path.poses[-1].pose.position.z < 1.0
 

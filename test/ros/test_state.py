@@ -4,6 +4,7 @@
 
 import threading
 from dataclasses import fields, replace
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -12,14 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Pose, Sphere, replay
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.execution import Heard, blending_as
+from dlo_planner.execute.execution import Heard
 from dlo_planner.execute.guards import Enabled, Guards
-from dlo_planner.identify.observing import Seeing
+from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.plan.plan import PlanStatus, truncate
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
-from dlo_planner.ros.scene import build_scene, scene_of
+from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, Proof, State, Store, carried, ready
 from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.obstacles import Body
@@ -35,14 +36,14 @@ def values(**changed):
     return {**VALUES, **{name.replace('__', '.'): value for name, value in changed.items()}}
 
 
-def scene(bodies=(), **changed):
-    return build_scene(values(**changed), tuple(body.obstacle for body in bodies))
+def scene(bodies=MappingProxyType({}), **changed):
+    return Scene.of(values(**changed), bodies)
 
 
 @pytest.fixture(scope='module')
 def proved():
     """Return a State whose plan is proved, with a gripper at its beginning at time 10."""
-    state = State(scene(), VALUES)
+    state = State(scene())
     task = through(state.scene, [GOAL])
     plan, before = make_plan(state.scene, task, None, None)
     made = PlanResult(state.scene, plan, before, None, task, None)
@@ -60,14 +61,12 @@ def hanging(state):
 def changed(state, bodies=None, **parts):
     """Return the State after other parameters or obstacles."""
     if bodies is not None:
-        return state.in_scene(scene(bodies.values(), **parts), Cause.OBSTACLES_CHANGED, 'a ball',
-                              bodies=bodies)
-    return state.in_scene(scene(**parts), Cause.PARAMETERS_CHANGED, 'a limit',
-                          values=values(**parts))
+        return state.in_scene(scene(bodies, **parts), Cause.OBSTACLES_CHANGED, 'a ball')
+    return state.in_scene(scene(**parts), Cause.PARAMETERS_CHANGED, 'a limit')
 
 
 def test_a_parameter_that_does_not_change_the_dlo_touches_nothing_of_it():
-    before = hanging(State(scene(rod__yield_stress=40e6), values(rod__yield_stress=40e6)))
+    before = hanging(State(scene(rod__yield_stress=40e6)))
     after = changed(before, rod__yield_stress=40e6, threading__linear_speed=0.05)
     assert after.shape is before.shape and after.gripper == HERE
     assert after.scene.limits.linear_speed == 0.05
@@ -86,7 +85,7 @@ def test_a_parameter_that_does_not_change_the_dlo_touches_nothing_of_it():
     ({'simulator__n_elements': 32}, 'all'), ({'gravity': [0.0, 0.0, -5.0]}, 'all'),
     ({'rod__yield_stress': 40e6}, 'nothing')])
 def test_what_can_be_kept_of_another_dlo_is_kept(parts, kept):
-    before = hanging(State(scene(), VALUES))
+    before = hanging(State(scene()))
     after = changed(before, **parts)
     assert after.gripper == HERE
     assert (after.shape is None) == (kept == 'nothing')
@@ -109,7 +108,7 @@ def test_the_set_of_one_dlo_is_not_that_of_another():
 
 
 def test_a_shape_found_for_a_scene_that_is_gone_is_carried_over_or_forgotten():
-    before = State(scene(), VALUES)
+    before = State(scene())
     shape = before.scene.direct.solve(HERE)
     assert before.with_shape(shape, before).shape is shape
     assert before.reset().with_shape(shape, before).shape is None
@@ -153,20 +152,6 @@ def test_what_a_robot_makes_up_for_is_not_blended(proved):
     here = Pose(proved.pose.position + (0.0, 0.0, 0.9e-3), proved.pose.quaternion)
     way = proved.with_feedback(Heard(here, 10.0)).started(10.02).execution.way
     assert way is proved.proof.report.trajectory
-
-
-def test_other_windows_wait_until_all_is_blended_in(proved):
-    here = Pose(proved.pose.position + (0.0, 0.0, 5e-3), proved.pose.quaternion)
-    way = proved.with_feedback(Heard(here, 10.0)).started(10.02).execution.way
-    other = way.windows * 0.9
-    assert blending_as(way, way.windows, 0.0) is way
-    begin = way.changes[-1].since
-    assert blending_as(way, other, begin + 0.99 * way.windows.sum()) is None
-    later = begin + 1.01 * way.windows.sum()
-    changed = blending_as(way, other, later)
-    np.testing.assert_array_equal(changed.windows, other)
-    np.testing.assert_allclose(changed.at([later])[0][0].matrix, way.at([later])[0][0].matrix,
-                               atol=1e-12)
 
 
 def test_cancel_ends_a_proof(proved):
@@ -281,19 +266,19 @@ def test_each_guard_and_figure_of_seeing_is_that_of_its_parameter():
               'goal_angle': 'constraints.goal.angle', 'goal_time': 'constraints.goal_time',
               'longest_pause': 'execute.longest_pause', 'enable_timeout': 'execute.enable_timeout'}
     named = {**{item.name: guards.get(item.name, item.name) for item in fields(Guards)},
-             **{item.name: f'observe.{item.name}' for item in fields(Seeing)
+             **{item.name: f'observe.{item.name}' for item in fields(EstimatorConfig)
                 if item.name != 'spread'}}
     given = {name: 0.01 * k for k, name in enumerate(named.values(), start=1)}
     given |= {'decelerate_on_cancel': False, 'observe.correct': False}
-    made = build_scene({**VALUES, **given})
+    made = Scene.of({**VALUES, **given})
     assert {name: getattr(made.guards if hasattr(made.guards, one) else made.seeing, one)
             for one, name in named.items()} == given
-    assert build_scene({**VALUES, 'observe.robot_time': 0.0}).seeing.robot_time == np.inf
-    assert scene([*BALL.values()]).solid.keep_out == tuple(body.obstacle for body in BALL.values())
+    assert Scene.of({**VALUES, 'observe.robot_time': 0.0}).seeing.robot_time == np.inf
+    assert scene(BALL).solid.keep_out == tuple(body.obstacle for body in BALL.values())
 
 
 def test_nothing_is_lost_when_several_threads_change_it():
-    store = Store(State(scene(), VALUES))
+    store = Store(State(scene()))
     numbers = range(500)
 
     def count():
@@ -333,6 +318,6 @@ def test_bodies_are_for_whom_they_say_and_rub_as_they_say():
     balls = [Sphere((0, 5, z), 0.1, mu) for z, mu in ((0, 0.0), (1, 0.7), (2, 0.0))]
     bodies = {('cell', 0): Body(balls[0]), ('cell', 1): Body(balls[1], 0.7),
               ('cell', 2): Body(balls[2], role='workspace only')}
-    made = scene_of(values(obstacles__friction=0.2), bodies)
+    made = Scene.of(values(obstacles__friction=0.2), bodies)
     assert made.direct.obstacles == (replace(balls[0], friction=0.2), balls[1])
     assert [one.center[2] for one in made.workspace.keep_out] == [0, 1, 2]

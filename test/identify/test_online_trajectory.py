@@ -8,8 +8,8 @@ from closed_loops import DEPTHS, NOISE, SPREAD, WIRE, plan_of
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, InvalidTask, Limits, Observer, Pose, Trajectory
-from dlo_planner.identify import Steered, correct, steering
-from dlo_planner.identify.steering import Change, step_response
+from dlo_planner.identify import Steered, correct, online_trajectory
+from dlo_planner.identify.online_trajectory import Change, step_response
 
 PLAN = plan_of(depths=DEPTHS)
 MOTION = Trajectory(PLAN, Limits(0.02, 0.1), tolerance=np.inf)
@@ -179,6 +179,6 @@ def test_the_time_that_a_command_takes_does_not_grow_with_the_corrections(monkey
     motion = steered(*many_changes())
     motion.at([1.0])
     for name in ('CubicSpline', 'CubicHermiteSpline'):
-        monkeypatch.setattr(steering, name, lambda *_, **__: 1 / 0)
+        monkeypatch.setattr(online_trajectory, name, lambda *_, **__: 1 / 0)
     monkeypatch.setattr(Change, 'at', lambda *_: 1 / 0)
     motion.at([1.02])  # nothing is interpolated anew, and no change looked at by itself

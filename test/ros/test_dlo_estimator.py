@@ -18,13 +18,13 @@ from dlo_planner import (
     Trajectory,
     Uncertainty,
 )
-from dlo_planner.identify.observing import Observing, Seeing, Swing, motion_at
+from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig, Swing, motion_at
 from dlo_planner.ros.estimate import estimate_summary, observing_of
-from dlo_planner.ros.scene import build_scene
+from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.build import parameters_of_estimate
 from dlo_planner.settings.parameters import PARAMETERS
 
-SEEING = Seeing(SPREAD, NOISE)
+SEEING = EstimatorConfig(SPREAD, NOISE)
 COPPER = {'rod.diameter': 1.5e-3}
 SPRING = {'rod.section': 'stiffness', 'rod.mass_per_length': 0.05, 'rod.torsional_stiffness': 0.02,
           'rod.bending_stiffness': [0.03, 0.05]}
@@ -35,7 +35,7 @@ def parameters(**changes):
 
 
 def observing(simulator=None, seeing=SEEING, gripper=START, times=(0.0, 10.0)):
-    out = Observing(simulator or DirectSimulator(WIRE), seeing)
+    out = DloEstimator(simulator or DirectSimulator(WIRE), seeing)
     for time in times:
         out.gripper(time, gripper)
     return out
@@ -193,7 +193,8 @@ def test_a_dlo_in_motion_is_expected_where_inertia_bends_it(rng):
     assert swing.at(np.inf)[1] == 0
 
     def looked_once(known):
-        out = Observing(DirectSimulator(WIRE), Seeing(replace(SPREAD, gripper_position=1e-4)))
+        out = DloEstimator(DirectSimulator(WIRE), EstimatorConfig(
+            replace(SPREAD, gripper_position=1e-4)))
         for time in times:
             out.gripper(time, way.at([time])[0][0])
         if known:
@@ -209,13 +210,13 @@ def test_a_dlo_in_motion_is_expected_where_inertia_bends_it(rng):
 @pytest.mark.parametrize('section', [COPPER, SPRING])
 def test_what_is_identified_is_the_dlo_of_the_estimate(section, rng):
     values = parameters(**section)
-    scene = build_scene(values)
+    scene = Scene.of(values)
     truth = Truth.drawn(rng, scene.direct.rod)
     estimate = looked(observing(scene.direct), truth, rng, looks=6)
     changed = parameters_of_estimate(estimate, values)
     assert set(changed) <= set(PARAMETERS)
     assert all(type(value) is type(PARAMETERS[name].default) for name, value in changed.items())
-    after = build_scene(values | changed)
+    after = Scene.of(values | changed)
     commanded = START.compose(after.tool)
     np.testing.assert_allclose(commanded.matrix, estimate.actual(START).matrix, atol=1e-12)
     s = np.linspace(0, 0.999, 9) * after.direct.rod.length
@@ -226,7 +227,7 @@ def test_what_is_identified_is_the_dlo_of_the_estimate(section, rng):
 
 def test_terms_add_up(rng):
     values = parameters(**COPPER, **{'rod.natural_curvature_terms': [0.1, 0.2, 0.0, -0.1]})
-    rod = build_scene(values).direct.rod
+    rod = Scene.of(values).direct.rod
     np.testing.assert_allclose(rod.natural_strains([0.0, 1.0])[:, 1:],
                                [[-0.1, -0.3], [0.1, 0.1]])
     estimate = observing(DirectSimulator(rod)).estimate
@@ -236,23 +237,23 @@ def test_terms_add_up(rng):
 
 def test_terms_that_are_no_pairs_are_refused():
     with pytest.raises(InvalidTask, match='rod.natural_curvature_terms'):
-        build_scene(parameters(**{'rod.natural_curvature_terms': [0.1, 0.2, 0.3]}))
+        Scene.of(parameters(**{'rod.natural_curvature_terms': [0.1, 0.2, 0.3]}))
 
 
 def test_poses_before_the_first_cloud_are_of_the_tool_frame(rng):
     tool = Pose.looking_along((0.0, 0.1, 0.02), (1.0, 0.3, 0.2))
-    scene = replace(build_scene(parameters(**COPPER)), tool=tool)
+    scene = replace(Scene.of(parameters(**COPPER)), tool=tool)
     there = START.compose(tool.inverse())
     out = observing_of(scene, [(0.0, there), (10.0, there)], None)
     looked(out, Truth.drawn(rng), rng, looks=1)
     assert out.off < 3e-3
-    certain = replace(scene, seeing=Seeing(Uncertainty()))
+    certain = replace(scene, seeing=EstimatorConfig(Uncertainty()))
     assert observing_of(certain, [], None) is None
 
 
 def test_nothing_uncertain_is_refused():
     with pytest.raises(InvalidTask, match='uncertainty'):
-        Observing(DirectSimulator(replace(WIRE)), Seeing())
+        DloEstimator(DirectSimulator(replace(WIRE)), EstimatorConfig())
     assert isinstance(WIRE, Rod)
 
 

@@ -26,7 +26,8 @@ from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.observation import Observation, gripper_at
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
-from dlo_planner.identify.vibration import STATED, FreeVibration, enough, nearest_on_line
+from dlo_planner.identify.residuals import point_residuals
+from dlo_planner.identify.vibration import STATED, FreeVibration, enough
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.plan import Plan
@@ -38,7 +39,6 @@ _ABOUT = 0.25        # s before and after a stamp: of which speed and accelerati
 _SAG, _WEIGHT = 0.5, 9.81  # of the length: how far weight bends a soft DLO; m/s^2
 _MOST_POINTS = 100   # of a cloud: more tell little more and take long
 _LEAST_POINTS = 3
-_SAMPLED = 65        # places of the DLO from which points are measured
 _PATIENCE = 0.1      # s that the gripper's pose may come later than a cloud of its time
 _STILL, _EVEN = 2e-3, 5e-3  # m/s, m/s^2: what noise of the poses alone gives
 _SET_BACK = 1.0      # s: a stamp that is so much older than the last
@@ -59,7 +59,7 @@ _FAR = 6.0           # deviations along an axis by which a cut-out may be seen o
 
 
 @dataclass(frozen=True)
-class Seeing:
+class EstimatorConfig:
     """How well the camera sees, and how uncertain the DLO is; m, rad and s, see `Observer`."""
 
     spread: Uncertainty = field(default_factory=Uncertainty)  # and how the gripper holds it
@@ -123,13 +123,13 @@ class Swing:
         return (1 - share) * self.bent[low] + share * self.bent[low + 1], float(most)
 
 
-class Observing:
+class DloEstimator:
     """The Estimate of a DLO from all that was seen since the last `reset`; for several threads.
 
     `known`: the Estimate by which the DLO was stated so; what that was sure of stays sure.
     """
 
-    def __init__(self, simulator: DirectSimulator, seeing: Seeing,
+    def __init__(self, simulator: DirectSimulator, seeing: EstimatorConfig,
                  known: Estimate | None = None) -> None:
         self.seeing = seeing
         self._observer = Observer(simulator, seeing.spread, noise=seeing.noise, bias=seeing.bias,
@@ -249,7 +249,8 @@ class Observing:
         self._disagree: deque[bool] = deque(maxlen=_OF)  # whether the last looks did
         self._swing, self._resting = None, -np.inf
         self._ends: list[tuple[float, ...]] = []  # off their rest, m, and the variance of each
-        self._rest: tuple[Pose, Floats] | None = None
+        # where the gripper stands, the shape at rest there, the bias of the camera by which it is
+        self._rest: tuple[Pose, Shape, Floats] | None = None
 
     def moves(self, swing: Swing, time_at: Callable[[float], float]) -> None:
         """Take in how the DLO bends in a motion that begins; `time_at`: stamp -> its time, s."""
@@ -322,9 +323,11 @@ class Observing:
         elapsed = max(stamp - self._seen, 0.0) if np.isfinite(self._seen) else 0.0
         after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway, late=late,
                                       bent=bent)
-        nodes = (self._nodes(after, after.last_shape) if after.agrees else
-                 self._nodes(estimate, estimate.shape(gripper)))
-        off = np.inf if nodes is None else _median_distance(seen.points, nodes)
+        shape = after.last_shape if after.agrees else estimate.shape(gripper)
+        if shape is not None and not shape.converged:
+            shape = None
+        bias = (after if after.agrees else estimate).camera_bias
+        off = np.inf if shape is None else _median_distance(shape, seen.points - bias)
         with self._lock:
             if self._estimate is not estimate:  # it was reset meanwhile
                 return self._estimate
@@ -333,27 +336,21 @@ class Observing:
             self._disagree.append(not after.agrees)
             if after.agrees:
                 self._estimate, self._seen = after, stamp
-                if nodes is not None:
-                    self._swung(seen, nodes)
+                if shape is not None:
+                    self._swung(seen, shape)
         if not after.converged:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
         return self._estimate
 
-    @staticmethod
-    def _nodes(estimate: Estimate, shape: Shape | None) -> Floats | None:
-        """Return places of the DLO (k, 3) as the camera would see it; None: no shape is found."""
-        if shape is None or not shape.converged:
-            return None
-        return shape.positions_at(np.linspace(0, 1, _SAMPLED) * shape.s[-1]) + estimate.camera_bias
-
-    def _swung(self, seen: Observation, nodes: Floats) -> None:
+    def _swung(self, seen: Observation, shape: Shape) -> None:
         """Take in where the free end is in a look; a point at s swings by (s / L)^2 of it."""
         if self._rest is None or way_between(self._rest[0], seen.gripper) > _SAME:
-            self._rest, self._ends = (seen.gripper, nodes), []
-        away, s = nearest_on_line(seen.points, self._rest[1])
+            self._rest, self._ends = (seen.gripper, shape, self._estimate.camera_bias), []
+        _, rest, bias = self._rest
+        away, s, *_ = point_residuals(rest, seen.points - bias)
         size = np.linalg.norm(away, axis=1)
         own = size <= _OWN * np.median(size)
-        share = s[own] ** 2
+        share = (s[own] / rest.s[-1]) ** 2
         if (weight := float(share @ share)) > 1.0:  # it is seen there
             end = share @ away[own] / weight
             self._ends.append((*end.tolist(), self.seeing.noise**2 / weight))
@@ -388,21 +385,20 @@ def _judge_gap(stamps: Sequence[float], poses: Sequence[Pose], stamp: float) -> 
 def deviation(plan: Plan, time: float, points: Floats) -> float:
     """Return the median distance of points (n, 3), m, from the DLO as planned at a time.
 
-    Between two waypoints the nodes are taken to go straight; the median does not mind outliers.
+    Between two waypoints the DLO is taken to go straight; the median does not mind outliers.
     """
     times = plan.times
     k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(plan) - 2, 0)))
     shapes = [plan.shapes[k], plan.shapes[min(k + 1, len(plan) - 1)]]
     span = times[min(k + 1, len(plan) - 1)] - times[k]
     share = float(np.clip((time - times[k]) / span, 0, 1)) if span > 0 else 0.0
-    samples = np.linspace(0, 1, _SAMPLED)
-    one, other = (shape.positions_at(samples * shape.s[-1]) for shape in shapes)
-    return _median_distance(points, (1 - share) * one + share * other)
+    one, other = (shape.positions_at(np.linspace(0, shape.s[-1], _BENT)) for shape in shapes)
+    return _median_distance(shapes[0], points, share * (other - one))
 
 
-def _median_distance(points: Floats, nodes: Floats) -> float:
-    """Return the median distance of points (n, 3) from the line through nodes (k, 3)."""
-    return float(np.median(np.linalg.norm(nearest_on_line(points, nodes)[0], axis=1)))
+def _median_distance(shape: Shape, points: Floats, bent: Floats | None = None) -> float:
+    """Return the median distance of points (n, 3) from a Shape, see `point_residuals`."""
+    return float(np.median(np.linalg.norm(point_residuals(shape, points, bent=bent).off, axis=1)))
 
 
 class Motion(NamedTuple):
