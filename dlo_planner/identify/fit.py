@@ -25,9 +25,8 @@ from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.noise_model import LOSSES, MEstimator, Statistics
 from dlo_planner.identify.observation import Observation, ObservedMotion, check_points
-from dlo_planner.identify.parameters import Uncertainty
+from dlo_planner.identify.parameters import Uncertainty, Unknowns
 from dlo_planner.identify.residuals import ROUGHLY, MeasurementModel
-from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
 from dlo_planner.model.pose import Pose
