@@ -192,7 +192,7 @@ class RodParameters(Value):
         """Return (N, k): means of the functions of s between the nodes of a mesh s (N + 1,)."""
         if self.knots is None:
             x = 2 * s / s[-1] - 1
-            integrals = np.array([legval(x, legint(unit)) for unit in np.eye(self.n_functions)])
+            integrals = legval(x, legint(np.eye(self.n_functions)))
         else:
             x = s
             ends = np.clip(np.unique([0.0, *self.knots, s[-1]]), 0.0, s[-1])

@@ -362,9 +362,8 @@ def start_candidates(simulator: DirectSimulator, direction: Floats,
         yield Candidate(_shape_at(discretization, strains, base), base, 0.0)
 
 
-def with_free_end(simulator: DirectSimulator, end: Floats) -> Shape:
+def shape_with_end(mesh: Discretization, end: Floats) -> Shape:
     """Return the Shape (a guess) whose free end has the frame `end` (3, 3)."""
-    mesh = simulator.discretization(Pose.from_rotation((0, 0, 0), end), None)
     end = np.array(end, order='C')
     return _shape_at(mesh, *integrate_from_tip(mesh.system(end), end))
 

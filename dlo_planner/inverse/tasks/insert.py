@@ -28,10 +28,10 @@ from dlo_planner.inverse.continuation import (
     Follower,
     Passing,
     Step,
-    aligned_shape,
     continue_family,
+    goal_shape,
 )
-from dlo_planner.inverse.equilibria import start_candidates, with_free_end
+from dlo_planner.inverse.equilibria import shape_with_end, start_candidates
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
@@ -45,6 +45,7 @@ from dlo_planner.plan.bore import insertion_force
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import gripper_motion
+from dlo_planner.plan.goal_rows import ROTATION, GoalTable
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
 
@@ -74,6 +75,8 @@ class Insertion(Family):
                  depths: Floats) -> None:
         self.simulator, self._bore = simulator, bore
         self._end = np.array(end, order='C')
+        self._goals = GoalTable(np.array([ROTATION]), np.zeros(1), np.zeros((1, 3)),
+                                self._end[None], np.ones(1))
         self._stops = self._stops_at(depths)
         least = _PAUSE * simulator.rod.length
         self.way = np.cumsum([0.0, *(max(other.depth - one.depth, least * (one != other))
@@ -108,9 +111,8 @@ class Insertion(Family):
 
     def _shape(self, outside: DirectSimulator) -> Shape | None:
         """Return the Shape of the part outside, free of force at its end, or None."""
-        guess = with_free_end(outside, self._end)
-        found = aligned_shape(outside, guess, outside.rod.length, self._bore.normal,
-                              guess.gripper.rotation)
+        found = goal_shape(outside, shape_with_end(outside.mesh, self._end), self._goals,
+                           outside.rod.length, self._bore.normal)
         return found and found.shape.moved(self._bore.center - found.shape.positions[-1])
 
     def _held(self, stop: _Stop, outside: DirectSimulator, shape: Shape) -> Shape:

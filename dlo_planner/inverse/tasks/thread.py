@@ -37,8 +37,8 @@ from dlo_planner.inverse.equilibria import (
     HangingShapes,
     hanging_shapes,
     is_axisymmetric,
+    shape_with_end,
     start_candidates,
-    with_free_end,
 )
 from dlo_planner.inverse.route import (
     NO_WAY,
@@ -202,7 +202,7 @@ def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterato
         return
     route = _route(simulator, shapes, task)
     if route is not None:
-        guess = with_free_end(simulator, route.end)
+        guess = shape_with_end(simulator.mesh, route.end)
         begin = Candidate(guess, guess.gripper.rotation, float(route.depths[0]))
         yield begin, route
         if route.complete:  # smoothed rolls may miss a narrow route, or leap on a rough one

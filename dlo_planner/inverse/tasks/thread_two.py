@@ -33,7 +33,7 @@ from dlo_planner.inverse.equilibria import (
     Crossings,
     HangingShapes,
     hanging_shapes,
-    with_free_end,
+    shape_with_end,
 )
 from dlo_planner.inverse.route import (
     Route,
@@ -248,7 +248,7 @@ def other_changes(simulator: DirectSimulator, task: Threading,
         back = _route_back(simulator, shapes, changes.chosen([k]), depths[k], along[k], task)
         if back is None:
             continue
-        guess = with_free_end(simulator, changes.ends[k])
+        guess = shape_with_end(simulator.mesh, changes.ends[k])
         shape = simulator.solve(guess.gripper, guess)
         solved = condition.from_end(shape, depths[k]) if shape.converged else None
         if solved is not None:
