@@ -291,8 +291,7 @@ def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
     moved = np.abs(coarse.positions - shape.positions).max()
     if not (coarse.converged and fine.converged and moved <= _STILL * own.s[-1]):
         return None
-    result: Floats = mesh.strains_from(fine.s, fine.element_strains)
-    return result
+    return mesh.strains_from(fine.s, fine.element_strains)
 
 
 _PATIENCE = 60       # Newton steps after which it is better to halve the step

@@ -186,8 +186,7 @@ def _jacobian(system: Problem, hessian: Hessian, positions: Floats) -> Floats:
 def _stiffness(system: Problem, hessian: Hessian) -> Floats:
     """Return the symmetric Hessian (3 m, 3 m), of one unknown after the other."""
     if system.basis.shape[1]:
-        dense: Floats = 0.5 * (hessian.dense + hessian.dense.T)
-        return dense
+        return 0.5 * (hessian.dense + hessian.dense.T)
     n = len(hessian.twist_jacobian)
     product = (hessian.cross.reshape(3 * n, 6)
                @ hessian.twist_jacobian.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
@@ -195,8 +194,7 @@ def _stiffness(system: Problem, hessian: Hessian) -> Floats:
     lower = product * earlier
     lower[np.arange(n), :, np.arange(n)] = 0.5 * hessian.diagonal
     lower = lower.reshape(3 * n, 3 * n)
-    result: Floats = lower + lower.T
-    return result
+    return lower + lower.T
 
 
 def _strains(system: Problem) -> Floats:

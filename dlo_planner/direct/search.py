@@ -107,8 +107,7 @@ def pinned_newton(system: Problem, q: Floats, tolerance: float, most: int, check
     final = new_configuration(clamped)
     final.q[:] = own_unknowns(system, found.state.q)
     evaluate(clamped, final)
-    result: Minimum = found._replace(state=final, system=clamped)
-    return result
+    return found._replace(state=final, system=clamped)
 
 
 def with_hinge(system: Problem) -> Problem:
@@ -304,14 +303,12 @@ class _Series:
         return energy, (self.basis.T @ slope * self.unit).ravel()
 
     def _described(self, flat: Floats) -> Floats:
-        described: Floats = self.basis @ (flat.reshape(-1, 3) * self.unit)
-        return described
+        return self.basis @ (flat.reshape(-1, 3) * self.unit)
 
     def _evaluated(self, described: Floats) -> float:
         strains = self.system.natural + to_components(described)
         self.state.q[:] = (strains - self.system.natural) / self.system.scale
-        energy: float = evaluate(self.system, self.state)[0]
-        return energy
+        return evaluate(self.system, self.state)[0]
 
 
 def _described(system: Problem, state: Configuration, strains: Floats) -> Floats:

@@ -480,9 +480,7 @@ class Shape(Pictured):
             One is outside [0, L].
         """
         s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
-        found: Floats = positions_along(self.s, self.element_strains, self.frames, self.positions,
-                                        s)
-        return found
+        return positions_along(self.s, self.element_strains, self.frames, self.positions, s)
 
     def frame_at(self, s: float) -> tuple[Floats, Floats]:
         """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.
@@ -496,9 +494,7 @@ class Shape(Pictured):
         if not (isinstance(s, float) and 0.0 <= s <= length):
             s = number('s', s, minimum=-_ROUNDING * length, maximum=(1 + _ROUNDING) * length)
             s = min(max(s, 0.0), length)
-        found: tuple[Floats, Floats] = frame_along(self.s, self.element_strains, self.frames,
-                                                   self.positions, s)
-        return found
+        return frame_along(self.s, self.element_strains, self.frames, self.positions, s)
 
     @cached_property
     def _kernel_arrays(self) -> tuple[Floats, Floats, Floats, Floats]:

@@ -386,9 +386,8 @@ class Stepper:
     def problem(self, now: TimePoint, place: float, scheme: Scheme) -> Problem:
         """Return the Problem of one step of a Scheme to a place."""
         buffer = self._buffer(np.array([now.place, place]), now.row)
-        result: Problem = step_problem(self._problem(), self.coefficients(scheme), buffer, PAST + 1,
-                                       PAST, self._options(scheme, Acceptance()))
-        return result
+        return step_problem(self._problem(), self.coefficients(scheme), buffer, PAST + 1, PAST,
+                            self._options(scheme, Acceptance()))
 
     def guess(self, now: TimePoint, dt: float) -> Floats:
         """Return the strains (N, 3) with which the search for those dt (s) later begins."""
