@@ -439,10 +439,7 @@ _DIGITS = 8  # of a bend in rad over the length that count
 
 
 def even_mesh(length: float, elements: int, breaks: Floats | tuple[()] = ()) -> Floats:
-    """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere.
-
-    Shapes: breaks (n,).
-    """
+    """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere."""
     if not len(breaks) or len(breaks) + 1 > elements:
         s = np.arange(elements + 1.0) * np.float64(length / elements)
         s[-1] = length
@@ -459,20 +456,14 @@ def even_mesh(length: float, elements: int, breaks: Floats | tuple[()] = ()) -> 
 
 def graded_mesh(s: Floats, strains: Floats, elements: int,
                 breaks: Floats | tuple[()] = ()) -> Floats:
-    """Return nodes that share out evenly the error of arcs of constant strain: `equidistribute`.
-
-    Shapes: s (N + 1,), strains (N, 3), breaks (n,).
-    """
+    """Return nodes that share out evenly the error of arcs with strains (N, 3)."""
     known = np.round(strains * s[-1], _DIGITS) / s[-1]  # a mesh is not graded to rounding errors
     return nodes_at(s, equidistribute(np.diff(s), known), elements, breaks)
 
 
 def nodes_at(s: Floats, shares: Floats, elements: int,
              breaks: Floats | tuple[()] = ()) -> Floats:
-    """Return nodes (elements + 1,), more where there are jumps, with as much in each element.
-
-    Shapes: s (N + 1,), shares (N + 1,), breaks (n,).
-    """
+    """Return nodes (elements + 1,), and those of jumps, between which `shares` rise alike."""
     nodes = np.interp(np.arange(elements + 1.0) * (1.0 / elements), shares, s)
     nodes[0], nodes[-1] = 0.0, s[-1]
     return with_breaks(nodes, breaks)

@@ -146,10 +146,7 @@ def nodes_velocity(velocity: Velocity | None, initial: Shape | None, first: Shap
 
 
 def check_velocity(masses: Floats, wanted: Floats, possible: Floats) -> None:
-    """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible.
-
-    Shapes: masses (N + 1,), wanted, possible (N + 1, 3).
-    """
+    """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible."""
     size, change = (np.sqrt(masses @ np.sum(one**2, axis=1)) for one in (
         wanted, possible - wanted))
     if change > _DIFFERENT * size:

@@ -325,10 +325,7 @@ def modes_of(linear: Linearized, n: int, spare: int = 0) -> Modes:
 
 def _modes(linear: Linearized, vibration: Vibration, squares: Floats, found: Floats,
            places: Ints, overlap: Floats | None = None) -> Modes:
-    """Return the Modes that `solved` found.
-
-    Shapes: squares (n,), found (c, n), overlap (n,), places (n,).
-    """
+    """Return the Modes that `solved` found; places, overlap (n,)."""
     rates = np.sqrt(squares)
     displacements = np.moveaxis(vibration.jacobian @ found, 2, 0)
     # the damping matrix: drag M + viscosity times the elastic stiffness alone, weight damps nothing

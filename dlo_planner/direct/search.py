@@ -177,8 +177,6 @@ def _balanced(solved: Callable[[Problem, Floats], Minimum], system: Problem, q: 
     """Return what `solved` returns in equilibrium with dead moments, its residual theirs too.
 
     The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
-
-    Shapes: q (m, 3), moments (N + 1, 3).
     """
     unit = np.abs(moments).sum()
     state = new_configuration(system)
@@ -267,10 +265,7 @@ def described_minimum(mesh: Discretization, system: Problem, strains: Floats,
 
 
 class _Series:
-    """Coefficients of the series of (q_d, q_kappa, q_tau), and the potential as their function.
-
-    `system` has one unknown strain per element, where the basis is (N, N_c).
-    """
+    """Coefficients of the series of (q_d, q_kappa, q_tau), and the potential as their function."""
 
     def __init__(self, system: Problem, basis: Floats) -> None:
         self.system, self.basis, self.state = system, basis, new_configuration(system)

@@ -97,10 +97,7 @@ class Contact(Value):
 
 
 def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tuple[Contact, ...]:
-    """Return the Contacts, by arc length, of `contact_rows` on nodes s (N + 1,), m.
-
-    Shapes: origin (3,) of the gripper, m.
-    """
+    """Return the Contacts, by arc length, of `contact_rows` on nodes s, the gripper at `origin`."""
     source, element, along, places, normals, forces, frictions, gaps = rows
     at = s[element] + along
     order = np.argsort(at, kind='stable')
@@ -119,10 +116,7 @@ def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tup
 
 @dataclass(frozen=True, eq=False, repr=False)
 class State(Value):
-    """What a Shape carries along, opaque to users: it goes on where the Shape ends.
-
-    Two are equal if the next step begins with the same past.
-    """
+    """What a Shape carries along, opaque to users; equal if the next step begins with one past."""
 
     mesh: Discretization | None = field(default=None, compare=False)  # None: as of a file
     history: Memory | None = None  # what it leaves to the next step; None: nothing is known
@@ -646,10 +640,7 @@ class Shape(Pictured):
 
 
 def kernel_arrays(shape: Shape) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return lengths (N,) and strains (N, 3) of elements, frames and positions of nodes.
-
-    For kernels alone.
-    """
+    """Return lengths, strains of elements, frames, positions of nodes: for kernels alone."""
     return shape._kernel_arrays
 
 
@@ -687,11 +678,8 @@ _FEW = 5            # elements: too few to tell
 def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
     """Return the element that is a plastic hinge, and its strain in yield limits; None if none is.
 
-    Without hardening a moment beyond what the section can bear bends one element alone, the sharper
-    the shorter it is. An element that is bent or twisted far beyond its limit bears its limit
-    moment to 0.3 %; if the next ones but one bear 8 % less, so the moment in it is beyond that.
-
-    Shapes: bent (N, 3).
+    An element that is bent or twisted far beyond its limit bears its limit moment to 0.3 %; if the
+    next ones but one bear 8 % less, the moment in it is beyond what the section can bear.
     """
     if not rod.yields or rod.hardening > 0 or len(bent) < _FEW:
         return None

@@ -326,8 +326,6 @@ class Stepper:
         """Return the TimePoint at time 0 of a DLO that is free to move from now on.
 
         Its acceleration is what a very short first step, of constant acceleration, finds.
-
-        Shapes: velocity (N + 1, 3).
         """
         mesh, strains = self.discretization, np.array(shape.element_strains)
         here = configuration_at(mesh.system(shape.gripper.rotation), strains)
