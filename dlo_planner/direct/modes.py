@@ -43,10 +43,10 @@ from dlo_planner.minimize.hessian import Hessian
 from dlo_planner.minimize.newton import HELD_NEUTRAL
 from dlo_planner.minimize.response import gripper_answers, node_twists
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import results, shown
+from dlo_planner.model.checks import estimate, results
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd
-from dlo_planner.model.value import Constant, Value, brief, freeze, put
+from dlo_planner.model.value import Value, brief, freeze, put
 
 _AT_REST = 1e-4   # residual above which a shape is not at rest; rounding errors are below it
 _MOST = 200       # Newton steps on a finer mesh
@@ -282,12 +282,7 @@ class Modes(Value):
             damping_ratios=results('Modes.damping_ratios', self.damping_ratios, (n,)),
             participation=results('Modes.participation', self.participation, (n, 6)),
             overlap=results('Modes.overlap', overlap, (n,)))
-        if self._estimate is None:
-            put(self, _estimate=Constant(np.full(n, np.nan)))
-        if not callable(self._estimate):
-            raise InvalidTask(f'Modes._estimate = {shown(self._estimate)}: expected a function')
-        if isinstance(self._estimate, Constant):
-            freeze(self._estimate.content)
+        put(self, _estimate=estimate('Modes._estimate', self._estimate, n))
         super().__post_init__()
 
     def __repr__(self) -> str:
