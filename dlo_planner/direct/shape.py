@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory, mapped
 from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, continued, modes_of
-from dlo_planner.direct.storage import load, pose_of, pose_row, save
+from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
@@ -773,7 +773,7 @@ def pack(shape: Shape) -> dict[str, Any]:
 
 def unpack(stored: Mapping[str, Any]) -> Shape:
     """Return the Shape of the tree of `pack`."""
-    far_end = FarEnd(pose_of(stored['far_end']), str(stored['far_grip'])) if (
+    far_end = FarEnd(pose_of_row(stored['far_end']), str(stored['far_grip'])) if (
         'far_end' in stored) else None
     contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
                      for row in stored['contacts'])
@@ -782,6 +782,6 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
     values = {name: stored[name] for name in _FILED_ARRAYS}
     values |= {name: stored[name].item() for name in _FILED_NUMBERS}
-    return Shape(gripper=pose_of(stored['gripper']), contacts=contacts, far_end=far_end,
+    return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, far_end=far_end,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)

@@ -54,7 +54,7 @@ from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.supports import FarEnd, held_rows
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Constant, freeze
 
 MOST = 64            # steps of a batch: after them a deadline is looked at
@@ -459,8 +459,7 @@ class Stepper:
             return (np.zeros((many, 3)), np.zeros((many, 3, 3)), np.zeros((many, 6)),
                     np.zeros((many, 0, 6)), np.full(many, np.inf))
         axes, targets, twists = self.grips.far_end.along(places)
-        held = np.array([held_rows(end.grip, one) for one in axes])
-        held[:, :, :3] *= mesh.lever
+        held = mesh.grip_rows(end.grip, axes)
         away = targets - origins
         if end.grip == 'sleeve':
             along = axes[:, :, 0]
