@@ -20,10 +20,11 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.energy.loads import node_forces
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate, miss_of, passages_in
-from dlo_planner.identify.parameters import stretched
 from dlo_planner.identify.predicted_miss import PredictedMiss
+from dlo_planner.identify.uncertain_state import stretched
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.waypoint_newton import follow, free_axis, nearest_on
 from dlo_planner.minimize.newton import NEUTRAL
@@ -31,7 +32,6 @@ from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.rod import before as part_before
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.goal_rows import (
@@ -117,9 +117,9 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0, before: Correction |
 
     At each waypoint that passes a place, the DLO passes where the planned one does: a cut-out along
     the same direction, two and more at once, the mouth of a bore with the same frame, the place of
-    a contact along its direction. What that leaves free stays as planned. A waypoint before these
-    is displaced like the first of them. The poses are quasi-static; `Steered` blends them into a
-    motion.
+    a contact along its direction, as if nothing rubbed there. What that leaves free stays as
+    planned. A waypoint before these is displaced like the first of them. The poses are
+    quasi-static; `Steered` blends them into a motion.
 
     Parameters
     ----------
@@ -297,10 +297,12 @@ class _Aim:
         mesh = planned.state.made_on
         if id(mesh) not in self._simulators:
             around = mesh.surroundings
-            self._simulators[id(mesh)] = DirectSimulator(
+            touching = DirectSimulator(
                 self.estimate.rod, obstacles=around.obstacles, gravity=around.gravity,
                 load=around.load, point_loads=around.point_loads, basis=mesh.basis,
                 n_elements=mesh.s.size - 1, n_terms=None if mesh.basis == 'local' else mesh.n_terms)
+            # the steps of the search are no way along which anything rubs
+            self._simulators[id(mesh)] = touching.with_friction(0.0)
         return self._simulators[id(mesh)]
 
     def commanded(self, gripper: Pose) -> Pose:
@@ -347,16 +349,21 @@ class _Aim:
 
     def _outside(self, planned: Discretization, whole: float) -> Discretization:
         """Return the estimated DLO before a bore, whose mouth bears what it should of masses."""
-        parameters, rod = self.estimate.uncertain.parameters, self._straight
-        x = self.estimate.mean[:parameters.size]
-        outside = replace(part_before(rod, rod.length - (whole - planned.rod.length)),
-                          tip_mass=parameters.mass_factors(x)[2] * planned.rod.tip_mass)
-        mesh = planned.within(planned.surroundings.of_rod(outside).free)
+        parameters, rod, around = self.estimate.uncertain.parameters, self._straight, (
+            planned.surroundings)
+        x, free = self.estimate.mean[:parameters.size], planned.free
+        outside = rod.length - (whole - planned.rod.length)
+        s = planned.s * (outside / planned.s[-1])
+        # what is fixed to the planned part, and the part itself, on the nodes
+        own = -planned.rod.node_masses(planned.s)[:, None] * around.gravity
+        forces = node_forces(around, planned.s)
+        fixed = parameters.mass_factors(x)[2] * (free.load.pull + forces - own)
         # the series of the whole DLO, of which this is a part
-        means = parameters.means(np.append(mesh.s, rod.length))[:mesh.s.size - 1]
-        result: Discretization = mesh.varied(
-            natural=mesh.natural + means @ parameters.coefficients(x))
-        return result
+        means = parameters.means(np.append(s, rod.length))[:s.size - 1]
+        return planned.varied(
+            lengths=np.diff(s), stiffness=rod.mean_stiffnesses(s),
+            natural=rod.mean_natural_strains(s) + means @ parameters.coefficients(x),
+            pull=fixed - forces - rod.node_masses(s)[:, None] * around.gravity)
 
 
 def _as_planned(aim: _Aim, plan: Plan, rest: Sequence[int]) -> Correction:
