@@ -21,7 +21,7 @@ from wires import copper_wire  # noqa: E402
 from dlo_planner import Pose, Rod  # noqa: E402
 
 # They time threads, processes and pages, without the fixture `domain`.
-_TIMED = ('test/ros/test_main.py', 'test/ros/test_worker.py', 'test/view/test_plan_page.py')
+_TIMED = ('test/ros/test_main.py', 'test/view/test_plan_page.py')
 
 
 def pytest_collection():

@@ -30,8 +30,6 @@ KNOWN = {
     'dlo_planner/kernels/cache.py:_reduce': 1,
     'dlo_planner/kernels/dispatcher.py:_code': 1,
     'dlo_planner/kernels/fingerprint.py:_overload_func': 1,
-    'dlo_planner/parallel/pool.py:_result_queue': 1,
-    'dlo_planner/parallel/pool.py:_writer': 1,
     'dlo_planner/ros/main.py:_exit': 1,
     'dlo_planner/ros/worker.py:_exit': 1,
 }

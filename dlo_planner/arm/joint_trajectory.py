@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PPoly
+from scipy.interpolate import BPoly, PPoly
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
@@ -112,18 +112,8 @@ class JointTrajectory(Value):
 
 def quintic(times: Floats, positions: Floats, velocities: Floats, accelerations: Floats) -> PPoly:
     """Return the curve of degree 5 between the points; (n, m) each."""
-    h = np.diff(times)[:, None]
-    one, other = ([values[part] for values in (positions, velocities, accelerations)]
-                  for part in (slice(None, -1), slice(1, None)))
-    # what is left of the end's state, in steps of time, after the start's has gone on
-    away = other[0] - one[0] - h * one[1] - 0.5 * h**2 * one[2]
-    faster = h * (other[1] - one[1]) - h**2 * one[2]
-    harder = h**2 * (other[2] - one[2])
-    return PPoly(np.stack([
-        (6 * away - 3 * faster + 0.5 * harder) / h**5,
-        (-15 * away + 7 * faster - harder) / h**4,
-        (10 * away - 4 * faster + 0.5 * harder) / h**3,
-        0.5 * one[2], one[1], one[0]]), times)
+    states = np.stack([positions, velocities, accelerations], axis=1)
+    return PPoly.from_bernstein_basis(BPoly.from_derivatives(times, states))
 
 
 def turning_points(curve: PPoly) -> list[Floats]:

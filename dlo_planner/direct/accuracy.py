@@ -16,7 +16,7 @@ A permanent set is as exact as the mesh on which it was made, and stays there.
 
 from dataclasses import replace
 from math import ceil, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,13 +25,12 @@ from dlo_planner.direct.discretization import (
     even_mesh,
     graded_mesh,
     nodes_at,
-    straight_between,
     with_breaks,
 )
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.step import How, corrected_by, past_of, step
+from dlo_planner.direct.step import StepInputs, corrected_by, past_of, step
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.minimize.expected_error import discretization_errors, resampled_means
 from dlo_planner.model.arrays import Bools, Floats
@@ -43,7 +42,6 @@ _FIRST_ELEMENTS, _MOST_ELEMENTS = 48, 8192
 _MANY = 512  # elements: a DLO whose error is not known with so many is given up
 _FIRST_TERMS, _MOST_TERMS = 12, 48
 _PER_BEND = 2.5  # elements on (EI / weight per length)^(1/3), over which a soft DLO bends
-_RESOLVED = 2e-4  # of the length: an error below it goes with the mesh, as its leading order does
 _FORESEEN = 2e-3  # the same, of what is expected on a finer mesh
 _DOUBTFUL = 2.0  # times the accuracy: what is expected to be off by more is off
 _TURNED = 0.1  # rad: it is another equilibrium
@@ -61,24 +59,15 @@ _STABLE = 0.1    # a shape that is less stable magnifies errors
 _BEARS = 5e-4    # of the length: below, where it bears on an obstacle may be off by more than bends
 
 
-class Wanted(NamedTuple):
-    """Which meshes an accuracy chooses from."""
-
-    first: Discretization  # to begin with where there is no better one
-    fine: str              # basis of better ones
-    accuracy: float        # m
-
-
-def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
-                         how: How) -> Shape:
-    """Return a Shape on a mesh for an accuracy.
+def accurate_equilibrium(first: Discretization, fine: str, wanted: float, gripper: Pose,
+                         initial: Shape | None, how: StepInputs) -> Shape:
+    """Return a Shape on a mesh for the accuracy `wanted`, m: `first`, or better ones in `fine`.
 
     Starts on the mesh of `initial` (a Shape or None), so that a motion pays for grading once.
     A shape that misses the accuracy on the largest mesh says so: `converged` is False. What is in
     contact may miss it on any: that is for `judged` to say, at the end of a step.
     """
-    (first, fine, wanted_accuracy), far_end = wanted, how.far_end
-    accuracy = wanted_accuracy
+    accuracy, far_end = wanted, how.far_end
     mesh = mesh_to_begin_with(first, fine, accuracy, initial, how.memory)
     if far_end is not None:
         from dlo_planner.direct.taut import bent_mesh  # noqa: PLC0415  (SciPy: a free DLO needs none)
@@ -99,7 +88,7 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
             lasts = _made_with_a_set(shape)
             if lasts and (fine == 'local' or initial is not None and mesh == initial.state.mesh):
                 return shape
-            accuracy = (1.0 if lasts else _OF_FIRST_SET) * wanted_accuracy
+            accuracy = (1.0 if lasts else _OF_FIRST_SET) * wanted
         # the first mesh is hardly ever fine enough: then nothing else is computed on it
         new = mesh is first and (initial is None or initial.state.mesh != mesh)
         better = None
@@ -115,16 +104,15 @@ def accurate_equilibrium(wanted: Wanted, gripper: Pose, initial: Shape | None,
         else:
             finer = _refined(mesh, fine, shape, accuracy)
             if finer is None:
-                return judged(shape, wanted_accuracy)
-            mesh = finer
-            start = _smooth_start(mesh, shape) if _hangs_resolved(shape) else None
+                return judged(shape, wanted)
+            mesh, start = finer, None
         if not _way_counts(shape, initial):
             begin = shape  # a better start; else the step is made again
 
 
 def _made_with_a_set(shape: Shape) -> bool:
     """Whether a DLO was bent for good before the step that made a Shape."""
-    return shape.state.before is not None and shape.state.before.lasts
+    return shape.state.before is not None and shape.state.before.has_set
 
 
 def _way_counts(shape: Shape, initial: Shape | None) -> bool:
@@ -233,7 +221,7 @@ def mesh_to_begin_with(first: Discretization, fine: str, accuracy: float | None,
         return first
     past = memory if initial is None else initial.state.history
     s = initial.s if initial is not None else None if memory is None else memory.s
-    if (past is not None and past.lasts
+    if (past is not None and past.has_set
             and (known is None or known.basis not in (first.basis, fine))):
         return Discretization(around, with_breaks(past.s, around.breaks), fine, first.n_terms)
     if s is None or known is not None and known.basis not in (first.basis, fine):
@@ -274,37 +262,19 @@ def _refined(mesh: Discretization, fine: str, shape: Shape,
     return Discretization(around, s, fine, terms)
 
 
-def _hangs_resolved(shape: Shape) -> bool:
-    """Whether the elements of a DLO that hangs freely follow its bend, if roughly."""
-    return (shape.state.culled and shape.far_end is None
-            and shape.error_estimate < _RESOLVED * shape.s[-1])
-
-
-def _smooth_start(mesh: Discretization, shape: Shape) -> Floats:
-    """Return (N, 3): strains whose moments lie straight between those of a Shape.
-
-    Moments do not jump where stiffness and natural strains do: a search on a finer mesh begins
-    nearer to its end than with steps.
-    """
-    known = shape.state.made_on
-    moments = known.free.stiffness * (shape.element_strains - known.natural)
-    strains: Floats = mesh.natural + (straight_between(known.s, moments, mesh.s)
-                                      / mesh.free.stiffness)
-    return strains
-
-
 def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = None) -> bool:
     """Return whether a Shape is certain to be within `accuracy` (m), without a further solution."""
     here = shape.state.made_on if mesh is None else mesh
-    times = _times(shape)
-    if (times is None or not here.bounded_by_truncation
+    if (shape.dissipated or not here.bounded_by_truncation
             or shape.contacts and accuracy < _BEARS * shape.s[-1]
             or shape.stability < _STABLE and (shape.far_end is None or here.basis != 'local')):
         return False
-    strains = shape.element_strains
+    strains, system = shape.element_strains, here.free
     if not here.has_nodes(shape.s):
-        strains = here.strains_from(shape.s, strains)
-    return bool(times * _truncation(here, strains) <= accuracy)
+        freeze(strains := here.strains_from(shape.s, strains))  # as those of a Shape are
+    times = _TOUCHING if shape.contacts else _FREE if shape.far_end is None else _HELD
+    return bool(times * truncation_error(system.lengths, strains, system.natural, system.scale,
+                                         system.basis) <= accuracy)
 
 
 def hanging_surely_within(bounded: bool | Bools, stability: np.ndarray, truncated: np.ndarray,
@@ -323,29 +293,6 @@ def mode_may_be_missed(shape: Shape) -> bool:
     Chebyshev terms make a straight rod under tension T L^2 = 50 EI bear 1 % too much torsion.
     """
     return bool(shape.state.made_on.basis != 'local' and shape.stability < _STABLE)
-
-
-def _truncation(mesh: Discretization, strains: Floats) -> float:
-    system = mesh.free
-    freeze(strains)  # as those of a Shape are
-    result: float = truncation_error(system.lengths, strains, system.natural, system.scale,
-                                     system.basis)
-    return result
-
-
-def _times(shape: Shape) -> float | None:
-    """Return times how many `truncation_error` the error of a Shape surely is below, or None."""
-    if shape.dissipated:
-        return None
-    if shape.contacts:
-        return _TOUCHING
-    return _FREE if shape.far_end is None else _HELD
-
-
-def _points(mesh: Discretization) -> Floats:
-    """Return (n,) arc lengths of point masses and loads, m."""
-    loads = [one.s for one in mesh.surroundings.dead_loads if one.s is not None]
-    return np.array([s for s, _ in mesh.rod.point_masses] + loads)
 
 
 def foreseen(shape: Shape, accuracy: float,
@@ -368,8 +315,10 @@ def foreseen(shape: Shape, accuracy: float,
         return None
     most = min(_FARTHEST * elements, _MOST_ELEMENTS)
     wanted = min(max(ceil(sqrt(one / (_AIM * accuracy))), ceil(_FINER * elements)), most)
-    breaks, points = around.breaks, _points(known)
-    if points.size:
+    breaks = around.breaks
+    points = [s for s, _ in known.rod.point_masses]
+    points += [one.s for one in around.dead_loads if one.s is not None]
+    if points:
         breaks = np.union1d(breaks, points)
         breaks = breaks[(breaks > 0) & (breaks < known.s[-1])]
     s = nodes_at(known.s, shares, wanted, breaks)

@@ -30,7 +30,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import freeze
 
-Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, far end, `How.most`)
+Equilibrium: TypeAlias = Callable[..., Shape]  # of (gripper, initial, far end, `StepInputs.most`)
 
 LONGEST_TURN = 0.25     # rad: longer steps of the gripper are cut in any case
 _LONGEST_SHIFT = 0.05   # of the length: the same, of a DLO that touches

@@ -328,7 +328,7 @@ class Discretization(Value):
         known = memory.of is None or same(memory.of, self.surroundings)
         if not known or len(memory.node_force) != len(self.start.node_force):
             bodies = len(self.start.node_force)
-            memory = replace(memory.lasting(), node_force=np.zeros((bodies, memory.s.size)))
+            memory = replace(memory.permanent_part(), node_force=np.zeros((bodies, memory.s.size)))
         return memory.resampled(self.s)
 
     def _suits(self, memory: Memory) -> bool:
@@ -489,14 +489,3 @@ def with_breaks(s: Any, breaks: Floats | tuple[()]) -> Floats:
     away = np.minimum(np.abs(breaks[after] - inner), np.abs(breaks[before] - inner))
     kept = inner[away > _NEAR * np.minimum(np.diff(s)[1:], np.diff(s)[:-1])]
     return np.concatenate([[0.0], np.union1d(kept, breaks), [s[-1]]])
-
-
-def straight_between(s: Floats, values: Floats, nodes: Floats) -> Floats:
-    """Return (n, k) values in the middles of the elements of another mesh, straight in between.
-
-    Shapes: s (N + 1,), values (N, k), nodes (n + 1,).
-    """
-    middle, wanted = 0.5 * (s[1:] + s[:-1]), 0.5 * (nodes[1:] + nodes[:-1])
-    after = np.clip(np.searchsorted(middle, wanted), 1, middle.size - 1)
-    share = ((wanted - middle[after - 1]) / (middle[after] - middle[after - 1]))[:, None]
-    return (1 - share) * values[after - 1] + share * values[after]

@@ -334,7 +334,7 @@ def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
 
 def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: Progress) -> Run:
     """Return the Run that begins with the TimePoint `first`."""
-    pace, reached = _Pace(stepper, first, plan), [first]
+    pace, reached = _StepControl(stepper, first, plan), [first]
     while len(reached) < plan.instants:
         batch = pace.go_on(progress)
         progress.check()
@@ -352,7 +352,7 @@ def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: 
     return pace.run(reached)
 
 
-class _Pace:
+class _StepControl:
     """Makes the steps of a motion, as long as they may be.
 
     It is `stuck` where the next step after `now` is not good, however short it is.

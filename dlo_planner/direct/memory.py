@@ -84,12 +84,12 @@ class Memory(Value):
                     or self.node_force.any())
 
     @property
-    def lasts(self) -> bool:
+    def has_set(self) -> bool:
         """Whether the DLO is for good another one than it was made."""
         return bool(self.plastic.any())
 
     @property
-    def bears(self) -> bool:
+    def in_contact(self) -> bool:
         """Whether contacts have pressed on the DLO."""
         return bool(self.node_force.any() or self.points.multiplier.any())
 
@@ -100,7 +100,7 @@ class Memory(Value):
         force, way = self.points.shear[rubs], self.points.slid[rubs]
         return float(np.abs(np.sum(force * way, axis=1)).sum())
 
-    def lasting(self) -> Memory:
+    def permanent_part(self) -> Memory:
         """Return what belongs to the rod: no forces, and not the way so far."""
         return replace(self, hold=_NO_NUMBER, node_force=np.zeros_like(self.node_force),
                        points=NO_POINTS, positions=NOWHERE, tangents=NOWHERE)
@@ -128,7 +128,7 @@ class Memory(Value):
         else:
             force = np.zeros((0, s.size))
         of_set = self.original_set or (self.s, self.plastic)
-        lasts = self.lasts
+        lasts = self.has_set
         plastic = set_on(s, *of_set) if lasts else np.zeros((s.size - 1, self.plastic.shape[1]))
         return replace(self, s=s, plastic=plastic, node_force=force,
                        points=self.points.on(self.s, s), positions=positions, tangents=tangents,

@@ -41,7 +41,7 @@ from dlo_planner.minimize.contact_solver import stiffen_penalty
 from dlo_planner.minimize.convergence import CONVERGED, residual_of
 from dlo_planner.minimize.hessian import Hessian
 from dlo_planner.minimize.newton import HELD_NEUTRAL
-from dlo_planner.minimize.response import gripper_answers
+from dlo_planner.minimize.response import gripper_answers, node_twists
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import results, shown
 from dlo_planner.model.pose import Pose
@@ -121,11 +121,16 @@ class Linearized:
 
 
 def _state(system: Problem, q: Floats) -> Configuration:
-    state = new_configuration(system)
+    state: Configuration = new_configuration(system)
     state.q[:] = q
     evaluate(system, state)
-    result: Configuration = state
-    return result
+    return state
+
+
+def linearize(system: Problem, q: Floats) -> tuple[Problem, Configuration, Floats, Hessian]:
+    """Return a Problem at its equilibrium q (m, 3), contacts stiff, and its `gripper_answers`."""
+    system = stiffen_penalty(system, _state(system, q))
+    return system, *gripper_answers(system, q)
 
 
 @one_thread()
@@ -137,13 +142,12 @@ def _vibration(mesh: Discretization, system: Problem, q: Floats) -> Vibration:
         system, q, nodes = with_hinge(system), hinge_unknowns(system, q), slice(1, None)
     # what has yielded springs back: vibrations are elastic
     system = system._replace(elastic=purely_elastic(), plastic=_without_springs(system.plastic))
-    system = stiffen_penalty(system, _state(system, q))
     count = system.lengths.size + 1
     # springs of no strength, so that displacements are assembled too
     system = system._replace(anchor=InertiaTerm(np.zeros((count, 3)), np.zeros(count)))
-    state, answers, hessian = gripper_answers(system, q)
+    system, state, answers, hessian = linearize(system, q)
     jacobian = _jacobian(system, hessian, state.positions)
-    carried = _rigid(state.positions) + jacobian @ answers.reshape(6, -1).T
+    carried = node_twists(system, state, answers, 6)[:, 3:]
     border = hessian.border
     free = None if border is None else _free(border.rows.reshape(len(border.rows), q.size))
     stiffness, strains = _stiffness(system, hessian), _strains(system)
@@ -176,16 +180,6 @@ def _jacobian(system: Problem, hessian: Hessian, positions: Floats) -> Floats:
         j, k = (i + 1) % 3, (i + 2) % 3
         moved[1:, i] = (twists[:, 3 + i] + twists[:, j] * positions[1:, k, None]
                         - twists[:, k] * positions[1:, j, None])
-    return moved
-
-
-def _rigid(positions: Floats) -> Floats:
-    """Return (N + 1, 3, 6): displacement by rotation about the gripper, then displacement of it."""
-    moved = np.zeros((len(positions), 3, 6))
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        moved[:, i, j], moved[:, i, k] = positions[:, k], -positions[:, j]
-        moved[:, i, 3 + i] = 1.0
     return moved
 
 

@@ -8,15 +8,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dlo_planner.direct.modes import linearize
 from dlo_planner.direct.shape import Shape
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import forward_kinematics
-from dlo_planner.minimize.contact_solver import stiffen_penalty
 from dlo_planner.minimize.response import (
     add_slip,
-    gripper_answers,
     node_twists,
     strain_answers,
     twists_inside,
@@ -51,14 +50,8 @@ class Sensitivity:
         # the past before the step: what yields in it, yields along with the gripper
         system = here.system(gripper.rotation, gripper.position, shape.state.held, shape.far_end,
                              culled=shape.state.culled)
-        q = here.unknowns(shape.element_strains)
-        if shape.contacts:
-            state = new_configuration(system)
-            state.q[:] = q
-            evaluate(system, state)
-            system = stiffen_penalty(system, state)
-        self._system = system
-        self._state, self._answers, self._hessian = gripper_answers(self._system, q)
+        self._system, self._state, self._answers, self._hessian = linearize(
+            system, here.unknowns(shape.element_strains))
         if any(np.any(contact.friction) for contact in shape.contacts):
             add_slip(self._system, self._state, self._hessian, self._answers)
 
@@ -71,19 +64,16 @@ class Sensitivity:
         shape = self.shape
         element = min(int(shape.s.searchsorted(s, side='right')) - 1, shape.s.size - 2)
         fraction = (s - shape.s[element]) / (shape.s[element + 1] - shape.s[element])
-        result: Floats = twists_inside(self._system, self._state, self._answers, self._columns,
-                                       self._nodes[element], element, float(fraction))
+        result: Floats = twists_inside(
+            self._system, self._state, self._answers, self._hessian.cross.shape[2],
+            self._nodes[element], element, float(fraction))
         return result
 
     @cached_property
     def _nodes(self) -> Floats:
         """(N + 1, 6, 6) the same at all nodes: of one shape, several places are asked for."""
-        result: Floats = node_twists(self._system, self._state, self._answers, self._columns)
-        return result
-
-    @cached_property
-    def _columns(self) -> int:
-        result: int = self._hessian.cross.shape[2]
+        result: Floats = node_twists(self._system, self._state, self._answers,
+                                     self._hessian.cross.shape[2])
         return result
 
     @property

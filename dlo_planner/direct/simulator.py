@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.accuracy import (
-    Wanted,
     accurate_equilibrium,
     default_accuracy,
     fine_enough,
@@ -40,7 +39,7 @@ from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import STRAINS
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.step import How, step
+from dlo_planner.direct.step import StepInputs, step
 from dlo_planner.direct.stepper import Stepper
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import BASES, converging
@@ -228,7 +227,7 @@ class DirectSimulator(Value):
         if past is None or past.of is not None and not same(past.of.rod, self.rod):
             raise InvalidTask(f'shape = {shown(shape)}: expected one of this simulator\'s rod, '
                               'held at its beginning, which knows its permanent set')
-        return self._changed(_history=past.lasting())
+        return self._changed(_history=past.permanent_part())
 
     def left_by(self, shape: Shape) -> Self:
         """Return the simulator of the DLO as `shape` leaves it: with its set, if it has any.
@@ -241,7 +240,7 @@ class DirectSimulator(Value):
         instance('initial', shape, Shape)
         self._check(shape.gripper, shape)
         past = shape.state.history
-        return self if past is None or not past.lasts else self.with_set(shape)
+        return self if past is None or not past.has_set else self.with_set(shape)
 
     def reset(self) -> Self:
         """Return a simulator of the DLO as it was made, without any permanent set."""
@@ -457,12 +456,12 @@ class DirectSimulator(Value):
 
     def _step(self, gripper: Pose, initial: Shape | None, far_end: FarEnd | None,
               most: float = np.inf) -> Shape:
-        """Return the Shape of a step; `most` as in `step.How`."""
-        how = How(self._history, far_end, self.method, self.strains, most)
+        """Return the Shape of a step; `most` as in `step.StepInputs`."""
+        how = StepInputs(self._history, far_end, self.method, self.strains, most)
         if self.accuracy is None:
             return step(self._discretization, gripper, initial, how)
-        return accurate_equilibrium(Wanted(self._discretization, self._fine, self.accuracy),
-                                    gripper, initial, how)
+        return accurate_equilibrium(self._discretization, self._fine, self.accuracy, gripper,
+                                    initial, how)
 
     def _settled(self, shape: Shape | None) -> Shape | None:
         """Return what a Shape or None, made anywhere, becomes here in its grippers; or None."""
@@ -509,7 +508,7 @@ class DirectSimulator(Value):
             return first_shape(mesh, gripper, far_end, initial, self._history), mesh
         if self.accuracy is None:
             return self._equilibrium(gripper, None, far_end), mesh
-        return step(mesh, gripper, known, How(self._history, far_end, self.method)), mesh
+        return step(mesh, gripper, known, StepInputs(self._history, far_end, self.method)), mesh
 
 
 def made_by(simulator: DirectSimulator, shape: Shape) -> bool:

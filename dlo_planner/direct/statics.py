@@ -48,8 +48,8 @@ class Watch(NamedTuple):
 
 
 _HALVED = Search(4, False, tolerance=1e-9)  # of halved elements
-FREELY = Watch()
-freeze(FREELY[:3])  # nodes are of the type of others
+UNWATCHED = Watch()
+freeze(UNWATCHED[:3])  # nodes are of the type of others
 
 
 def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats,
@@ -95,7 +95,7 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
         system = mesh.system(gripper.rotation, gripper.position, memory, far_end, culled=culled,
                              springs=not how.near)
     full = None if watch is None or mesh.hangs else mesh.full
-    places, frames, rotation, nodes, most = watch or FREELY
+    places, frames, rotation, nodes, most = watch or UNWATCHED
     tangents = NOWHERE
     if memory is not None and not culled:
         places, tangents = read_only(memory.positions), read_only(memory.tangents)

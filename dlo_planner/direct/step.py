@@ -35,7 +35,14 @@ from dlo_planner.direct.search import (
     with_hinge,
 )
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import FREELY, Watch, equilibrium, held_nearby, shape_of, underway
+from dlo_planner.direct.statics import (
+    UNWATCHED,
+    Watch,
+    equilibrium,
+    held_nearby,
+    shape_of,
+    underway,
+)
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.gap import penetration
 from dlo_planner.energy.potential import configuration_at
@@ -50,7 +57,7 @@ from dlo_planner.model.value import Constant, freeze
 from dlo_planner.model.varying import scaled
 
 
-class How(NamedTuple):
+class StepInputs(NamedTuple):
     """How a DLO is held in a step, what it begins with, and how its shape is sought."""
 
     memory: Memory | None = None  # that it starts with if there is no Shape of it before
@@ -60,10 +67,10 @@ class How(NamedTuple):
     most: float = np.inf          # rad, by which a DLO that hangs freely may turn, see `Watch`
 
 
-ALONE = How()
+ALONE = StepInputs()
 
 
-def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How = ALONE,
+def step(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs = ALONE,
          start: Floats | None = None) -> Shape:
     """Return the Shape that follows `initial` (a Shape or None) on a mesh.
 
@@ -87,7 +94,7 @@ def _with_set_error(shape: Shape) -> Shape:
     The set that a step makes is as exact as the step; what comes later tells nothing of it.
     """
     before, after = shape.state.before, shape.state.history
-    if before is None or after is None or not (shape.converged and after.lasts):
+    if before is None or after is None or not (shape.converged and after.has_set):
         return shape
     if before.original_set is None and np.array_equal(before.plastic, after.plastic):
         return shape
@@ -97,8 +104,8 @@ def _with_set_error(shape: Shape) -> Shape:
         estimate=Constant(error)))
 
 
-def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: How, past: Memory,
-              start: Floats | None, *, culled: bool) -> Shape:
+def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: StepInputs,
+              past: Memory, start: Floats | None, *, culled: bool) -> Shape:
     """Return what `step` does; `culled`: without what may act."""
     far_end, newton = how.far_end, how.method == 'newton'
     if start is not None:
@@ -118,15 +125,15 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: H
     shape = None
     if newton and initial is not None:
         if far_end is None:
-            shape = _bearing(mesh, gripper, initial, strains, past)
+            shape = _corrected_contact(mesh, gripper, initial, strains, past)
         elif initial.far_end is not None and initial.far_end.grip == far_end.grip:
             shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
     if shape is not None:
         return shape
     if initial is not None and mesh.surroundings.pinned:  # it does not turn with its gripper
         gripper = Pose.from_rotation(gripper.position, initial.gripper.rotation)
-    gripper, strains, past, clear = _advanced(mesh, initial, strains, Grips(gripper, far_end),
-                                              past, culled)
+    gripper, strains, past, clear = _predict(mesh, initial, strains, Grips(gripper, far_end),
+                                             past, culled)
     if newton and initial is None and far_end is not None:
         shape = held_nearby(mesh, gripper, strains, past, far_end, culled, watch)
     if shape is None:
@@ -135,10 +142,10 @@ def _searched(mesh: Discretization, gripper: Pose, initial: Shape | None, how: H
     return shape if clear else replace(shape, converged=False, jumped=True)
 
 
-def _bearing(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
-             past: Memory) -> Shape | None:
+def _corrected_contact(mesh: Discretization, gripper: Pose, initial: Shape, strains: Floats,
+                       past: Memory) -> Shape | None:
     """Return the Shape in which a DLO goes on bearing where it does, or None."""
-    if not mesh.may_hang or not past.bears:
+    if not mesh.may_hang or not past.in_contact:
         return None
     begin = initial.gripper
     start = (np.array(begin.rotation, order='C'), np.array(past.points.slid), strains,
@@ -156,24 +163,24 @@ def past_of(mesh: Discretization, initial: Shape | None, memory: Memory | None) 
             and known.positions is not initial.positions
             and not np.array_equal(known.positions, initial.positions)):
         # carried somewhere else since, or predicted: there it has touched nothing yet
-        known = known.lasting()
+        known = known.permanent_part()
     return mesh.past(known, memory)
 
 
 def _watched(mesh: Discretization, before: Shape | None, most: float) -> Watch:
-    """Return what a step from `before`, or None: stress-free, is watched for; `most` as of How."""
+    """Return what a step from `before` (None: stress-free) is watched for; `most`: StepInputs."""
     if before is None:
-        return FREELY
+        return UNWATCHED
     if mesh.has_nodes(before.s):
         if most == np.inf:
             return Watch(before.positions)
         return Watch(before.positions, before.frames, before.gripper.rotation, mesh.sampled, most)
     if mesh.hangs:
-        return FREELY
+        return UNWATCHED
     strains, pose = mesh.strains_from(before.s, before.element_strains), before.gripper
     places = configuration_at(mesh.system(pose.rotation, culled=True), strains).positions
     freeze(places := places + pose.position)
-    return FREELY._replace(places=places)
+    return UNWATCHED._replace(places=places)
 
 
 def corrected_by(mesh: Discretization, shape: Shape, past: Memory) -> float:
@@ -217,8 +224,8 @@ class Predictor(NamedTuple):
     clear: bool = True
 
 
-def _advanced(mesh: Discretization, previous: Shape | None, strains: Floats, goal: Grips,
-              memory: Memory, culled: bool) -> Predictor:
+def _predict(mesh: Discretization, previous: Shape | None, strains: Floats, goal: Grips,
+             memory: Memory, culled: bool) -> Predictor:
     """Return where the search begins, the past with the forces of a grip at the end of the way.
 
     The grips go straight from where they are in `previous`; the DLO gives way. Where an obstacle is
@@ -240,10 +247,10 @@ def _advanced(mesh: Discretization, previous: Shape | None, strains: Floats, goa
     if parts == 0:
         return Predictor(gripper, strains, memory)
     if far_end is not None and previous is None:
-        return _set_down(mesh, strains, begin, goal, memory, parts)
+        return _initial_placement(mesh, strains, begin, goal, memory, parts)
     if far_end is not None and not amid:
-        return _led(mesh, strains, begin, goal, memory, parts, culled)
-    return _in_parts(mesh, strains, begin, goal, memory, parts)
+        return _follow_way(mesh, strains, begin, goal, memory, parts, culled)
+    return _advance_in_parts(mesh, strains, begin, goal, memory, parts)
 
 
 def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
@@ -261,14 +268,14 @@ def _parts_between(begin: Grips, goal: Grips, length: float) -> int:
     return int(np.ceil(parts - 1e-9))
 
 
-def _led(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
-         parts: int, culled: bool) -> Predictor:
+def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
+                parts: int, culled: bool) -> Predictor:
     """Return where the search begins near the end of a straight way of both grips.
 
     What is left is the last part. Where the DLO does not follow, the way is left there.
     """
     held, far_end = begin.far_end, goal.far_end
-    assert held is not None and far_end is not None  # see `_advanced`
+    assert held is not None and far_end is not None  # see `_predict`
     first, last, done = begin.gripper, goal.gripper, 0.0
     for finer in range(_FINEST):
         count = int(np.ceil(parts * _FINER**finer * (1.0 - done) - 1e-9))
@@ -306,8 +313,8 @@ def _way(one: Pose, other: Pose, shares: Floats) -> tuple[Floats, Floats]:
     return one.position + shares[:, None] * (other.position - one.position), np.array(turned)
 
 
-def _set_down(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
-              parts: int) -> Predictor:
+def _initial_placement(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips,
+                       memory: Memory, parts: int) -> Predictor:
     """Return where the search begins for a DLO that is set down in its grips.
 
     First without obstacles, then it grows to its thickness among them; torsion that is soft is as
@@ -315,24 +322,24 @@ def _set_down(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, 
     """
     from dlo_planner.direct.taut import first_shape  # noqa: PLC0415  (SciPy: a free DLO needs none)
     (gripper, far_end), amid = goal, mesh.obstructed
-    assert far_end is not None  # see `_advanced`
-    firm = _resisting_twist(mesh)
+    assert far_end is not None  # see `_predict`
+    firm = _with_firm_torsion(mesh)
     bare = firm.within(replace(firm.surroundings, obstacles=())) if amid else firm
     past = bare.past(memory)
-    gripper, strains, past, _ = first_shape(bare, gripper, far_end, past) or _led(
+    gripper, strains, past, _ = first_shape(bare, gripper, far_end, past) or _follow_way(
         bare, strains, begin, goal, past, parts, False)
     if amid:
         shape = equilibrium(bare, gripper, strains, past, far_end)
         past = replace(firm.past(memory), hold=shape.state.left.hold)
-        gripper, strains, past, _ = _grown(firm, shape.gripper, np.array(shape.element_strains),
-                                           far_end, past)
+        gripper, strains, past, _ = _grow_thickness(
+            firm, shape.gripper, np.array(shape.element_strains), far_end, past)
     if firm is not mesh:
         shape = equilibrium(firm, gripper, strains, past, far_end)
         gripper, strains, past = shape.gripper, np.array(shape.element_strains), shape.state.left
     return Predictor(gripper, strains, memory.with_forces(past))
 
 
-def _resisting_twist(mesh: Discretization) -> Discretization:
+def _with_firm_torsion(mesh: Discretization) -> Discretization:
     """Return a Discretization whose torsion is no softer than its bending; itself if it is not."""
     rod = mesh.rod
     twist, bend = rod.stiffness[0], min(rod.stiffness[1:])
@@ -342,8 +349,8 @@ def _resisting_twist(mesh: Discretization) -> Discretization:
     return mesh.within(mesh.surroundings.of_rod(firm))
 
 
-def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd,
-           memory: Memory) -> Predictor:
+def _grow_thickness(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd,
+                    memory: Memory) -> Predictor:
     """Return a DLO grown to its thickness among obstacles, from its strains without them."""
     system = mesh.system(gripper.rotation, gripper.position, memory, far_end)
     state = configuration_at(system, strains)
@@ -369,8 +376,8 @@ def _grown(mesh: Discretization, gripper: Pose, strains: Floats, far_end: FarEnd
     return Predictor(gripper, strains, memory)
 
 
-def _in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips, memory: Memory,
-              parts: int) -> Predictor:
+def _advance_in_parts(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips,
+                      memory: Memory, parts: int) -> Predictor:
     """Return where the search begins after a way in parts, around obstacles where it can."""
     done, step, where, past, left = 0.0, 1.0 / parts, begin.gripper, memory, parts + _MORE_PARTS
     while done < 1.0:

@@ -227,6 +227,16 @@ class Entry:
     commanded: Plan     # its part from the entry on, in poses to be commanded
     motion: GripperMotion | None  # of the whole; None: the bound is too large to enter
 
+    @property
+    def moves(self) -> float:
+        """By how much the DLO misses more in motion than at rest, m: `bound` has the rest."""
+        return np.inf if self.motion is None else self.motion.bound - self.planned
+
+    @property
+    def planned(self) -> float:
+        """By how much the estimated DLO misses as planned, m: not all centers can be hit."""
+        return float(self.whole.position_error.max())
+
     @cached_property
     def reached(self) -> Floats:
         """Times (n,), s, at which the motion reaches the waypoints from the entry on."""

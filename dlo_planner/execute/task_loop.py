@@ -65,6 +65,7 @@ _SURE = 2.0         # standard deviations by which a swing has to be told from n
 _OF_STANDOFF = 0.2  # by which a gripper may move to take a swing away
 _CALMINGS = 6       # in one look
 _CLOSELY = 1.5      # s before the entry, in which each cloud is looked at: a slip has to be seen
+_PLANNED = 1e-4     # m, by which a plan misses centers and says so
 _UNSEEN = 2.0       # s without a look that agrees: the estimate may be of the past
 
 
@@ -299,8 +300,7 @@ class TaskLoop:
         if isinstance(done, Entry):
             self._entry, self._correction = done, None
             self._left = max(self._left, self.observing.swing)
-            moves = np.inf if done.motion is None else done.motion.bound
-            bound = done.bound + self._left + moves
+            bound = done.bound + self._left + done.moves
         loop = self._loop.advanced(time, bound, finished=True, doubted=self.observing.doubted)
         if isinstance(done, GripperMotion) and loop.phase is Phase.GO:
             self._left = done.departure
@@ -424,13 +424,18 @@ class TaskLoop:
                       f'of it, {loop.tries} times: it slips, swings or touches something, or the '
                       'robot is elsewhere than it says', time)
         elif self._entry is not None:
-            motion = self._entry.motion
-            bound = self.promised if self._misses else self._entry.bound + (
-                0.0 if motion is None else self._left + motion.bound)
-            moves = '' if motion is None else (
-                f', {self._left + motion.bound:.3g} m of it by motion')
+            entry, moves, planned = self._entry, '', ''
+            bound = self.promised if self._misses else entry.bound
+            if entry.motion is not None:
+                added = self._left + entry.moves
+                bound += 0.0 if self._misses else added
+                moves = f', {added:.3g} m of it by motion'
+            if entry.planned > _PLANNED:
+                planned = (f'; as planned it misses by {entry.planned:.3g} m, no pose of the '
+                           'gripper leads it through all centers')
             self._end(Cause.MISS_EXPECTED, f'the DLO may miss the center by {bound:.3g} m (95 %'
-                      f'{moves}): expected at most the room of {self._task.room:.3g} m', time)
+                      f'{moves}): expected at most the room of {self._task.room:.3g} m{planned}',
+                      time)
 
     # ---- corrections ----------------------------------------------------------------------------
 
@@ -459,7 +464,7 @@ class TaskLoop:
             self.aimed, self.refusal = aimed, refusal
             if self._to_entry(execution) <= 0:
                 return None
-            bound = self._left + in_motion(execution) + (
+            bound = self._left + in_motion(execution) - entry.planned + (
                 aimed.bound if corrected.way is not way else aimed.bound_before)
             self.promised = max(self.promised, bound)
             return bound

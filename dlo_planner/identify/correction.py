@@ -20,10 +20,11 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
+from dlo_planner.energy.loads import node_forces
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate, miss_of, passages_in
-from dlo_planner.identify.parameters import stretched
 from dlo_planner.identify.predicted_miss import PredictedMiss
+from dlo_planner.identify.uncertain_state import stretched
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.waypoint_newton import follow, free_axis, nearest_on
 from dlo_planner.minimize.newton import NEUTRAL
@@ -31,7 +32,6 @@ from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results
 from dlo_planner.model.pose import Pose, displaced
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.rod import before as part_before
 from dlo_planner.model.value import Value, brief, put
 from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.goal_rows import (
@@ -117,9 +117,9 @@ def correct(estimate: Estimate, plan: Plan, first: int = 0, before: Correction |
 
     At each waypoint that passes a place, the DLO passes where the planned one does: a cut-out along
     the same direction, two and more at once, the mouth of a bore with the same frame, the place of
-    a contact along its direction. What that leaves free stays as planned. A waypoint before these
-    is displaced like the first of them. The poses are quasi-static; `Steered` blends them into a
-    motion.
+    a contact along its direction, as if nothing rubbed there. What that leaves free stays as
+    planned. A waypoint before these is displaced like the first of them. The poses are
+    quasi-static; `Steered` blends them into a motion.
 
     Parameters
     ----------
@@ -250,28 +250,24 @@ class _Aim:
         """Return the goals of a waypoint, and the direction about which it may roll."""
         planned, passes = self._plan.shapes[index], self._plan.via_points[index]
         rotation, length = np.array(self._plan.grippers[index].rotation), float(planned.s[-1])
-        frames = [planned.frame_at(min(s, length)) for _, s, _ in passes]
-        places = [position + (s - min(s, length)) * axes[:, 0] + self.shift
-                  for (axes, position), (_, s, _) in zip(frames, passes, strict=True)]
-        weight, first = 1 / self.estimate.uncertain.simulator.rod.length, passes[0][1]
-        direction = frames[0][0][:, 0] if passes[0][2] is None else passes[0][2]
-        kinds, free = [POSITION] + [THROUGH] * (len(passes) - 1), np.array(direction)
-        targets, weights = [*places], [weight] * len(passes)
+        frames = [planned.frame_at(min(at, length)) for _, at, _ in passes]
+        places = [position + (at - min(at, length)) * axes[:, 0] + self.shift
+                  for (axes, position), (_, at, _) in zip(frames, passes, strict=True)]
+        weight, s = 1 / self.estimate.uncertain.simulator.rod.length, passes[0][1]
+        free = np.array(frames[0][0][:, 0] if passes[0][2] is None else passes[0][2])
+        rows = [(POSITION, places[0], rotation, weight),
+                *((THROUGH, place, rotation, weight) for place in places[1:])]
         if planned.far_end is not None:  # the mouth of a bore: the whole frame
-            first = self._mesh(planned).s[-1]
-            kinds, targets, weights = [*kinds, ROTATION], [*targets, free], [*weights, 1.0]
-            return GoalTable(
-                np.array(kinds), np.full(2, first), np.array(targets),
-                np.array([rotation, np.array(frames[0][0])]), np.array(weights)), free
-        if len(passes) == 1:
-            kinds, targets, weights = [*kinds, DIRECTION], [*targets, free], [*weights, 1.0]
-        elif len(passes) > 1:
-            free = places[1] - places[0]
-            free /= np.linalg.norm(free)
-        kinds, targets, weights = [*kinds, ROLL], [*targets, free_axis(rotation, free)], [*weights,
-                                                                                       1.0]
-        return GoalTable(np.array(kinds), np.full(len(kinds), first), np.array(targets),
-                         np.tile(rotation, (len(kinds), 1, 1)), np.array(weights)), free
+            s = self._mesh(planned).s[-1]
+            rows.append((ROTATION, free, np.array(frames[0][0]), 1.0))
+        else:
+            if len(places) == 1:
+                rows.append((DIRECTION, free, rotation, 1.0))
+            else:
+                free = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])
+            rows.append((ROLL, free_axis(rotation, free), rotation, 1.0))
+        kinds, targets, axes, weights = map(np.array, zip(*rows, strict=True))
+        return GoalTable(kinds, np.full(len(rows), s), targets, axes, weights), free
 
     def _in_contact(self, index: int, guess: Shape) -> Shape | None:
         """Return the Shape that touches where the planned one does, by Gauss and Newton."""
@@ -301,10 +297,12 @@ class _Aim:
         mesh = planned.state.made_on
         if id(mesh) not in self._simulators:
             around = mesh.surroundings
-            self._simulators[id(mesh)] = DirectSimulator(
+            touching = DirectSimulator(
                 self.estimate.rod, obstacles=around.obstacles, gravity=around.gravity,
                 load=around.load, point_loads=around.point_loads, basis=mesh.basis,
                 n_elements=mesh.s.size - 1, n_terms=None if mesh.basis == 'local' else mesh.n_terms)
+            # the steps of the search are no way along which anything rubs
+            self._simulators[id(mesh)] = touching.with_friction(0.0)
         return self._simulators[id(mesh)]
 
     def commanded(self, gripper: Pose) -> Pose:
@@ -351,16 +349,21 @@ class _Aim:
 
     def _outside(self, planned: Discretization, whole: float) -> Discretization:
         """Return the estimated DLO before a bore, whose mouth bears what it should of masses."""
-        parameters, rod = self.estimate.uncertain.parameters, self._straight
-        x = self.estimate.mean[:parameters.size]
-        outside = replace(part_before(rod, rod.length - (whole - planned.rod.length)),
-                          tip_mass=parameters.mass_factors(x)[2] * planned.rod.tip_mass)
-        mesh = planned.within(planned.surroundings.of_rod(outside).free)
+        parameters, rod, around = self.estimate.uncertain.parameters, self._straight, (
+            planned.surroundings)
+        x, free = self.estimate.mean[:parameters.size], planned.free
+        outside = rod.length - (whole - planned.rod.length)
+        s = planned.s * (outside / planned.s[-1])
+        # what is fixed to the planned part, and the part itself, on the nodes
+        own = -planned.rod.node_masses(planned.s)[:, None] * around.gravity
+        forces = node_forces(around, planned.s)
+        fixed = parameters.mass_factors(x)[2] * (free.load.pull + forces - own)
         # the series of the whole DLO, of which this is a part
-        means = parameters.means(np.append(mesh.s, rod.length))[:mesh.s.size - 1]
-        result: Discretization = mesh.varied(
-            natural=mesh.natural + means @ parameters.coefficients(x))
-        return result
+        means = parameters.means(np.append(s, rod.length))[:s.size - 1]
+        return planned.varied(
+            lengths=np.diff(s), stiffness=rod.mean_stiffnesses(s),
+            natural=rod.mean_natural_strains(s) + means @ parameters.coefficients(x),
+            pull=fixed - forces - rod.node_masses(s)[:, None] * around.gravity)
 
 
 def _as_planned(aim: _Aim, plan: Plan, rest: Sequence[int]) -> Correction:

@@ -26,7 +26,8 @@ from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.observation import Observation, gripper_at
 from dlo_planner.identify.observer import Observer
 from dlo_planner.identify.parameters import Uncertainty
-from dlo_planner.identify.vibration import STATED, FreeVibration, enough, nearest_on_line
+from dlo_planner.identify.residuals import point_residuals
+from dlo_planner.identify.vibration import STATED, FreeVibration, enough
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.plan.plan import Plan
@@ -38,7 +39,6 @@ _ABOUT = 0.25        # s before and after a stamp: of which speed and accelerati
 _SAG, _WEIGHT = 0.5, 9.81  # of the length: how far weight bends a soft DLO; m/s^2
 _MOST_POINTS = 100   # of a cloud: more tell little more and take long
 _LEAST_POINTS = 3
-_SAMPLED = 65        # places of the DLO from which points are measured
 _PATIENCE = 0.1      # s that the gripper's pose may come later than a cloud of its time
 _STILL, _EVEN = 2e-3, 5e-3  # m/s, m/s^2: what noise of the poses alone gives
 _SET_BACK = 1.0      # s: a stamp that is so much older than the last
@@ -148,16 +148,6 @@ class DloEstimator:
         self.reset()
 
     @property
-    def estimate(self) -> Estimate:
-        """The newest Estimate of looks that agree: the prior before anything was seen."""
-        return self._estimate
-
-    @property
-    def off(self) -> float:
-        """Median distance of the points of the last look from the DLO as it is estimated, m."""
-        return self._off
-
-    @property
     def swing(self) -> float:
         """Amplitude of the free end, m, since the gripper stands: what noise does not explain.
 
@@ -171,17 +161,12 @@ class DloEstimator:
         return float(np.sqrt(2 * max(scatter - 3 * ends[:, 3].mean(), 0.0)))
 
     @property
-    def surprise(self) -> float:
-        """`Estimate.surprise` of the last look, whether it was believed or not."""
-        return self._surprise
-
-    @property
     def doubted(self) -> bool:
         """Whether the last looks do not agree with the estimate: it is no more to be relied on.
 
         Two of the last eight, or one that no chance explains.
         """
-        return sum(self._disagree) >= _DOUBT or _NO_CHANCE < self._surprise < np.inf
+        return sum(self._disagree) >= _DOUBT or _NO_CHANCE < self.surprise < np.inf
 
     def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
         """Return by how much a DLO in a known motion is off its rest at a stamp (s), or None.
@@ -194,16 +179,6 @@ class DloEstimator:
         swing, time_at = known
         bent, most = swing.at(time_at(stamp))
         return (bent @ gripper.rotation.T, most) if most else None
-
-    @property
-    def seen(self) -> float:
-        """Stamp of the last look that agreed, s; minus infinity before the first."""
-        return self._seen
-
-    @property
-    def looked(self) -> float:
-        """Stamp of the last look, whether it agreed or not, s; minus infinity before the first."""
-        return self._last
 
     def reset(self) -> None:
         """Forget what was seen since it began."""
@@ -218,7 +193,7 @@ class DloEstimator:
         """
         with self._lock:
             seeing = self.seeing
-            self._begin(self._observer.reopened(self._estimate, seeing.slip_position,
+            self._begin(self._observer.reopened(self.estimate, seeing.slip_position,
                                                 seeing.slip_rotation))
             self._resting = stamp
 
@@ -235,7 +210,7 @@ class DloEstimator:
         """
         with self._lock:
             clouds = [cloud for cloud in self._clouds if cloud[0] >= since]
-            estimate = self._estimate
+            estimate = self.estimate
         if not enough(clouds):
             return None
         near = estimate.shape(gripper)  # in equilibrium to what a look needs, not a vibration
@@ -244,12 +219,16 @@ class DloEstimator:
             shape, [(stamp, points - estimate.camera_bias) for stamp, points in clouds], factor)
 
     def _begin(self, estimate: Estimate) -> None:
-        self._estimate, self._last, self._off = estimate, -np.inf, np.nan
-        self._surprise, self._seen = np.nan, -np.inf
+        self.estimate = estimate  # the newest one of looks that agree; the prior before any
+        # of the last look, whether it was believed or not: the median distance of the points from
+        # the DLO as it is estimated, m, and `Estimate.surprise`
+        self.off = self.surprise = np.nan
+        self.seen = self.looked = -np.inf  # stamps, s, of the last look that agreed, and of any
         self._disagree: deque[bool] = deque(maxlen=_OF)  # whether the last looks did
         self._swing, self._resting = None, -np.inf
         self._ends: list[tuple[float, ...]] = []  # off their rest, m, and the variance of each
-        self._rest: tuple[Pose, Floats] | None = None
+        # where the gripper stands, the shape at rest there, the bias of the camera by which it is
+        self._rest: tuple[Pose, Shape, Floats] | None = None
 
     def moves(self, swing: Swing, time_at: Callable[[float], float]) -> None:
         """Take in how the DLO bends in a motion that begins; `time_at`: stamp -> its time, s."""
@@ -269,7 +248,7 @@ class DloEstimator:
             raise InvalidTask(f'the cut-out was seen {off:.3g} m from where it is stated: expected '
                               f'{most:.3g} m at most, by observe.cutout = {seeing.cutout:g} m')
         with self._lock:
-            self._estimate = self._observer.see_cutout(self._estimate, stated, seen)
+            self.estimate = self._observer.see_cutout(self.estimate, stated, seen)
 
     def gripper(self, stamp: float, pose: Pose) -> None:
         """Take in where the gripper frame was at a stamp (s), if it is newer than the last.
@@ -300,7 +279,7 @@ class DloEstimator:
         with self._lock:  # a cloud may be quicker than the gripper's next pose
             self._lock.wait_for(lambda: self._grippers and self._grippers[-1][0] >= stamp,
                                 _PATIENCE)
-            known, estimate = list(self._grippers), self._estimate
+            known, estimate = list(self._grippers), self.estimate
         if not known or not known[0][0] <= stamp <= known[-1][0]:
             span = f'{known[0][0]:.3f} to {known[-1][0]:.3f} s' if known else 'none'
             raise InvalidTask(f'observed_points.header.stamp = {stamp:.3f} s: expected a time of '
@@ -319,41 +298,37 @@ class DloEstimator:
             self._clouds.append((stamp, seen.points))
             if stamp < self._resting:
                 return estimate
-        elapsed = max(stamp - self._seen, 0.0) if np.isfinite(self._seen) else 0.0
+        elapsed = max(stamp - self.seen, 0.0) if np.isfinite(self.seen) else 0.0
         after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway, late=late,
                                       bent=bent)
-        nodes = (self._nodes(after, after.last_shape) if after.agrees else
-                 self._nodes(estimate, estimate.shape(gripper)))
-        off = np.inf if nodes is None else _median_distance(seen.points, nodes)
+        shape = after.last_shape if after.agrees else estimate.shape(gripper)
+        if shape is not None and not shape.converged:
+            shape = None
+        bias = (after if after.agrees else estimate).camera_bias
+        off = np.inf if shape is None else _median_distance(shape, seen.points - bias)
         with self._lock:
-            if self._estimate is not estimate:  # it was reset meanwhile
-                return self._estimate
-            self._last, self._off = stamp, off
-            self._surprise = after.surprise if after.converged else np.inf
+            if self.estimate is not estimate:  # it was reset meanwhile
+                return self.estimate
+            self.looked, self.off = stamp, off
+            self.surprise = after.surprise if after.converged else np.inf
             self._disagree.append(not after.agrees)
             if after.agrees:
-                self._estimate, self._seen = after, stamp
-                if nodes is not None:
-                    self._swung(seen, nodes)
+                self.estimate, self.seen = after, stamp
+                if shape is not None:
+                    self._swung(seen, shape)
         if not after.converged:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
-        return self._estimate
+        return self.estimate
 
-    @staticmethod
-    def _nodes(estimate: Estimate, shape: Shape | None) -> Floats | None:
-        """Return places of the DLO (k, 3) as the camera would see it; None: no shape is found."""
-        if shape is None or not shape.converged:
-            return None
-        return shape.positions_at(np.linspace(0, 1, _SAMPLED) * shape.s[-1]) + estimate.camera_bias
-
-    def _swung(self, seen: Observation, nodes: Floats) -> None:
+    def _swung(self, seen: Observation, shape: Shape) -> None:
         """Take in where the free end is in a look; a point at s swings by (s / L)^2 of it."""
         if self._rest is None or way_between(self._rest[0], seen.gripper) > _SAME:
-            self._rest, self._ends = (seen.gripper, nodes), []
-        away, s = nearest_on_line(seen.points, self._rest[1])
+            self._rest, self._ends = (seen.gripper, shape, self.estimate.camera_bias), []
+        _, rest, bias = self._rest
+        away, s, *_ = point_residuals(rest, seen.points - bias)
         size = np.linalg.norm(away, axis=1)
         own = size <= _OWN * np.median(size)
-        share = s[own] ** 2
+        share = (s[own] / rest.s[-1]) ** 2
         if (weight := float(share @ share)) > 1.0:  # it is seen there
             end = share @ away[own] / weight
             self._ends.append((*end.tolist(), self.seeing.noise**2 / weight))
@@ -388,21 +363,20 @@ def _judge_gap(stamps: Sequence[float], poses: Sequence[Pose], stamp: float) -> 
 def deviation(plan: Plan, time: float, points: Floats) -> float:
     """Return the median distance of points (n, 3), m, from the DLO as planned at a time.
 
-    Between two waypoints the nodes are taken to go straight; the median does not mind outliers.
+    Between two waypoints the DLO is taken to go straight; the median does not mind outliers.
     """
     times = plan.times
     k = int(np.clip(np.searchsorted(times, time, side='right') - 1, 0, max(len(plan) - 2, 0)))
     shapes = [plan.shapes[k], plan.shapes[min(k + 1, len(plan) - 1)]]
     span = times[min(k + 1, len(plan) - 1)] - times[k]
     share = float(np.clip((time - times[k]) / span, 0, 1)) if span > 0 else 0.0
-    samples = np.linspace(0, 1, _SAMPLED)
-    one, other = (shape.positions_at(samples * shape.s[-1]) for shape in shapes)
-    return _median_distance(points, (1 - share) * one + share * other)
+    one, other = (shape.positions_at(np.linspace(0, shape.s[-1], _BENT)) for shape in shapes)
+    return _median_distance(shapes[0], points, share * (other - one))
 
 
-def _median_distance(points: Floats, nodes: Floats) -> float:
-    """Return the median distance of points (n, 3) from the line through nodes (k, 3)."""
-    return float(np.median(np.linalg.norm(nearest_on_line(points, nodes)[0], axis=1)))
+def _median_distance(shape: Shape, points: Floats, bent: Floats | None = None) -> float:
+    """Return the median distance of points (n, 3) from a Shape, see `point_residuals`."""
+    return float(np.median(np.linalg.norm(point_residuals(shape, points, bent=bent).off, axis=1)))
 
 
 class Motion(NamedTuple):

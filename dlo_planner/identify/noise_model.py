@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from dlo_planner.identify.residuals import EXACTLY, MeasurementModel, StackedResiduals
+from dlo_planner.identify.residuals import EXACTLY, MeasurementModel, Residuals
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 
@@ -145,7 +145,7 @@ class MEstimator:
         slopes = (first / root)[:, :, None] * here.slopes / noise
         return np.vstack([slopes.reshape(-1, x.size), np.diag(self._prior)])
 
-    def _weights(self, here: StackedResiduals, noise: float) -> tuple[Floats, Floats]:
+    def _weights(self, here: Residuals, noise: float) -> tuple[Floats, Floats]:
         """Return (m, 1) each: how a distance counts relative to its square, and rho'."""
         z = np.sum(here.away**2, axis=1) / (noise * self._scale) ** 2
         value, first, _ = self._loss(z)

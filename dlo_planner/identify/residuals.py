@@ -8,11 +8,11 @@ At rest they come from the sensitivities of the equilibrium, in motion from diff
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from dlo_planner.direct.boundary_motion import GripTrajectory
 from dlo_planner.direct.motion import Motion
@@ -22,8 +22,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import left_jacobian
 from dlo_planner.identify.observation import Observation, ObservedMotion
-from dlo_planner.identify.parameters import ParameterizedMesh
-from dlo_planner.identify.unknowns import Unknowns
+from dlo_planner.identify.parameters import ParameterizedMesh, Unknowns
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, displaced
@@ -80,26 +79,39 @@ def from_either_end(shape: Shape, points: Floats, s: Floats) -> Floats:
     return both[int(off[1] < off[0])]
 
 
-@dataclass(frozen=True, eq=False)
 class Residuals:
-    """Distances of m points from a DLO, m, that a fit minimizes.
+    """Distances `away` (m, 3) of m points from DLOs, m, that a fit minimizes.
 
     Along the axes of the DLO where an arc length is sought, the world's else. A nearest point
-    slides along the DLO, but not over its end: `counts` are the components that are observed.
+    slides along the DLO, but not over its end: `counts` (m, 3) are the observed components.
+    `shapes` are those of all observations, or the last ones of motions; `solved` which are known.
     """
 
-    away: Floats                  # (m, 3)
-    counts: Bools                 # (m, 3)
-    slopes: Callable[[], Floats]  # (m, 3, n) derivatives of `away` by the unknowns
-    shape: Shape                  # or the last one of the motion
-    converged: bool               # whether all is solved
+    def __init__(self, away: Floats, counts: Bools, slopes: Callable[[], Floats],
+                 shapes: tuple[Shape, ...], solved: tuple[bool, ...]) -> None:
+        self.away, self.counts, self.shapes, self.solved = away, counts, shapes, solved
+        self._slopes = slopes
+
+    @classmethod
+    def stacked(cls, parts: Sequence[Residuals]) -> Residuals:
+        """Return the Residuals of all observations, as one."""
+        return cls(np.concatenate([part.away for part in parts]),
+                   np.concatenate([part.counts for part in parts]),
+                   lambda: np.concatenate([part.slopes for part in parts]),
+                   tuple(shape for part in parts for shape in part.shapes),
+                   tuple(solved for part in parts for solved in part.solved))
+
+    @cached_property
+    def slopes(self) -> Floats:
+        """(m, 3, n) derivatives of `away` by the unknowns; computed when first read."""
+        return self._slopes()
 
 
 def _nowhere(points: Floats, length: float, size: int, shape: Shape) -> Residuals:
     """Return what stands for points (m, 3) of a DLO that was not solved."""
     m = len(points)
     return Residuals(np.full((m, 3), length), np.ones((m, 3), dtype=bool),
-                     lambda: np.zeros((m, 3, size)), shape, False)
+                     lambda: np.zeros((m, 3, size)), (shape,), (False,))
 
 
 def _at_rest(unknowns: Unknowns, one: Observation, shape: Shape, errors: PoseErrors,
@@ -124,51 +136,8 @@ def _at_rest(unknowns: Unknowns, one: Observation, shape: Shape, errors: PoseErr
         result: Floats = np.einsum('mji,mjk->mik', axes, out) * counts[:, :, None]
         return result
 
-    return Residuals(np.einsum('mji,mj->mi', axes, seen.off) * counts, counts, slopes, shape, True)
-
-
-def _in_motion(one: ObservedMotion, x: Floats,
-              positions_at: Callable[[Floats], tuple[Floats | None, Shape]],
-              columns: Sequence[tuple[int, bool]], size: int, length: float) -> Residuals:
-    """Return the Residuals of an ObservedMotion at unknowns x (n,)."""
-    points = one.points.reshape(-1, 3)
-    positions, shape = positions_at(x)
-    if positions is None:
-        return _nowhere(points, length, size, shape)
-
-    def slopes() -> Floats:
-        out = np.zeros((len(points), 3, size))
-        for k, both in columns:
-            step = np.zeros_like(x)
-            step[k] = MOVED
-            ahead = positions_at(x + step)[0]
-            back = positions_at(x - step)[0] if both else positions
-            if ahead is None or back is None:  # the edge of what can be solved
-                continue
-            out[:, :, k] = (back - ahead).reshape(-1, 3) / (2 * MOVED if both else MOVED)
-        return out
-
-    return Residuals(points - positions.reshape(-1, 3), np.ones((len(points), 3), dtype=bool),
-                     slopes, shape, True)
-
-
-def _with_displacements(residuals: Residuals, displacements: Floats, amounts: Floats,
-                        where: slice) -> Residuals:
-    """Return the Residuals where points are displaced by other causes in addition.
-
-    Shapes: displacements (j, k, m, 3), amounts (j,).
-    """
-    if not residuals.converged:
-        return residuals
-    by_amount = displacements.reshape(len(displacements), *residuals.away.shape)
-
-    def slopes() -> Floats:
-        out = residuals.slopes()
-        out[:, :, where] = -by_amount.transpose(1, 2, 0)
-        return out
-
-    return Residuals(residuals.away - np.tensordot(amounts, by_amount, 1), residuals.counts,
-                     slopes, residuals.shape, True)
+    return Residuals(np.einsum('mji,mj->mi', axes, seen.off) * counts, counts, slopes, (shape,),
+                     (True,))
 
 
 class PoseErrors:
@@ -185,23 +154,6 @@ class PoseErrors:
     def applied(self, pose: Pose) -> Pose:
         """Return the Pose with this error."""
         return displaced(pose, self.twist)
-
-
-class StackedResiduals:
-    """The Residuals of all observations, as one; `any` tells whether one of them is solved."""
-
-    def __init__(self, parts: Sequence[Residuals]) -> None:
-        self._parts = parts
-        self.away, self.counts = (np.concatenate([getattr(part, name) for part in parts])
-                                  for name in ('away', 'counts'))
-        self.shapes = tuple(part.shape for part in parts)
-        self.converged = all(part.converged for part in parts)
-        self.any = any(part.converged for part in parts)
-
-    @cached_property
-    def slopes(self) -> Floats:
-        """(m, 3, n) derivatives of `away` by the unknowns; computed when first read."""
-        return np.concatenate([part.slopes() for part in self._parts])
 
 
 class MeasurementModel:
@@ -264,12 +216,11 @@ class MeasurementModel:
 
     def forget(self) -> None:
         """Forget the shapes from which the search for the next ones begins."""
-        self._cache: dict[bytes, StackedResiduals] = {}
+        self._cache: dict[bytes, Residuals] = {}
         self._known_shapes: dict[int, Shape] = {}
-        self._initials: dict[int, Shape] = {}
 
-    def at(self, x: Floats) -> StackedResiduals:
-        """Return the StackedResiduals at unknowns x (n,)."""
+    def at(self, x: Floats) -> Residuals:
+        """Return the Residuals of all observations at unknowns x (n,)."""
         key = x.tobytes()
         if key not in self._cache:
             self._cache = {**dict(list(self._cache.items())[1 - _KEPT:]), key: self._at(x)}
@@ -285,48 +236,61 @@ class MeasurementModel:
         return tuple(self.errors(k, x).applied(one.gripper)
                      for k, one in enumerate(self.observations))
 
-    def _at(self, x: Floats) -> StackedResiduals:
+    def _at(self, x: Floats) -> Residuals:
         direct = self._simulator(x)
         parts = []
         for index, one in enumerate(self.observations):
             errors = self.errors(index, x)
-            shape = self._shape(direct, index, one, errors)
+            shape = self._shape(direct, index, errors.applied(one.gripper),
+                                FarEnd.of(one.far_end))
             self._progress.check()
             parts.append(_at_rest(self.unknowns, one, shape, errors, x) if shape.converged
                          else _nowhere(one.points, self.rod.length, x.size, shape))
         parts += [self._motion(index, one, x) for index, one in enumerate(self.motions)]
-        return StackedResiduals(parts)
+        return Residuals.stacked(parts)
 
     def _simulator(self, x: Floats) -> DirectSimulator:
         return DirectSimulator(self.unknowns.of(x[:self.n_parameters]), **self._options)
 
-    def _shape(self, direct: DirectSimulator, index: int, one: Observation,
-               errors: PoseErrors) -> Shape:
-        """Return the Shape of an observation.
+    def _shape(self, direct: DirectSimulator, index: int, gripper: Pose,
+               far_end: FarEnd | None) -> Shape:
+        """Return the Shape of an observation, or in which a motion begins.
 
         It is set down in its natural shape each time: from another shape it may come to a third.
         A DLO held at both ends, which takes long to get there, stays where it was led once.
         """
-        gripper = errors.applied(one.gripper)
         before = self._known_shapes.get(index)
-        shape = direct.solve(gripper, before, far_end=one.far_end)
+        shape = direct.solve(gripper, before, far_end=far_end)
         if before is not None and not shape.converged:
-            shape = direct.solve(gripper, far_end=one.far_end)
-        if one.far_end is not None and shape.converged:
+            shape = direct.solve(gripper, far_end=far_end)
+        if far_end is not None and shape.converged:
             self._known_shapes[index] = shape
         return shape
 
     def _motion(self, index: int, one: ObservedMotion, x: Floats) -> Residuals:
-        where = self.errors(len(self.observations) + index, x).where
-        lower = self.bounds[0]
-        columns = [(k, self._central and x[k] - MOVED >= lower[k]) for k in range(x.size)
-                   if k < self.n_parameters or where.start <= k < where.stop]
-        residuals = _in_motion(one, x, partial(self._seen, index, one), columns, x.size,
-                               self.rod.length)
-        if one.displacements is None:
-            return residuals
-        others = self._displaced[index]
-        return _with_displacements(residuals, one.displacements, x[others], others)
+        """Return the Residuals of a motion, whose points other causes may displace in addition."""
+        where, others = self.errors(len(self.observations) + index, x).where, self._displaced[index]
+        points = one.points.reshape(-1, 3)
+        displaced = np.zeros((0, *points.shape)) if one.displacements is None else (
+            one.displacements.reshape(-1, *points.shape))
+        positions, shape = self._seen(index, one, x)
+        if positions is None:
+            return _nowhere(points, self.rod.length, x.size, shape)
+
+        def slopes() -> Floats:
+            out = np.zeros((*points.shape, x.size))
+            out[:, :, others] = -displaced.transpose(1, 2, 0)
+            for k in (*range(self.n_parameters), *range(where.start, where.stop)):
+                step = MOVED * np.eye(x.size)[k]
+                both = self._central and x[k] - MOVED >= self.bounds[0][k]
+                ahead = self._seen(index, one, x + step)[0]
+                back = self._seen(index, one, x - step)[0] if both else positions
+                if ahead is not None and back is not None:  # else the edge of what can be solved
+                    out[:, :, k] = (back - ahead).reshape(-1, 3) / (2 * MOVED if both else MOVED)
+            return out
+
+        away = points - positions.reshape(-1, 3) - np.tensordot(x[others], displaced, 1)
+        return Residuals(away, np.ones(points.shape, dtype=bool), slopes, (shape,), (True,))
 
     def _seen(self, index: int, one: ObservedMotion, x: Floats) -> tuple[Floats | None, Shape]:
         """Return where the points of a motion are at x, (k, m, 3) or None; and its last Shape."""
@@ -338,25 +302,16 @@ class MeasurementModel:
             ends = [FarEnd(pose, given[0].grip)
                     for pose in _refined([end.pose for end in given], one.dt, parts)]
         direct = self._simulator(x)
-        initial = self._initial(direct, index, grippers[0], ends) if one.initial is None else (
-            one.initial)
+        initial = one.initial
+        if initial is None and ends is not None:
+            initial = self._shape(direct, len(self.observations) + index, grippers[0], ends[0])
+            initial = initial if initial.converged else None
         motion = direct.simulate(grippers, one.dt / parts, initial, far_ends=ends,
                                  tolerance=np.inf)
         self._progress.check()
         solved = motion.converged and len(motion) == len(grippers)
         seen = positions_in_motion(motion, one.times, one.s) if solved else None
         return seen, motion.shapes[-1]
-
-    def _initial(self, direct: DirectSimulator, index: int, gripper: Pose,
-               ends: list[FarEnd] | None) -> Shape | None:
-        """Return the static Shape in which a DLO held at both ends begins; None: it is free."""
-        if ends is None:
-            return None
-        shape = direct.solve(gripper, self._initials.get(index), far_end=ends[0])
-        if not shape.converged:
-            return None
-        self._initials.setdefault(index, shape)
-        return shape
 
 
 def _refined(given: list[Pose], dt: float, parts: int) -> list[Pose]:
@@ -372,22 +327,11 @@ def positions_in_motion(motion: Motion, times: Floats, s: Floats) -> Floats:
 
     Between the instants of the motion they go on cubics with its velocities.
     """
-    out = np.empty((len(times), len(s), 3))
-    for k, time in enumerate(times):
-        j = int(np.clip(np.searchsorted(motion.times, time, side='right') - 1, 0, len(motion) - 2))
-        step = motion.times[j + 1] - motion.times[j]
-        f = (time - motion.times[j]) / step
-        (here, speed), (there, later) = (_moving(motion, i, s) for i in (j, j + 1))
-        out[k] = ((1 + 2 * f) * (1 - f) ** 2 * here + f**2 * (3 - 2 * f) * there
-                  + step * f * (1 - f) * ((1 - f) * speed - f * later))
+    places = [shape.positions_at(s) for shape in motion.shapes]
+    speeds = [[np.interp(s, shape.s, part) for part in velocities.T]
+              for shape, velocities in zip(motion.shapes, motion.velocities, strict=True)]
+    out: Floats = CubicHermiteSpline(motion.times, places, np.swapaxes(speeds, 1, 2))(times)
     return out
-
-
-def _moving(motion: Motion, index: int, s: Floats) -> tuple[Floats, Floats]:
-    """Return positions (m, 3) and velocities (m, 3) at arc lengths s (m,) at an instant."""
-    shape, velocities = motion.shapes[index], motion.velocities[index]
-    return shape.positions_at(s), np.column_stack([np.interp(s, shape.s, velocities[:, i])
-                                                   for i in range(3)])
 
 
 @kernel

@@ -29,8 +29,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.identify.estimate import Estimate, RobotError, way_between
 from dlo_planner.identify.noise_model import Mixture, mixture, mixture_cost
 from dlo_planner.identify.observation import Observation
-from dlo_planner.identify.parameters import PointSlopes
 from dlo_planner.identify.residuals import from_either_end, point_residuals
+from dlo_planner.identify.uncertain_state import PointSlopes
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, angle_between
 
@@ -482,15 +482,10 @@ class LookUpdate:
     def _folded(self, window: LagWindow, keyframe: Keyframe) -> LagWindow:
         """Return the LagWindow with a forgotten Keyframe, linearized where it is."""
         y = np.concatenate([window.state, keyframe.error])
-        size, shape = window.x.size, keyframe.shape
-        matrix, vector = np.zeros((y.size, y.size)), np.zeros(y.size)
-        matrix[:size, :size], vector[:size] = window.matrix, window.matrix @ window.x
-        self._link(matrix, vector, np.zeros(y.size), 1, keyframe)
-        own = np.r_[0:self._n, self._errors(1)]
-        for one in self._information(self._slopes_at(y, 1, shape, keyframe.slopes), keyframe, shape,
-                                     self._looks(keyframe, shape, y)):
-            matrix[np.ix_(own, own)] += one.matrix
-            vector[own] += one.matrix @ y[own] + one.vector
+        self._window, self._slopes = replace(window, keyframes=(keyframe,)), [keyframe.slopes]
+        matrix, down, _ = self._equations(_Evaluated(
+            y, [keyframe.shape], [self._looks(keyframe, keyframe.shape, y)]))
+        vector, own = down + matrix @ y, np.r_[0:self._n, self._errors(1)]
         if self._p:  # the error before it is forgotten (Schur complement)
             old = np.r_[self._errors(0)]
             across = np.linalg.solve(matrix[np.ix_(old, old)], matrix[np.ix_(old, own)]).T

@@ -17,10 +17,10 @@ import numpy as np
 
 from dlo_planner.direct.modes import Modes
 from dlo_planner.direct.shape import Shape
+from dlo_planner.identify.residuals import point_residuals
 from dlo_planner.model.arrays import Floats
 
 _MODES = 4         # slowest ones: two in each plane of a round DLO
-_SAMPLED = 65      # places along the DLO from which points are measured
 _STATIC = 4        # powers of s / L along each axis, of what does not move
 STATED = 1.0, 0.03  # factor of the frequencies, and its standard deviation, before it is seen
 _LEAST_PERIODS = 1.5  # of the slowest mode, that have to be seen
@@ -57,17 +57,14 @@ class FreeVibration:
         if not enough(clouds, float(modes.frequencies[0])):
             return None
         length, last = shape.s[-1], clouds[-1][0]
-        nodes = shape.positions_at(np.linspace(0, length, _SAMPLED))
-        points = np.concatenate([points for _, points in clouds])
-        away, s = nearest_on_line(points, nodes)
-        size = np.linalg.norm(away, axis=1)
+        seen = point_residuals(shape, np.concatenate([points for _, points in clouds]))
+        size = np.linalg.norm(seen.off, axis=1)
         own = size <= _OWN * np.median(size)
-        if own.sum() < _LEAST_POINTS or s[own].max() < _LEAST_SHARE:
+        if own.sum() < _LEAST_POINTS or seen.s[own].max() < _LEAST_SHARE * length:
             return None
         times = np.repeat([stamp - last for stamp, _ in clouds],
                           [len(points) for _, points in clouds])[own]
-        away, s = away[own], s[own]
-        tangents = np.array([shape.frame_at(float(one))[0][:, 0] for one in s * length])
+        away, s, tangents = seen.off[own], seen.s[own] / length, seen.frames[own, :, 0]
         static = (s[:, None, None, None] ** np.arange(_STATIC)) * np.eye(3)[:, :, None]
         static = _across(static.reshape(len(s), 3, -1), tangents)
         moved = _across(np.moveaxis(np.array(
@@ -157,18 +154,3 @@ def _fitted(moved: Floats, static: Floats, away: Floats, times: Floats,
         weights = 1 / (1 + (left / (_CAUCHY * scale)) ** 2)
     variances = scale**2 * np.linalg.inv(normal).diagonal()
     return x, (factor, float(np.sqrt(variances[-1]))), scale, variances
-
-
-def nearest_on_line(points: Floats, nodes: Floats) -> tuple[Floats, Floats]:
-    """Return the points (n, 3) less the nearest of the line through nodes (k, 3), and where it is.
-
-    That is a part (n,) of the line's length, whose nodes are evenly spaced.
-    """
-    ahead = np.diff(nodes, axis=0)
-    off = points[:, None] - nodes[:-1]
-    along = np.clip(np.einsum('mkj,kj->mk', off, ahead)
-                    / np.maximum((ahead**2).sum(axis=1), 1e-300), 0, 1)
-    near = off - along[:, :, None] * ahead
-    chosen = np.linalg.norm(near, axis=2).argmin(axis=1)
-    rows = np.arange(len(points))
-    return near[rows, chosen], (chosen + along[rows, chosen]) / len(ahead)

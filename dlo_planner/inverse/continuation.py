@@ -20,7 +20,6 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import fell
-from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
@@ -544,24 +543,26 @@ def _along(normal: Floats, reference: Floats) -> GoalTable:
 def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Floats,
                   reference: Floats, trend: tuple[Shape, float] | None = None) -> Found | None:
     """Return the shape whose tangent at `s` (m) is `normal`, or None; as `Aligned.from_guess`."""
-    mesh, shape = guess.state.mesh, guess
-    assert mesh is not None  # a guess is made on one
+    return goal_shape(simulator, guess, _along(normal, reference), s, np.array(normal), trend)
+
+
+def goal_shape(simulator: DirectSimulator, guess: Shape, goals: GoalTable, s: float, free: Floats,
+               trend: tuple[Shape, float] | None = None) -> Found | None:
+    """Return the shape that has goals at `s` (m), on a mesh as fine as the simulator's, or None.
+
+    Shapes: free (3,).
+    """
+    mesh, shape = guess.state.made_on, guess
+    where = np.full((1, goals.kind.size), s)
     for _ in range(MESHES):
-        found = aligned_on(mesh, shape, s, normal, reference, trend)
-        if found is None or simulator.accuracy is None:  # its mesh is the same everywhere
-            return found
-        better = simulator.discretization(found.shape.gripper, found.shape)
+        found = follow(mesh, shape, goals, where, free, trend=trend)
+        if not found or simulator.accuracy is None:  # its mesh is the same everywhere
+            break
+        shape = found[0].shape
+        better = simulator.discretization(shape.gripper, shape)
         if better is mesh:
             break
-        mesh, shape, trend = better, found.shape, None
-    return found
-
-
-def aligned_on(mesh: Discretization, guess: Shape, s: float, normal: Floats, reference: Floats,
-               trend: tuple[Shape, float] | None = None) -> Found | None:
-    """Return what `aligned_shape` returns, on a Discretization."""
-    normal = np.array(normal)
-    found = follow(mesh, guess, _along(normal, reference), np.array([[s, s]]), normal, trend=trend)
+        mesh, trend = better, None
     return found[0] if found else None
 
 

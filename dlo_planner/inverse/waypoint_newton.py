@@ -28,7 +28,7 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.search import MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.statics import FREELY, hanging_shape
+from dlo_planner.direct.statics import UNWATCHED, hanging_shape
 from dlo_planner.energy.potential import evaluate, project, unknowns_of
 from dlo_planner.energy.problem import (
     Configuration,
@@ -495,7 +495,7 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     before = begin if earlier is shape else earlier.element_strains
     # of one type for the kernel, whether they may be written or not
     frames = np.array(shape.frames) if mesh.has_nodes(shape.s) else np.zeros((mesh.s.size, 3, 3))
-    watched = np.array(FREELY.nodes if most is None else mesh.sampled)
+    watched = np.array(UNWATCHED.nodes if most is None else mesh.sampled)
     pair = np.array([earlier.gripper.rotation, shape.gripper.rotation]), np.array([before, begin])
     freeze(pair)
     limits = np.full((3, len(s)), np.inf) if most is None else most

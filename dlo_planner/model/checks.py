@@ -8,8 +8,10 @@ Each function returns the value as it is to be used: what is checked is what is 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from itertools import islice
 from numbers import Real
+from operator import ge, gt, le, lt
 from typing import Any, TypeGuard, TypeVar, overload
 
 import numpy as np
@@ -17,12 +19,6 @@ from numpy.typing import NDArray
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-
-# ------------------------------------------------------------------------------------------------
-# Judging values that come from outside: one sentence that names argument, value and remedy.
-#
-# Each function returns the value as it is to be used: what is checked is what is used.
-
 
 _Kind = TypeVar('_Kind')
 _MOST = 1_000_000  # items of a sequence; some iterators never end
@@ -43,23 +39,16 @@ def shown(value: object) -> str:
     return text if len(text) <= _LONGEST else f'{text[:_LONGEST - 4]} ...'
 
 
-def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
-           minimum: float | None = None, above: float | None = None, maximum: float | None = None,
-           below: float | None = None) -> float:
-    """Return `value` as a finite float within the limits, or raise `error`.
+_LIMITS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
+    'minimum': ('>=', ge), 'above': ('>', gt), 'maximum': ('<=', le), 'below': ('<', lt)}
+
+
+def number(name: str, value: object, error: type[Exception] = InvalidTask,
+           **limits: float) -> float:
+    """Return `value` as a finite float within the limits, named as in _LIMITS, or raise `error`.
 
     Numbers are Python's and NumPy's real ones; strings and booleans are none. Their size is at most
     1e75, and 1e-75 at least where they have to be above 0: products of a few stay finite.
-
-    Parameters
-    ----------
-    name : str
-        Name by which the caller knows the argument.
-    value : object
-    error : type, optional
-        The class to raise.
-    minimum, above, maximum, below : float, optional
-        Closed lower, open lower, closed upper and open upper limit.
     """
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
@@ -69,26 +58,15 @@ def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
         result = float(value)
     except (TypeError, ValueError, OverflowError):
         result = np.inf
-    limits = []
-    if minimum is not None:
-        limits.append(f'>= {minimum:g}')
-    if above is not None:
-        limits.append(f'> {above:g}')
-    if maximum is not None:
-        limits.append(f'<= {maximum:g}')
-    if below is not None:
-        limits.append(f'< {below:g}')
-    good = (np.isfinite(result)
-            and (minimum is None or result >= minimum)
-            and (above is None or result > above)
-            and (maximum is None or result <= maximum)
-            and (below is None or result < below))
-    if not good:
-        raise error(f'{name} = {shown(value)}: expected a finite number '
-                    f'{" and ".join(limits)}'.rstrip())
-    if abs(result) > _EXTREME or above == 0 and result < 1 / _EXTREME:
+    if not (np.isfinite(result) and all(_LIMITS[one][1](result, limit)
+                                        for one, limit in limits.items())):
+        said = ' and '.join(f'{_LIMITS[one][0]} {limits[one]:g}' for one in _LIMITS
+                            if one in limits)
+        raise error(f'{name} = {shown(value)}: expected a finite number {said}'.rstrip())
+    positive = limits.get('above') == 0
+    if abs(result) > _EXTREME or positive and result < 1 / _EXTREME:
         raise error(f'{name} = {shown(value)}: expected a size of at most {_EXTREME:g}'
-                    f'{f" and at least {1 / _EXTREME:g}" if above == 0 else ""}')
+                    f'{f" and at least {1 / _EXTREME:g}" if positive else ""}')
     return result
 
 
@@ -123,32 +101,46 @@ def returned(name: str, function: Callable[[float], Any], s: float,
 
 def array(name: str, value: Any, shape: tuple[int | None, ...],
           error: type[Exception] = InvalidTask, finite: bool | None = True) -> Floats:
-    """Return `value` as a new float array, or raise `error`."""
-    sizes = ', '.join('n' if size is None else str(size) for size in shape)
-    expected = f'{shape[0]} numbers' if len(shape) == 1 and shape[0] else f'numbers ({sizes})'
-    try:
-        given = numbers_in(value)
-    except Exception:  # whatever its conversion raises
-        raise error(f'{name} = {shown(value)}: expected {expected}') from None
-    if np.ma.is_masked(value):
-        raise error(f'{name} = {shown(value)}: expected {expected}, none masked')
-    numbers = _of_numbers(given) if given.dtype == object and given.size else given
-    if numbers is None or numbers.dtype.kind not in 'iuf':
-        raise error(f'{name} = {shown(value)}: expected {expected}')
-    if numbers.ndim != len(shape) or any(
-            got != size if size is not None else got == 0
-            for got, size in zip(numbers.shape, shape, strict=True)):
-        raise error(f'{name} has shape {numbers.shape}: expected {expected}')
-    with np.errstate(over='ignore'):  # of longer floats
-        result = np.array(numbers, dtype=float)
-    if np.abs(result).max(initial=0.0) <= _EXTREME:
+    """Return `value` as a new float array, or raise `error`.
+
+    `finite` says whether infinite entries, or, if it is None, nan too, are refused or let in.
+    """
+    result = _numbers(name, value, shape, error)
+    if not result.size:
+        raise error(f'{name} has shape {result.shape}: expected {_sizes(shape)}')
+    if np.abs(result).max() <= _EXTREME:
         return result
     if finite is not None and np.isnan(result).any() or finite and not np.isfinite(result).all():
-        raise error(f'{name} = {shown(result.tolist())}: expected finite {expected}')
+        raise error(f'{name} = {shown(result.tolist())}: expected finite {_sizes(shape)}')
     if (np.abs(result[np.isfinite(result)]) > _EXTREME).any():
         raise error(f'{name} = {shown(result.tolist())}: expected numbers of a size up to '
                     f'{_EXTREME:g}')
     return result
+
+
+def _numbers(name: str, value: Any, shape: tuple[int | None, ...],
+             error: type[Exception]) -> Floats:
+    """Return real numbers of a shape as a new float array, whatever their size; else raise."""
+    try:
+        given = numbers_in(value)
+    except Exception:  # whatever its conversion raises
+        raise error(f'{name} = {shown(value)}: expected {_sizes(shape)}') from None
+    if np.ma.is_masked(value):
+        raise error(f'{name} = {shown(value)}: expected {_sizes(shape)}, none masked')
+    numbers = _of_numbers(given) if given.dtype == object and given.size else given
+    if numbers is None or numbers.dtype.kind not in 'iuf':
+        raise error(f'{name} = {shown(value)}: expected {_sizes(shape)}')
+    if numbers.ndim != len(shape) or any(size is not None and got != size for got, size
+                                         in zip(numbers.shape, shape, strict=True)):
+        raise error(f'{name} has shape {numbers.shape}: expected {_sizes(shape)}')
+    with np.errstate(over='ignore'):  # of longer floats
+        return np.array(numbers, dtype=float)
+
+
+def _sizes(shape: tuple[int | None, ...]) -> str:
+    if len(shape) == 1 and shape[0]:
+        return f'{shape[0]} numbers'
+    return f'numbers ({", ".join("n" if size is None else str(size) for size in shape)})'
 
 
 def _of_numbers(given: NDArray[Any]) -> Floats | None:
@@ -163,14 +155,9 @@ def _of_numbers(given: NDArray[Any]) -> Floats | None:
 
 def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: int = 1,
         most: int | None = None, **limits: float) -> Floats:
-    """Return one number, or a sequence of them, as a new float array (n,), or raise `error`.
+    """Return one number, or `least` to `most` of them, as a new float array (n,), or raise `error`.
 
-    Parameters
-    ----------
-    least, most : int, optional
-        Smallest and largest number of entries.
-    limits : float
-        Limits of each, as for `number`.
+    `limits` are those of each, as for `number`.
     """
     if is_number(value) or isinstance(value, np.ndarray) and value.ndim == 0:
         value = [value]
@@ -187,18 +174,6 @@ def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: i
     for index in np.flatnonzero(doubtful):
         number(f'{name}[{index}]', float(values[index]), error, **limits)
     return values
-
-
-def plain(value: Any, shape: tuple[int | None, ...]) -> Floats | None:
-    """Return as a new array what is right at a glance; None of what has to be looked at."""
-    if type(value) in (tuple, list):
-        right = shape == (len(value),) and all(type(one) is float for one in value)
-    else:
-        right = type(value) is np.ndarray and value.dtype == float and value.shape == shape
-    if not right:
-        return None
-    result = np.array(value)
-    return result if result.size and np.abs(result).max() <= _EXTREME else None
 
 
 def vector(name: str, value: Any, size: int, error: type[Exception] = InvalidTask) -> Floats:
@@ -296,19 +271,15 @@ def _named(kinds: type | tuple[type, ...]) -> str:
 
 
 # ------------------------------------------------------------------------------------------------
-# Judging values that were computed before: they may be infinite, or nan where they are not known.
-#
-# Values that users choose are judged above.
+# Values that were computed before: they may be infinite, or nan where they are not known.
 
 
 def figure(name: str, value: object, error: type[Exception] = InvalidTask) -> float:
     """Return a number that was computed as a float: it may be infinite, or nan if not known."""
-    if not is_number(value):
-        raise error(f'{name} = {shown(value)}: expected a number, infinity or nan')
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise error(f'{name} = {shown(value)}: expected a number, infinity or nan') from None
+    if is_number(value):
+        with suppress(TypeError, ValueError, OverflowError):
+            return float(value)
+    raise error(f'{name} = {shown(value)}: expected a number, infinity or nan')
 
 
 def results(name: str, value: Any, shape: tuple[int | None, ...],
@@ -318,18 +289,4 @@ def results(name: str, value: Any, shape: tuple[int | None, ...],
             and all(size is None or size == got
                     for size, got in zip(shape, value.shape, strict=True))):
         return value
-    quick = plain(value, shape)
-    if quick is not None:
-        return quick
-    sizes = ', '.join('n' if size is None else str(size) for size in shape)
-    try:
-        given = numbers_in(value)
-        if given.dtype.kind not in 'iuf':
-            raise TypeError
-        given = given.astype(float)  # a new one
-    except Exception:  # whatever its conversion raises
-        raise error(f'{name} = {shown(value)}: expected numbers ({sizes})') from None
-    if given.ndim != len(shape) or any(size is not None and size != got for size, got in
-                                       zip(shape, given.shape, strict=True)):
-        raise error(f'{name} has shape {given.shape}: expected numbers ({sizes})')
-    return given
+    return _numbers(name, value, shape, error)

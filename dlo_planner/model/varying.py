@@ -58,7 +58,7 @@ class Piecewise(Value):
         super().__post_init__()
 
     def __call__(self, s: float) -> Any:
-        """Return the function's value at `s` (m)."""
+        """Return the value at `s` (m)."""
         return self.function(s)
 
 
@@ -78,8 +78,8 @@ class Table(Value):
         return np.unique(self.s)
 
     def __call__(self, s: float) -> Any:
-        """Return the value at `s` (m); at a jump, the one after it."""
-        after = int(np.searchsorted(self.s, s, side='right'))
+        """Return the value at `s` (m)."""
+        after = int(np.searchsorted(self.s, s, side='right'))  # at a jump: what comes after it
         if after in (0, self.s.size):
             return self.values[min(after, self.s.size - 1)]
         first = self.s[after - 1]
@@ -99,28 +99,8 @@ class Components(Value):
         return np.concatenate([breaks_of(part) for part in self.parts])
 
     def __call__(self, s: float) -> Floats:
-        """Return the values (k,) at `s` (m)."""
+        """Return the value at `s` (m)."""
         return np.array([part(s) if callable(part) else part for part in self.parts])
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SeenFrom(Value):
-    """A function of arc length as a function of the distance from `at` (m), in one direction."""
-
-    base: Callable[[float], Any]
-    at: float
-    direction: int  # 1: on, -1: back
-    signs: tuple[float, ...] = ()  # factors of the components that it returns
-
-    @property
-    def breaks(self) -> Floats:
-        """(m,) distances where it is known to jump, m."""
-        return self.direction * (breaks_of(self.base) - self.at)
-
-    def __call__(self, s: float) -> Any:
-        """Return the function's value at the distance `s` (m)."""
-        value = self.base(self.at + self.direction * s)
-        return np.asarray(value) * self.signs if self.signs else value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,34 +116,14 @@ class Stepwise(Value):
         return self.s[1:-1]
 
     def __call__(self, s: float) -> Any:
-        """Return the value of the element that holds `s` (m)."""
+        """Return the value at `s` (m)."""
         element = np.searchsorted(self.s, s, side='right') - 1
         return self.values[min(max(int(element), 0), len(self.values) - 1)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Extended(Value):
-    """A number, pair or function up to `end` (m), and another constant from there on."""
-
-    base: Along
-    end: float
-    beyond: float | tuple[float, ...]
-
-    @property
-    def breaks(self) -> Floats:
-        """(n,) arc lengths where it is known to jump, m."""
-        return np.append(breaks_of(self.base), self.end)
-
-    def __call__(self, s: float) -> Any:
-        """Return the value at `s` (m)."""
-        if s >= self.end:
-            return self.beyond
-        return self.base(s) if callable(self.base) else self.base
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class _Changed(Value):
-    """Base of what changes the values of a number, pair or function of s, and not its jumps."""
+class _Derived(Value):
+    """Base of what is made of a number, pair or function of s; its jumps, but where said."""
 
     base: Along
 
@@ -177,36 +137,72 @@ class _Changed(Value):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scaled(_Changed):
+class SeenFrom(_Derived):
+    """A function of arc length as a function of the distance from `at` (m), in one direction."""
+
+    at: float
+    direction: int  # 1: on, -1: back
+    signs: tuple[float, ...] = ()  # factors of the components that it returns
+
+    @property
+    def breaks(self) -> Floats:
+        """(m,) distances where it is known to jump, m."""
+        return self.direction * (breaks_of(self.base) - self.at)
+
+    def __call__(self, s: float) -> Any:
+        """Return the value at `s` (m)."""
+        value = self._at(self.at + self.direction * s)
+        return value * self.signs if self.signs else value[()]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Extended(_Derived):
+    """The same up to `end` (m), and a constant from there on."""
+
+    end: float
+    beyond: float | tuple[float, ...]
+
+    @property
+    def breaks(self) -> Floats:
+        """(n,) arc lengths where it is known to jump, m."""
+        return np.append(breaks_of(self.base), self.end)
+
+    def __call__(self, s: float) -> Any:
+        """Return the value at `s` (m)."""
+        return self.beyond if s >= self.end else self._at(s)[()]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scaled(_Derived):
     """Times a number, or one number for each component."""
 
     factor: float | Floats
 
     def __call__(self, s: float) -> Floats:
-        """Return the product at `s` (m)."""
+        """Return the value at `s` (m)."""
         return self.factor * self._at(s)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Shifted(_Changed):
+class Shifted(_Derived):
     """Plus a constant."""
 
     shift: Floats
 
     def __call__(self, s: float) -> Floats:
-        """Return the sum at `s` (m)."""
+        """Return the value at `s` (m)."""
         return self._at(s) + self.shift
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Expanded(_Changed):
+class Expanded(_Derived):
     """Plus a series of Legendre polynomials on [0, length]."""
 
     coefficients: Floats  # (m, k) of P_0 ... P_{m-1} in 2 s / length - 1
     length: float         # m
 
     def __call__(self, s: float) -> Floats:
-        """Return the sum (k,) at `s` (m)."""
+        """Return the value at `s` (m)."""
         result: Floats = self._at(s) + legval(2 * s / self.length - 1, self.coefficients)
         return result
 
@@ -373,22 +369,18 @@ def varying(name: str, content: Any, written: str = ONE, **limits: float) -> Alo
     return Components(parts) if any(map(callable, parts)) else parts
 
 
-def pair(name: str, value: Any, written: str, judged: Callable[..., Any] | None = None,
+def _number(name: str, value: object, **limits: float) -> float:
+    return number(name, value, InvalidRod, **limits)
+
+
+def pair(name: str, value: Any, written: str, judged: Callable[..., Any] = _number,
          **limits: float) -> tuple[Any, Any]:
     """Return a pair of numbers. One number gives both, if `written` allows it."""
     sizes = (1, 2) if ' or ' in written else (2,)
     parts = value if is_row(value) else [value]
     if len(parts) not in sizes:
         raise InvalidRod(f'{name} = {shown(value)}: expected {written}')
-    ends = parts[0], parts[-1]
-    if judged is None:
-        judged = _number
-    first, second = (judged(name, part, **limits) for part in ends)
-    return first, second
-
-
-def _number(name: str, value: object, **limits: float) -> float:
-    return number(name, value, InvalidRod, **limits)
+    return judged(name, parts[0], **limits), judged(name, parts[-1], **limits)
 
 
 def is_row(value: object) -> bool:
@@ -418,9 +410,9 @@ def _table(name: str, content: Any, written: str, limits: dict[str, float]) -> T
     if (np.diff(s) < 0).any() or np.equal(s[2:], s[:-2]).any():
         raise InvalidRod(expected)
     if written != ONE:
-        return Table(s, np.array([pair(name, value, written, None, **limits)
+        return Table(s, np.array([pair(name, value, written, _number, **limits)
                                   for value in values]))
-    return Table(s, np.array([number(name, value, InvalidRod, **limits) for value in values]))
+    return Table(s, np.array([_number(name, value, **limits) for value in values]))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -531,8 +523,7 @@ class AlongRod(Value):
 
     def _one(self, name: str) -> Callable[[float], Floats]:
         """Return the function of s for which the Profile of a quantity stands."""
-        inverse = name in _STIFF
-        return lambda s: 1 / self._at(name, s) if inverse else self._at(name, s)
+        return lambda s: 1 / self._at(name, s) if name in _STIFF else self._at(name, s)
 
     def _values(self, name: str, s: ArrayLike) -> Floats:
         s = array('s', s, (None,), InvalidRod)
@@ -547,8 +538,8 @@ class AlongRod(Value):
         parts, limits = VARYING[name]
         value = returned(f'Rod.{name}', getattr(self, name), s, InvalidRod)
         if parts == ONE:
-            return np.array([number(f'Rod.{name}({s:g})', value, InvalidRod, **limits)])
-        return np.array(pair(f'Rod.{name}({s:g})', value, parts, None, **limits))
+            return np.array([_number(f'Rod.{name}({s:g})', value, **limits)])
+        return np.array(pair(f'Rod.{name}({s:g})', value, parts, _number, **limits))
 
 
 def _mesh(s: ArrayLike) -> Floats:

@@ -4,22 +4,20 @@
 
 Threads, processes, or a cluster's (`dask.distributed`: `Client(...).get_executor()`). A pool that
 has lost a process is broken: where a function makes the executor, it makes another one, once in a
-row, and only what the broken one had not finished is done again.
+row, and only what the broken one had not finished is done again. Python's own pool does not notice
+a process that is killed halfway through its answer: where that may be, a deadline ends the work.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from functools import lru_cache
-from math import inf
 from pickle import dumps, loads
-from time import monotonic
 from typing import Any
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.checks import shown
 
 _LOOK = 0.02  # s between two looks at the deadline
-_GRACE = 2.0  # s after which an executor should have noticed that a process of it has ended
 _KNOWN = 8    # payloads that a worker keeps
 
 Workers = Executor | Callable[[], Executor] | None
@@ -135,13 +133,9 @@ class Pool:
     def _as_completed(self, futures: Iterable[Future[Any]]) -> Iterable[Future[Any]]:
         """Yield Futures as they end, with a look at the deadline now and then."""
         waiting = set(futures)
-        noticed = inf
         while waiting:
             self._check()
             done, waiting = wait(waiting, _LOOK, FIRST_COMPLETED)
-            noticed = min(noticed, monotonic()) if _has_lost_a_process(self._executor) else inf
-            if monotonic() > noticed + _GRACE:
-                _end_writers(self._executor)
             yield from done
 
     def _renew(self, error: BaseException) -> None:
@@ -151,23 +145,6 @@ class Pool:
         self._vain = True
         self._executor.shutdown(wait=False)
         self._executor = _made(self._make)
-
-
-def _has_lost_a_process(executor: Any) -> bool:
-    """Return whether a process of a ProcessPoolExecutor has ended while the executor works."""
-    processes = getattr(executor, '_processes', None) or {}
-    return not all(process.is_alive() for process in list(processes.values()))
-
-
-def _end_writers(executor: Any) -> None:
-    """Let a ProcessPoolExecutor see that it is broken.
-
-    A process that is killed while it writes a result leaves the executor waiting for the rest of
-    it as long as somebody could write it: the other processes, and the executor itself.
-    """
-    for process in list((getattr(executor, '_processes', None) or {}).values()):
-        process.kill()
-    executor._result_queue._writer.close()  # noqa: SLF001
 
 
 def _made(make: Callable[[], Executor]) -> Executor:

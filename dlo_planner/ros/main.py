@@ -160,11 +160,10 @@ def log_arguments() -> list[str]:
     there. Then ROS_LOG_DIR becomes a folder among temporary files; where there is none either, the
     log goes to the console only.
     """
-    usual = next((Path(os.environ[name]) / below for name, below in (
-        ('ROS_LOG_DIR', ''), ('ROS_HOME', 'log'), ('HOME', '.ros/log')) if os.environ.get(name)),
-        None)
-    if usual is not None and _can_be_written(usual):
-        return []
+    from rclpy.logging import get_logging_directory  # noqa: PLC0415
+    with suppress(RuntimeError):  # none is named
+        if _can_be_written(Path(get_logging_directory())):
+            return []
     with suppress(OSError):
         folder = Path(tempfile.gettempdir()) / f'dlo_planner-log-{os.getuid()}'
         if _can_be_written(folder):

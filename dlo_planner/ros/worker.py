@@ -6,6 +6,8 @@ It is no Process of multiprocessing: that would import the node's main program o
 starts a node where it has no guard.
 """
 
+from __future__ import annotations
+
 import os
 import pickle
 import signal
@@ -140,9 +142,12 @@ class _Calls:
         """Let the present call end between two of its steps."""
         self._unwanted = True
 
-    def answer(self, deadline: float | None, call: Callable[[], object]) -> tuple[object, object]:
-        """Return the result of a call and None, or None and its error."""
-        self._unwanted, steps = False, Progress(deadline=deadline)
+    def answer(self, pipe: Connection[Any, Any]) -> tuple[object, object]:
+        """Return the result of the next call and None, or None and its error."""
+        data = pipe.recv_bytes()
+        self._unwanted = False  # before the call is read: what it imports may take seconds
+        deadline, call = pickle.loads(data)
+        steps = Progress(deadline=deadline)
 
         def check() -> None:
             if self._unwanted:
@@ -171,7 +176,7 @@ def main() -> None:
     Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
-            answer = calls.answer(*pipe.recv())
+            answer = calls.answer(pipe)
             try:
                 pipe.send(answer)
             except OSError:

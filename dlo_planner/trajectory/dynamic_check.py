@@ -355,18 +355,21 @@ def contact_lost(plan: Plan, u: Floats, shapes: Sequence[Shape]) -> float:
     """Return which part of some Shapes do not touch what a Plan touches there; nan: nothing.
 
     An obstacle counts between two waypoints that both touch it, whatever its friction is, and is
-    touched by a thousandth of the force there.
+    touched by a thousandth of the force there. Not before the first waypoint that names where the
+    DLO touches: pressed ever so lightly, as it is on its way down there, it may bounce.
 
     Shapes: u (n,).
     """
     forces = [_pushes(shape) for shape in plan.shapes]
+    named = (k for k, passes in enumerate(plan.via_points) if passes and forces[k])
+    first = next(named, 0)
     last = np.clip(np.searchsorted(plan.times, u, side='right') - 1, 0, len(plan) - 1)
     later = np.minimum(last + (u > plan.times[last]), len(plan) - 1)
     kept = []
     for k, j, shape in zip(last, later, shapes, strict=True):
         least = {body: _PRESSED * min(force, forces[j][body])
                  for body, force in forces[k].items() if body in forces[j]}
-        if least:
+        if least and k >= first:
             there = _pushes(shape)
             kept.append(all(there.get(body, 0.0) > force for body, force in least.items()))
     return 1 - float(np.mean(kept)) if kept else np.nan

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_interp_spline
 
 from dlo_planner.direct.modes import Modes
 from dlo_planner.direct.shape import Shape, modes_along
@@ -61,55 +61,6 @@ class Oscillators(NamedTuple):
     damping: Floats  # (t, m) damping ratios
     turns: Floats  # (t, m, m) how the modes turn into one another
     course: Floats  # (3, t) the parameter between the instants, its first two derivatives by time
-
-
-@kernel
-def interpolated(places: np.ndarray, known: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return (t, k) what is `known` (n, k) at ascending places (n,), `at` (t,), straight between.
-
-    Before the first and after the last it stays as there.
-    """
-    out = np.empty((at.size, known.shape[1]))
-    for t in range(at.size):
-        after = min(max(np.searchsorted(places, at[t]), 1), places.size - 1)
-        begin, end = places[after - 1], places[after]
-        share = min(max((at[t] - begin) / (end - begin), 0.0), 1.0)
-        for k in range(known.shape[1]):
-            out[t, k] = (1.0 - share) * known[after - 1, k] + share * known[after, k]
-    return out
-
-
-@kernel
-def turned(turning: np.ndarray, place: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Return (t, m, m) the rotations (1 + A)^-1 (1 - A) of skew matrices A = half turning[place].
-
-    Gauss elimination without pivots, which never vanish: the symmetric part of 1 + A is 1.
-
-    Args:
-        turning: (n, m, m) skew; place: (t,) indices into it; half: (t,)
-    """
-    modes = turning.shape[1]
-    out = np.empty((half.size, modes, modes))
-    left = np.empty((modes, modes))
-    for t in range(half.size):
-        for i in range(modes):
-            for j in range(modes):
-                one = 1.0 if i == j else 0.0
-                left[i, j] = one + half[t] * turning[place[t], i, j]
-                out[t, i, j] = 2.0 * one - left[i, j]
-        for k in range(modes):
-            for i in range(modes):
-                if i == k:
-                    continue
-                factor = left[i, k] / left[k, k]
-                for j in range(k, modes):
-                    left[i, j] -= factor * left[k, j]
-                for j in range(modes):
-                    out[t, i, j] -= factor * out[t, k, j]
-        for i in range(modes):
-            for j in range(modes):
-                out[t, i, j] /= left[i, i]
-    return out
 
 
 @kernel
@@ -186,13 +137,15 @@ class Response:
     def of(cls, simulator: DirectSimulator, leg: Leg, first: Shape,
            parameters: Floats | None = None,
            check: Callable[[], None] = lambda: None) -> Response:
-        """Return the Response on a Leg that begins in the Shape `first`; parameters (n,)."""
+        """Return the Response on a Leg that begins in the Shape `first`; parameters (n,).
+
+        The simulator's mesh has to be the same everywhere.
+        """
         u, shapes, modes = (_places(simulator, leg, first, check) if parameters is None else
                             (parameters, *_known(simulator, leg, first, parameters, check)))
-        s = shapes[0].s
-        positions = CubicSpline(u, np.array([_on(shape, s) for shape in shapes]))
-        masses = node_masses(simulator.rod, s)
-        displacements = np.array([_spread(one, s) for one in modes])
+        positions = CubicSpline(u, np.array([shape.positions for shape in shapes]))
+        masses = node_masses(simulator.rod, shapes[0].s)
+        displacements = np.array([one.displacements for one in modes])
         slopes, bends = (np.einsum('k,umki,uki->um', masses, displacements, positions(u, order))
                          for order in (1, 2))
         return cls(u, tuple(shapes), 2 * np.pi * np.array([one.frequencies for one in modes]),
@@ -228,7 +181,7 @@ class Response:
         place = np.clip(np.searchsorted(self.parameters, course[0]) - 1, 0, len(self.turning) - 1)
         return Oscillators(times, u, self.between(self.rates, course[0]),
                            self.between(self.damping, course[0]),
-                           turned(self.turning, place, 0.5 * np.diff(u)), course)
+                           _turns(self.turning[place] * (0.5 * np.diff(u)[:, None, None])), course)
 
     def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
@@ -269,9 +222,9 @@ class Response:
 
     def between(self, known: Floats, u: Floats) -> Floats:
         """Return what is `known` (n, ...) at the parameters, at others u (t,)."""
-        rows = np.ascontiguousarray(known.reshape(len(known), -1))
-        found: Floats = interpolated(self.parameters, rows, np.asarray(u, dtype=float))
-        return found.reshape(-1, *known.shape[1:])
+        found: Floats = make_interp_spline(self.parameters, known, k=1)(
+            np.clip(u, *self.parameters[[0, -1]]))
+        return found
 
     def sideways(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the displacements at arc lengths s (n,), m: (n, m, 3) across the DLO there.
@@ -318,22 +271,6 @@ def _known(simulator: DirectSimulator, leg: Leg, first: Shape, u: Floats,
     return shapes, list(modes_along(shapes, _MODES))
 
 
-def _on(shape: Shape, s: Floats) -> Floats:
-    """Return (N + 1, 3) the positions of a Shape at arc lengths s (N + 1,)."""
-    if np.array_equal(shape.s, s):
-        return shape.positions
-    return np.array([shape.at(float(one)).position for one in s])
-
-
-def _spread(modes: Modes, s: Floats) -> Floats:
-    """Return the displacements of Modes at arc lengths s."""
-    if np.array_equal(modes.s, s):
-        return modes.displacements
-    flat = np.moveaxis(modes.displacements, 2, 1).reshape(-1, modes.s.size)
-    at = np.array([np.interp(s, modes.s, one) for one in flat])
-    return np.moveaxis(at.reshape(len(modes), 3, s.size), 1, 2)
-
-
 def _turning(masses: Floats, displacements: Floats) -> Floats:
     """Return (n - 1, m, m) skew matrices: by how much modes turn from one place to the next.
 
@@ -341,10 +278,15 @@ def _turning(masses: Floats, displacements: Floats) -> Floats:
     """
     products = np.einsum('k,umki,uvki->umv', masses, displacements[:-1], displacements[1:])
     left, _, right = np.linalg.svd(products)
-    turn = left @ right  # the rotation nearest to it; (1 + A/2)^-1 (1 - A/2) of the skew A wanted
-    one = np.eye(turn.shape[1])
-    skew = 2 * np.linalg.solve(one + np.swapaxes(turn, 1, 2), one - np.swapaxes(turn, 1, 2))
+    # the rotation nearest to it is that of A / 2; Cayley's transform is its own inverse
+    skew = 2 * _turns(np.swapaxes(left @ right, 1, 2))
     return 0.5 * (skew - np.swapaxes(skew, 1, 2))
+
+
+def _turns(skew: Floats) -> Floats:
+    """Return Cayley's transforms (t, m, m), (1 + A)^-1 (1 - A) of A (t, m, m)."""
+    one = np.eye(skew.shape[-1])
+    return cast(Floats, np.linalg.solve(one + skew, one - skew))
 
 
 _ARRIVING = 0.5  # part of the tolerance that may be left of a vibration where a leg ends

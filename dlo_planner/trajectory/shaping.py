@@ -3,10 +3,10 @@
 """The fastest laws in time with which a DLO arrives calm, according to its `Response`.
 
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
-deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
-beginning and its end, smooth them: such a window leaves no vibration of its period. Which windows
-and which bound are the quickest is tried; each trial is judged with the DLO as it is given, and
-with one whose stiffness is wrong. Each leg takes over the vibration that the one before leaves.
+deviation, allow. Moving averages as wide as the periods of one or two slowest modes at the leg's
+end smooth them: such a window leaves no vibration of its period. Which windows and which bound are
+the quickest is tried; each trial is judged with the DLO as it is given, and with one whose
+stiffness is wrong. Each leg takes over the vibration that the one before leaves.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -96,9 +95,6 @@ def _knots(duration: float, period: float) -> tuple[Floats, Ints]:
     return knots, np.arange(DEGREE, knots.size - 2 * DEGREE - 1)
 
 
-_Supply: TypeAlias = tuple[list[list[TimeLaw]], dict[bytes, list[list[float]]],
-                           Iterator[tuple[Floats, Floats]]]
-
 _BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the one before
 _OFF = (0.95, 1.05)  # frequencies: a response is not quite that of the DLO, and
 _WORSE = 2.0         # times the tolerance are allowed then, and with a wrong stiffness
@@ -133,12 +129,17 @@ class LegTask:
                   for one in self.wrong)]
 
     @cached_property
-    def supply(self) -> _Supply:
-        """Laws known so far, set by set; what is predicted of them by the states at first.
+    def _supply(self) -> tuple[list[list[TimeLaw]], Iterator[list[TimeLaw]]]:
+        return [], ([TimeLaw(*rates, np.array(windows)) for windows in _windows(self.response)]
+                    for rates in _rates(self))
 
-        And parameters and rates for more.
-        """
-        return [], {}, _rates(self)
+    def laws(self) -> Iterator[list[TimeLaw]]:
+        """Yield laws, set by set ever slower ones; they are made once."""
+        known, more = self._supply
+        yield from known
+        for some in more:
+            known.append(some)
+            yield some
 
     @property
     def rest(self) -> list[Floats]:
@@ -201,18 +202,14 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
 def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
                 check: Callable[[], None]) -> list[tuple[TimeLaw, float]]:
     """Return laws and their predicted deviations, m; ever slower ones, until one is calm by far."""
-    sets, predictions, more = task.supply
-    known = predictions.setdefault(np.array(begins).tobytes(), [])
-    while not known or min(known[-1]) >= _MUCH * tolerance:
+    found: list[tuple[TimeLaw, float]] = []
+    for laws in task.laws():
         check()
-        if len(known) == len(sets):
-            rates = next(more, None)
-            if rates is None:
-                break
-            sets.append([TimeLaw(*rates, np.array(windows))
-                         for windows in _windows(task.response)])
-        known.append([predicted(task, law, begins, check) for law in sets[len(known)]])
-    return [one for pair in zip(sets, known, strict=False) for one in zip(*pair, strict=True)]
+        some = [(law, predicted(task, law, begins, check)) for law in laws]
+        found += some
+        if min(off for _, off in some) < _MUCH * tolerance:
+            break
+    return found
 
 
 def _trials(candidates: Iterable[tuple[TimeLaw, float]],
@@ -298,10 +295,6 @@ def _rates(task: LegTask) -> Iterator[tuple[Floats, Floats]]:
 
 
 def _windows(response: Response) -> list[list[float]]:
-    """Return lists of windows (s) to be tried, from the periods of the two slowest modes."""
-    periods = 2 * np.pi / response.rates[:, :2]
-    if periods.shape[1] < 2:
-        periods = np.repeat(periods, 2, axis=1)
-    (one, two), (end, other), (long, next_) = periods[0], periods[-1], periods.max(axis=0)
-    return [[end], [end, other], [one, two], [one, end], [long, next_], [long, long],
-            [one, end, next_], [one, end, two, other], [long, long, next_, next_]]
+    """Return lists of windows (s) to be tried: periods of the slowest modes at the leg's end."""
+    first, *others = (2 * np.pi / response.rates[-1, :2]).tolist()
+    return [[first], [first, *(others or [first])]]

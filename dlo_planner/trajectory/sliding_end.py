@@ -217,8 +217,11 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
 
     A DLO that is off the mouth as it comes in is guided there during this piece.
     """
-    cut, velocity = _cut(start, velocity, mesh.s[-1])
-    end = Pose.from_rotation(*cut.frame_at(float(cut.s[-1]))[::-1])
+    if velocity is not None:
+        velocity = np.column_stack([np.interp(mesh.s, start.s, one) for one in velocity.T])
+    # where its end is by these elements: by others it is elsewhere, and would be torn to there
+    start = first_shape(mesh, guide.at(0), None, start, None)
+    end = Pose.from_rotation(*start.frame_at(float(start.s[-1]))[::-1])
     depths = np.array([feed.depth(one) for one in u])
     shares = np.linspace(0, 1, len(u))
     ends = [_aside(feed.held(mesh, behind), feed.mouth, end, 1 - share**2 * (3 - 2 * share))
@@ -226,9 +229,7 @@ def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Sh
     dt = guide.guide.dt
     grips = BoundaryMotion(guide, GripTrajectory(ends, dt, False), 'sleeve')  # type: ignore[arg-type]  # as a GripTrajectory
     stepper = Stepper(mesh, grips, dt)
-    first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), cut, None)
-    if velocity is not None:
-        velocity = np.column_stack([np.interp(mesh.s, cut.s, one) for one in velocity.T])
+    first = first_shape(mesh, guide.at(0), FarEnd(end, 'sleeve'), start, None)
     return stepper, stepper.begin(first, velocity)
 
 
@@ -239,17 +240,3 @@ def _aside(pose: Pose, one: Pose, other: Pose, part: float) -> Pose:
                                    turn @ pose.rotation)
     result: Pose = between(pose, displaced, part)
     return result
-
-
-def _cut(shape: Shape, velocity: Floats | None, end: float) -> tuple[Shape, Floats | None]:
-    """Return a Shape and the velocities (n, 3) of its nodes, or None, up to arc length `end`."""
-    end = float(min(end, shape.s[-1]))
-    kept = shape.s < end * (1 - 1e-12)
-    s = np.append(shape.s[kept], end)
-    rotation, position = shape.frame_at(end)
-    if velocity is not None:
-        velocity = np.column_stack([np.interp(s, shape.s, one) for one in velocity.T])
-    return replace(shape, s=s, positions=np.vstack([shape.positions[kept], position]),
-                   frames=np.concatenate([shape.frames[kept], rotation[None]]),
-                   element_strains=shape.element_strains[:len(s) - 1], contacts=(),
-                   state=shape.state.forgotten()), velocity

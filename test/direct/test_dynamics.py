@@ -214,15 +214,6 @@ def test_arrays_and_progress():
     assert motion.shapes[2].error_estimate == np.inf
 
 
-def test_a_shape_on_another_mesh_is_a_beginning():
-    other = DirectSimulator(beam(), n_elements=24).solve(LEVEL)
-    for initial in (other, other.resample(7)):
-        motion = DirectSimulator(beam(), n_elements=10).simulate([LEVEL] * 4, 0.01, initial)
-        assert motion.converged
-        assert motion.velocities.shape == (4, 11, 3)
-        np.testing.assert_allclose(motion.shapes[0].positions[-1], other.positions[-1], atol=2e-2)
-
-
 def test_a_deadline_ends_a_motion():
     simulator = DirectSimulator(beam(), n_elements=10)
     for run in (lambda: simulator.track([LEVEL] * 50, deadline=1e-6),

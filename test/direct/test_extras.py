@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Plane, Pose, Rod, Shape
-from dlo_planner.results import Motion
+from dlo_planner import DirectSimulator, InvalidTask, Pose, Rod
 from dlo_planner.rods import GraspedInside, Section
 
 TILTED = Pose((0.1, 0.2, 1.0), Rotation.from_rotvec([0.1, 0.4, 0.3]).as_quat())
@@ -90,33 +89,6 @@ def test_stress_needs_a_section(wire):
     with pytest.raises(InvalidTask, match='section'):
         _ = DirectSimulator(bare).solve(LEVEL).surface_stress
     assert np.isnan(DirectSimulator(bare).solve(LEVEL).bend_margin)  # nothing was looked at
-
-
-def test_shapes_and_motions_can_be_kept(tmp_path, wire):
-    rod = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34, yield_stress=60e6, hardening=0.1)
-    direct = DirectSimulator(rod, obstacles=[Plane((0, 0, 0.5), (0, 0, 1), 0.2)])
-    shape = direct.solve(LEVEL)
-    shape.save(tmp_path / 'shape.npz')
-    same = Shape.load(tmp_path / 'shape.npz')
-    for name in ('positions', 'frames', 'strains', 's', 'gripper_wrench'):
-        np.testing.assert_array_equal(getattr(same, name), getattr(shape, name))
-    assert same.converged and same.error_estimate == shape.error_estimate
-    assert same.contacts[0].force == shape.contacts[0].force
-    assert same.gripper == shape.gripper
-    lower = Pose((0, 0, 0.9), (0, 0, 0, 1))
-    np.testing.assert_array_equal(direct.solve(lower, same).positions,
-                                  direct.solve(lower, shape).positions)
-    held = direct.solve(LEVEL, far_end=FarEnd(Pose((0.8, 0, 1), (0, 0, 0, 1)), 'sleeve'))
-    held.save(tmp_path / 'held.npz')
-    assert Shape.load(tmp_path / 'held.npz').far_end == held.far_end
-    motion = DirectSimulator(wire).simulate([LEVEL] * 4, 0.01)
-    motion.save(tmp_path / 'motion.npz')
-    again = Motion.load(tmp_path / 'motion.npz')
-    np.testing.assert_array_equal(again.velocities, motion.velocities)
-    np.testing.assert_array_equal(again.shapes[3].positions, motion.shapes[3].positions)
-    for wrong in ('shape.npz', 'none.npz'):
-        with pytest.raises(InvalidTask, match='path'):
-            Motion.load(tmp_path / wrong)
 
 
 def test_resampled_shapes_lie_on_the_same_arcs(curly):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dlo_planner import DirectSimulator, InvalidRod, Plane, PointLoad, Pose, Rod
+from dlo_planner import DirectSimulator, Plane, PointLoad, Pose, Rod
 from dlo_planner.energy.plastic import closest_point_projection
 
 HERE = Pose.identity()
@@ -217,13 +217,6 @@ def test_motion_with_plasticity_loses_energy(wire):
     assert (np.diff(lost) >= 0).all()
     total = motion.energy + lost
     assert (np.diff(total) <= 1e-6 * abs(motion.energy[0])).all()  # the rest is the damping's
-
-
-@pytest.mark.parametrize(('name', 'value'), [
-    ('hardening', 1.0), ('section_model', 'oval'), ('section_model', 'fibers')])
-def test_nonsense_is_named(name, value):
-    with pytest.raises(InvalidRod, match=name):
-        Rod(1.0, 0.1, 1.0, 1.0, **{name: value})
 
 
 def test_thresholds_from_yield_stress():

@@ -88,25 +88,6 @@ def test_whatever_acts_on_a_nearly_taut_dlo(grip):
             np.testing.assert_allclose(shape.gripper_wrench[3:], 0, atol=1e-6)
 
 
-def test_the_first_shape_is_near(monkeypatch):
-    near = []
-    first_shape = taut.first_shape
-
-    def watched(mesh, gripper, end, history):
-        found = first_shape(mesh, gripper, end, history)
-        near.append((end, found))
-        return found
-
-    monkeypatch.setattr(taut, 'first_shape', watched)
-    direct = DirectSimulator(cable(2000.0))
-    for gripper, end in spans(6):
-        shape = direct.solve(gripper, far_end=end)
-        _, strains, past, _ = near[-1][1]
-        force = -past.hold[-3:]
-        np.testing.assert_allclose(force, shape.far_wrench[:3], rtol=0.05,
-                                   atol=0.05 * np.linalg.norm(force))
-
-
 def test_a_trial_of_the_solver_far_off_is_no_error(monkeypatch):
     gripper, end = next(spans(1))
     expected = DirectSimulator(cable(100.0)).solve(gripper, far_end=end)

@@ -42,7 +42,7 @@ from dlo_planner.model.pose import displaced
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus, concatenate, truncate
 from dlo_planner.tasks import MoveTo
-from dlo_planner.trajectory.dynamic_check import InMotion
+from dlo_planner.trajectory.dynamic_check import InMotion, contact_lost
 from dlo_planner.trajectory.trajectory import restored
 
 SEEING = EstimatorConfig(SPREAD, NOISE, robot_rotation=5e-3)
@@ -428,6 +428,12 @@ def test_other_tasks_have_an_entry_before_which_they_are_looked_at(kind):
         return
     assert last.contacts and entry.frame_at(0.7)[1][2] > 0.72 + room
     np.testing.assert_allclose(last.frame_at(0.7)[1], TOP.position + (0, 0, WIRE.radius), atol=1e-3)
+    # on its way down it may bounce; where it is held it may not
+    bounces = [*(replace(shape, contacts=()) for shape in through.shapes[:-1]), last]
+    assert any(shape.contacts for shape in through.shapes[:-1])
+    assert contact_lost(through, through.times, bounces) == 0
+    lost = [*through.shapes[:-1], replace(last, contacts=())]
+    assert contact_lost(through, through.times, lost) == 1
 
 
 def test_what_passes_no_place_or_states_no_room_is_refused_by_name():

@@ -111,7 +111,8 @@ def test_what_cannot_be_aimed_leaves_the_plan(monkeypatch, found):
 
 
 BAR = Capsule((0.35, -0.5, 0.8), (0.35, 0.5, 0.8), 0.02)
-FREE, AROUND = (InverseSimulator(DirectSimulator(WIRE, obstacles=bodies)) for bodies in ((), [BAR]))
+FREE, AROUND, RUBBING = (InverseSimulator(DirectSimulator(WIRE, obstacles=bodies)) for bodies in (
+    (), [BAR], [replace(BAR, friction=0.3)]))
 TOUCHED = Pose.looking_along((0.35, 0.0, 0.82), (1.0, 0.0, 0.0))
 BORE = CutOut(HOLE.pose, radius=6e-3)
 
@@ -126,7 +127,8 @@ TASKS = {'two': lambda: FREE.thread_two(HOLE, hole(0.7, 0.06, 1.0), depths=np.li
              depths=np.linspace(0, 0.6, 7)),
          'insert': lambda: FREE.insert(BORE, depths=[0.0, 0.1, 0.3]),
          'hold': lambda: AROUND.hold_contact(TOUCHED, 0.6),
-         'slide': lambda: AROUND.slide_contact(TOUCHED, [0.5, 0.52])}
+         'slide': lambda: AROUND.slide_contact(TOUCHED, [0.5, 0.52]),
+         'slide that rubs': lambda: RUBBING.slide_contact(TOUCHED, [0.5, 0.52], mode='straight')}
 
 
 def estimated(rng, size=1.0):
@@ -152,7 +154,8 @@ def test_plans_of_all_tasks_are_aimed_anew(task, rng):
     plan = TASKS[task]()
     as_stated = correct(OBSERVER.begin(), plan)
     assert as_stated.converged
-    np.testing.assert_allclose(as_stated.offsets, 0.0, atol=1e-6)
+    # friction, which holds the planned DLO where it came from, is not what a DLO is aimed by
+    np.testing.assert_allclose(as_stated.offsets, 0.0, atol=5e-4 if 'rubs' in task else 1e-6)
     estimate = estimated(rng)
     found = correct(estimate, plan)
     assert found.converged and np.abs(found.offsets[:, 3:]).max() > 1e-3

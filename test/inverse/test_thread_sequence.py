@@ -2,11 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threading near the centers of more cut-outs."""
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
+from dlo_planner.plan.path import GripperPath
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 STRIP = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.4, 0.2))
@@ -86,3 +90,20 @@ def test_one_and_two_are_exact():
         for one, two in zip(INVERSE.thread_sequence(holes, depths=depths).grippers,
                             other.grippers, strict=True):
             assert one == two
+
+
+def test_a_dlo_that_is_bent_a_little_begins_nearest_to_its_centers_and_is_not_rolled_for_nothing():
+    hanging = DIRECT.solve(Pose.looking_along((0, 0, 1), (1, 0, 0.3)))
+    holes = [CutOut(Pose.looking_along(hanging.at(s).position, hanging.at(s).direction))
+             for s in (0.55, 0.65, 0.75)]
+    bent = DirectSimulator(replace(WIRE, natural_curvature=(-0.05, -0.02)), n_elements=32)
+    plan = InverseSimulator(bent).thread_sequence(holes, depths=np.linspace(0, 0.45, 19))
+    positions, rotations = GripperPath.of(plan).at(np.linspace(*plan.times[:2], 9))
+    on_the_way = bent.track([Pose.from_rotation(*frame) for frame in zip(
+        positions, rotations, strict=True)], initial=plan.shapes[0])
+    missed = [np.linalg.norm(shape.positions_at(np.linspace(0.9, 1, 1001)) - holes[0].center,
+                             axis=1).min() for shape in on_the_way]
+    assert max(missed) < plan.position_error[:2].max() + 2e-4
+    turns = [(Rotation.from_matrix(one.rotation).inv() * Rotation.from_matrix(
+        other.rotation)).as_rotvec()[0] for one, other in itertools.pairwise(plan.grippers)]
+    assert abs(sum(turns)) < 0.1

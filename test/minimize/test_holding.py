@@ -76,7 +76,7 @@ def test_two_millimeters_take_three_steps_and_no_way_in_parts(monkeypatch):
     wire = Rod.circular(1.0, 1e-3, 8960.0, 110e9, 0.34)
     simulator, gripper = DirectSimulator(wire, n_elements=64), Pose((0, 0, 1), (0, 0, 0, 1))
     known = simulator.solve(gripper, far_end=Pose((0.8, 0, 1), (0, 0, 0, 1)))
-    monkeypatch.setattr(step, '_advanced', None)  # the way in parts begins with it
+    monkeypatch.setattr(step, '_predict', None)  # the way in parts begins with it
     shape = simulator.solve(gripper, known, far_end=Pose((0.802, 0, 1.001), (0, 0, 0, 1)))
     assert shape.converged and shape.iterations <= 3
     again = simulator.solve(gripper, shape, far_end=shape.far_end)
@@ -103,7 +103,7 @@ def test_a_finer_mesh_goes_on_from_a_coarser_one(rng, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(step, 'held_nearby', lambda *_: None)
         true = fine.solve(shape.gripper, shape, far_end=shape.far_end)
-    monkeypatch.setattr(step, '_advanced', None)
+    monkeypatch.setattr(step, '_predict', None)
     found = fine.solve(shape.gripper, shape, far_end=shape.far_end)
     np.testing.assert_allclose(found.positions, true.positions, rtol=0, atol=1e-9)
 

@@ -102,19 +102,6 @@ def plate(cutout):
     return Sheet(TILTED, 0.4, 0.2, 1e-3, cutout)
 
 
-@pytest.mark.parametrize('across', [(0.179, 0), (-0.179, 0), (0, 0.079), (0, -0.079),
-                                    (0.179, -0.079)])
-def test_up_to_the_border(across):
-    assert plate(hole(across)).cutouts[0].radius == 0.02
-
-
-@pytest.mark.parametrize('across', [(0.181, 0), (-0.181, 0), (0, 0.081), (0, -0.081), (0.25, 0),
-                                    (0, -0.3)])
-def test_not_beyond_the_border(across):
-    with pytest.raises(InvalidTask, match=r'Sheet\.cutouts\[0\].*0\.4 m and height of 0\.2 m'):
-        plate(hole(across))
-
-
 @pytest.mark.parametrize('axis', [1, 2])
 def test_flat_in_the_sheet(axis):
     tilt = np.zeros(3)

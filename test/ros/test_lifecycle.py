@@ -15,7 +15,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from planner_here import Witness, opened, planner_here
-from planner_process import PATIENCE, in_time
+from planner_process import PATIENCE
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
@@ -62,13 +62,6 @@ def shape_comes(witness, shapes, publisher):
         return bool(shapes)
 
     return witness.wait_for(came)
-
-
-def test_it_activates_itself(monkeypatch, context, witness):
-    with planner_here(monkeypatch, context) as node:
-        assert state(witness) == 'active'
-        assert witness.wait_for(lambda: opened(node, 'service') >= OWN)
-        assert witness.ask(Trigger, f'{NAME}/reset').success
 
 
 def test_a_manager_takes_it_through_all_states(monkeypatch, context, witness):
@@ -227,15 +220,3 @@ def test_an_unexpected_error_leaves_it_unconfigured_and_alive(monkeypatch, conte
         assert state(witness) == 'unconfigured'
         monkeypatch.undo()
         assert change(witness, 'configure') and change(witness, 'activate')
-
-
-def test_the_end_is_quick_from_every_state(monkeypatch, context):
-    def took(autostart):
-        with planner_here(monkeypatch, context, autostart=autostart) as node:
-            begun = time.monotonic()
-            node.end()
-            node.end()  # once more changes nothing
-            assert node.lifecycle_state == 'finalized'
-            return time.monotonic() - begun
-    assert in_time(lambda: took(True), 1.0)
-    assert in_time(lambda: took(False), 1.0)

@@ -48,18 +48,6 @@ def test_of_obstacles_and_parameters_sent_at_once_none_is_lost(inside, node):
     inside.set_parameters(threading__linear_speed=0.1)
 
 
-def test_a_limit_keeps_the_shape_and_the_pose(inside, node):
-    inside.shape_for(HERE)
-    before = state(node)
-    assert inside.set_parameters(threading__linear_speed=0.11)[0].successful
-    assert state(node).shape is before.shape and state(node).pose == before.pose
-    assert inside.set_parameters(rod__tip_mass=0.001, threading__linear_speed=0.1)[0].successful
-    assert state(node).pose == before.pose  # the gripper is where it was, whatever it holds
-    inside.send_goal(GOAL)
-    assert inside.status_of('task_goal')[0] == Cause.DONE
-    inside.set_parameters(rod__tip_mass=0.0)
-
-
 def test_obstacles_that_come_again_unchanged_change_nothing(inside, node):
     inside.send_obstacles([box(1)])
     assert until(lambda: state(node).scene.bodies)

@@ -68,8 +68,12 @@ def test_each_request_has_one_outcome_with_stamp_and_number(inside, node, name):
 
 
 def test_a_plan_that_cannot_be_made_says_why(inside, node):
+    drain(inside.trajectories)
+    assert inside.plan_threading(HERE, GOAL)[0] == inside.trajectories.get(timeout=PATIENCE)
+    assert inside.status_of('plan_threading')[0] == Cause.DONE
     assert inside.set_parameters(rod__diameter=1e-3, threading__deepest=0.95)[0].successful
     assert inside.plan_threading(HERE, GOAL)[0].poses == []
+    assert inside.trajectories.empty()  # the last good plan stays
     assert inside.status_of('plan_threading')[0] == Cause.UNSTABLE
     answer = inside.trigger('replan')
     assert not answer.success and 'waypoint 0' in answer.message

@@ -6,10 +6,8 @@ import queue
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from planner_process import PATIENCE, drain, first, newest, until
-from rclpy.qos import QoSProfile
+from planner_process import PATIENCE, drain, first, newest
 from visualization_msgs.msg import MarkerArray
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Pose, Rod
@@ -41,19 +39,6 @@ def test_plan_by_service_is_published_and_stamped(client):
                                [pose.matrix for pose in expected.grippers], atol=1e-8)
     np.testing.assert_allclose(times_from_path(path), expected.times, atol=1e-6)
     assert newest(client.trajectories) == path
-
-
-def test_goal_in_plan_out_and_replan(client):
-    client.shape_for(GRIPPER)
-    drain(client.trajectories)
-    client.send_goal(GOAL)
-    plan = client.trajectories.get(timeout=PATIENCE)
-    assert len(plan.poses) == 25
-    answer = client.trigger('replan')
-    assert answer.success
-    assert answer.message == '25 gripper poses'
-    again = client.trajectories.get(timeout=PATIENCE)
-    assert [pose.pose for pose in again.poses] == [pose.pose for pose in plan.poses]
 
 
 def test_shapes_go_on_during_a_plan(client):
@@ -102,15 +87,6 @@ def test_late_comers_get_shape_plan_and_markers(client):
     assert tube.scale.x == pytest.approx(1.5e-3)
 
 
-def test_ordinary_publishers_of_goals_are_heard(client):
-    # reliable and volatile, as `ros2 topic pub` and RViz are by default
-    publisher = client.node.create_publisher(PoseStamped, '/dlo_planner/task_goal',
-                                             QoSProfile(depth=1))
-    until(publisher.get_subscription_count)
-    assert publisher.get_subscription_count() == 1
-    client.node.destroy_publisher(publisher)
-
-
 def diagnostics(client, wanted=lambda status: True):
     """Return the first report that satisfies `wanted`, as (level, message, dict)."""
     drain(client.diagnostics)
@@ -129,21 +105,6 @@ def test_diagnostics_tell_rates_latencies_and_proof(client):
     assert float(values['latency median [ms]']) > 0
     assert float(values['plan largest miss [m]']) < 1e-8
     assert int(values['plans made']) >= 1
-
-
-def test_unreachable_goal_is_an_empty_plan_with_a_reason(client, planner):
-    client.plan_threading(GRIPPER, GOAL)
-    drain(client.trajectories)
-    client.set_parameters(rod__diameter=1e-3)
-    path, _ = client.plan_threading(GRIPPER, GOAL)
-    assert path.poses == []
-    _, text, _ = diagnostics(client, lambda status: 'stability' in status.message)
-    assert 'waypoint 0' in text
-    assert client.trajectories.empty()  # the last good plan stays
-    assert 'plan_threading refused' in planner.log
-    answer = client.trigger('replan')
-    assert not answer.success
-    client.set_parameters(rod__diameter=1.5e-3)
 
 
 def test_tool_frame_is_taken_off_and_put_on(client):

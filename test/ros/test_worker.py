@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process that computes for the node: the same as here, errors told, ended at will."""
 
+import itertools
 import os
 import signal
 import subprocess
@@ -13,18 +14,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planner_process import PATIENCE, ROOT, in_time, until
+from planner_process import PATIENCE, ROOT, until
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, replay
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
+from dlo_planner.progress import Progress
 from dlo_planner.ros.worker import ProcessLost, Worker, persistent
 
 DIRECT = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
 PLAN = InverseSimulator(DIRECT).thread(HOLE, depths=[0.0, 0.1, 0.2])
 LONG = partial(replay, DIRECT, PLAN, limits=Limits(linear_speed=1e-3), tolerance=1e-9)
-# many short steps, each of which may be the last
-MANY = partial(InverseSimulator(DIRECT).thread, HOLE, depths=np.linspace(0, 0.5, 5000))
 
 
 def runs(number):
@@ -84,16 +84,20 @@ def test_the_trajectory_that_comes_back_is_the_one_that_would_be_made_here(worke
                                [PLAN.grippers[0].matrix, PLAN.grippers[-1].matrix], atol=1e-9)
 
 
-def test_what_is_not_wanted_any_more_ends_at_once_and_the_process_stays(worker):
-    def took():
-        number, asked = worker.result(os.getpid), time.monotonic()
-        assert worker.result(MANY, lambda: time.monotonic() < asked + 0.3) is None
-        passed = time.monotonic() - asked
-        return passed if worker.result(os.getpid) == number else np.inf
-    worker.result(partial(replay, DIRECT, PLAN))
-    assert in_time(took, 1.0)
-    assert worker.result(partial(replay, DIRECT, PLAN)).converged  # the next one does not wait
+def endless():
+    """Compute for good, step by step."""
+    steps = Progress()
+    while True:
+        steps.check()
 
+
+def test_what_is_not_wanted_any_more_ends_between_two_steps_and_the_process_stays(
+        worker, monkeypatch):
+    monkeypatch.setattr('dlo_planner.ros.worker._YIELDING', PATIENCE)  # however busy the machine is
+    number, looks = worker.result(os.getpid), itertools.count()
+    assert worker.result(endless, lambda: next(looks) < 5) is None
+    assert next(looks) == 6
+    assert worker.result(os.getpid) == number  # the next one does not wait
 
 
 def test_what_is_not_wanted_and_hears_nothing_is_ended(worker):

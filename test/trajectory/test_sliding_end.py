@@ -106,6 +106,18 @@ def test_from_a_start_pose_of_its_own_it_is_inserted_safely(rod):
     assert seam == way.times[len(start) - 1]
 
 
+def test_a_dlo_that_comes_in_on_finer_elements_is_not_torn_to_where_its_end_was_by_them():
+    wavy = replace(WIRE, damping=0.0, natural_curvature=lambda s: (0.5 * np.sin(10 * s), 0.1))
+    direct, finer = DirectSimulator(wavy), DirectSimulator(wavy, n_elements=128, basis='local')
+    hanging = finer.solve(Pose((-0.8, 0, 1.2), (0, 0, 0, 1)))
+    mouth = Pose.from_rotation(hanging.positions[-1], hanging.frames[-1])
+    feed = Feed(direct, mouth, np.linspace(0, 0.2, 6), np.zeros(6), np.zeros(6))
+    outside = pushed(feed, Instants([hanging.gripper] * 6, np.zeros(6), 0.04), hanging,
+                     np.zeros((129, 3)), Progress())
+    assert outside.converged
+    assert np.linalg.norm(outside.shapes[-1].positions[-1] - mouth.position) < 1e-5
+
+
 def test_what_is_outside_keeps_away_from_obstacles():
     direct, plan = planned(WIRE)
     low = min(shape.positions[:, 2].min() for shape in plan.shapes)

@@ -22,7 +22,7 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.view.colors import ALERT
-from dlo_planner.view.primitives import KINDS, Primitive
+from dlo_planner.view.primitives import KINDS
 from dlo_planner.view.scene import (
     contact_primitives,
     cutout_primitives,
@@ -134,14 +134,3 @@ def test_obstacles_are_where_they_are():
     normal = np.array((1, 1, 0)) / np.sqrt(2)
     world = wall.points @ wall.pose.rotation.T + wall.pose.position
     np.testing.assert_allclose((world - (1, 0, 0)) @ normal, 0, atol=1e-12)
-
-
-@pytest.mark.parametrize(('name', 'value'), [
-    ('kind', 'cone'), ('alpha', 1.5), ('color', (1, 0)), ('points', [(0, 0)]),
-    ('colors', np.zeros((3, 3))), ('size', (1, np.inf, 1)), ('index', 2**31), ('text', 3)])
-def test_odd_items_are_refused_by_name(name, value):
-    good = {'group': 'a', 'index': 0, 'kind': 'line', 'color': (1, 0, 0),
-            'points': np.zeros((2, 3))}
-    Primitive(**good)
-    with pytest.raises(InvalidTask, match=f'Primitive.{name}'):
-        Primitive(**{**good, name: value})

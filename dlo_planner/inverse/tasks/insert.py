@@ -14,6 +14,7 @@ There the plan stays at one depth while the mouth takes over the weight, part by
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,10 +29,11 @@ from dlo_planner.inverse.continuation import (
     Follower,
     Passing,
     Step,
-    aligned_shape,
     continue_family,
+    goal_shape,
 )
-from dlo_planner.inverse.equilibria import start_candidates, with_free_end
+from dlo_planner.inverse.equilibria import Candidate, shape_with_end, start_candidates
+from dlo_planner.inverse.route import first_feasible
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
@@ -45,6 +47,7 @@ from dlo_planner.plan.bore import insertion_force
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import gripper_motion
+from dlo_planner.plan.goal_rows import ROTATION, GoalTable
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_at
 
@@ -74,6 +77,8 @@ class Insertion(Family):
                  depths: Floats) -> None:
         self.simulator, self._bore = simulator, bore
         self._end = np.array(end, order='C')
+        self._goals = GoalTable(np.array([ROTATION]), np.zeros(1), np.zeros((1, 3)),
+                                self._end[None], np.ones(1))
         self._stops = self._stops_at(depths)
         least = _PAUSE * simulator.rod.length
         self.way = np.cumsum([0.0, *(max(other.depth - one.depth, least * (one != other))
@@ -108,9 +113,8 @@ class Insertion(Family):
 
     def _shape(self, outside: DirectSimulator) -> Shape | None:
         """Return the Shape of the part outside, free of force at its end, or None."""
-        guess = with_free_end(outside, self._end)
-        found = aligned_shape(outside, guess, outside.rod.length, self._bore.normal,
-                              guess.gripper.rotation)
+        found = goal_shape(outside, shape_with_end(outside.mesh, self._end), self._goals,
+                           outside.rod.length, self._bore.normal)
         return found and found.shape.moved(self._bore.center - found.shape.positions[-1])
 
     def _held(self, stop: _Stop, outside: DirectSimulator, shape: Shape) -> Shape:
@@ -201,25 +205,21 @@ class Insertion(Family):
 def insert(simulator: DirectSimulator, bore: CutOut, depths: Floats, start: Pose | None,
            demands: Judge) -> Plan:
     """Return the Plan; see `InverseSimulator.insert`."""
-    refused: Infeasible | None = None
     holes = Holes([bore], simulator.rod.length, demands.obstacles, demands.surface)
 
     def waypoint(passing: Passing) -> Waypoint:
         shape = passing.shape
         return holes.passed(waypoint_at(shape, bore.center, shape.s[-1], bore.normal))
 
-    for begin, *_ in start_candidates(simulator, bore.normal, start):
+    def planned(begin: Candidate) -> Plan:
         demands.progress.check()
-        family = Insertion(simulator, bore, begin.frames[-1], depths)
+        family = Insertion(simulator, bore, begin.shape.frames[-1], depths)
         builder = PlanBuilder(family.depths, demands)
-        try:
-            continue_family(builder, Follower(family, family.first(), 0.0, family.way), waypoint)
-            return builder.finished()
-        except Infeasible as error:
-            if refused is None or error.waypoint > refused.waypoint:
-                refused = error
-    assert refused is not None  # there is a candidate at least
-    raise refused
+        continue_family(builder, Follower(family, family.first(), 0.0, family.way), waypoint)
+        return builder.finished()
+
+    return first_feasible(partial(planned, begin)
+                          for begin in start_candidates(simulator, bore.normal, start))
 
 
 _INSERTED = 0.99  # of the length, at most

@@ -37,8 +37,8 @@ from dlo_planner.inverse.equilibria import (
     HangingShapes,
     hanging_shapes,
     is_axisymmetric,
+    shape_with_end,
     start_candidates,
-    with_free_end,
 )
 from dlo_planner.inverse.route import (
     NO_WAY,
@@ -171,7 +171,8 @@ def thread(simulator: DirectSimulator, task: Threading) -> Plan:
     task = replace(task, demands=task.demands.made_with(simulator))
     quick = quick_simulator(simulator)
     own = quick is simulator
-    trial = task if own else replace(task, demands=task.demands.silent(quick), method='coupled')
+    trial = task if own else replace(task, demands=task.demands.silent().made_with(quick),
+                                     method='coupled')
     candidates = start_candidates(quick, task.cutouts[0].normal, task.start)
     first: tuple[Candidate, Rolls | None] = next(candidates), None
 
@@ -202,7 +203,7 @@ def _other_ways(simulator: DirectSimulator, task: Threading, candidates: Iterato
         return
     route = _route(simulator, shapes, task)
     if route is not None:
-        guess = with_free_end(simulator, route.end)
+        guess = shape_with_end(simulator.mesh, route.end)
         begin = Candidate(guess, guess.gripper.rotation, float(route.depths[0]))
         yield begin, route
         if route.complete:  # smoothed rolls may miss a narrow route, or leap on a rough one

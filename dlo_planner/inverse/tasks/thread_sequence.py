@@ -31,7 +31,7 @@ from dlo_planner.model.pose import Pose, turned_by
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
-from dlo_planner.plan.continuity import largest_shift, largest_turn
+from dlo_planner.plan.continuity import gripper_motion, largest_shift, largest_turn
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
 from dlo_planner.plan.goals import Through
 from dlo_planner.plan.plan import Plan
@@ -39,10 +39,12 @@ from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 _BLEND = 0.25         # of the length: from there on a cut-out ahead counts
 _FREE = 1e-3          # weight of the first normal, which decides only what is left free
+_ROLLED = 3e-3        # of the length, counts a roll of 1 rad on the longest step: not for nothing
 _SOON = 0.02          # share of a third one at which the second counts in full
 _COMPARED, _ROLLS = 8, 4  # depths and rolls at which start_candidates are compared
 _HIT = 0.01           # of the length: misses that need no comparison
 _BETTER = 0.5         # of the squared misses: what another roll has to gain
+_SETTLING, _SETTLED = 50, 1e-6  # steps; rad plus part of the length
 _PART = 0.7           # of the largest turn and shift, so that both together are no leap
 
 
@@ -71,7 +73,8 @@ class NearestToCenters(Family):
         del roll
         length = self.simulator.rod.length
         part = (depth - before.depth) / length
-        shape = nearest_goals(self.simulator, self._goals(depth, before.shape.gripper),
+        turns = _ROLLED * length * np.sqrt(self.longest / (part or self.longest))
+        shape = nearest_goals(self.simulator, self._goals(depth, before.shape.gripper, turns),
                               before.shape, _PART * largest_turn(part),
                               _PART * largest_shift(part) * length)
         if shape is None:
@@ -84,8 +87,24 @@ class NearestToCenters(Family):
             further.append(s)
         return Passing(shape, shape.gripper.position - self.centers[0], tuple(further), depth)
 
-    def _goals(self, depth: float, gripper: Pose) -> GoalTable:
-        """Return what the DLO should be like at a depth, m, after the gripper was at a Pose."""
+    def settled(self, passing: Passing) -> Passing:
+        """Return the Passing that is nearest at its depth, however far away."""
+        for _ in range(_SETTLING):
+            after = self.at(passing, passing.depth)
+            if after is None:
+                break
+            moved = gripper_motion(passing.shape.gripper, after.shape.gripper,
+                                   self.simulator.rod.length)
+            passing = after
+            if moved < _SETTLED:
+                break
+        return passing
+
+    def _goals(self, depth: float, gripper: Pose, turns: float) -> GoalTable:
+        """Return what the DLO should be like at a depth, m, after the gripper was at a Pose.
+
+        A roll by 1 rad from there counts as a miss of `turns` m.
+        """
         length = self.simulator.rod.length
         share = np.clip((depth - self._reached) / (_BLEND * length) + 1, 0, 1)
         share = share**2 * (3 - 2 * share)
@@ -103,7 +122,7 @@ class NearestToCenters(Family):
             np.vstack([self.centers[0], self.normals[0], self.centers[1:], rotation[:, 0]]),
             np.tile(rotation, (further + 3, 1, 1)),
             np.array([weights[0], _FREE * float(1 - share[1]) * length, *weights[1:],
-                      _FREE * length]))
+                      turns]))
 
 
 def thread_sequence(simulator: DirectSimulator, task: Threading, weights: Floats) -> Plan:
@@ -115,7 +134,8 @@ def thread_sequence(simulator: DirectSimulator, task: Threading, weights: Floats
     quick = quick_simulator(simulator)
     if quick is simulator and is_axisymmetric(simulator.rod):
         return _thread(simulator, task, weights)  # all rolls are alike
-    few = replace(task, depths=thinned(task.depths, _COMPARED), demands=task.demands.silent(quick))
+    few = replace(task, depths=thinned(task.depths, _COMPARED),
+                  demands=task.demands.silent().made_with(quick))
     best: Threading | None = None
     least, refused = np.inf, None
     for start in _rolled(simulator, task):
@@ -166,8 +186,8 @@ def _thread(simulator: DirectSimulator, task: Threading, weights: Floats) -> Pla
         return holes.passed(made)
 
     builder = PlanBuilder(task.depths, task.demands)
-    continue_family(builder, Follower(family, Passing(begin, begin.gripper.position - first,
-                                                      depth=0.0), 0.0, task.depths), waypoint)
+    passing = family.settled(Passing(begin, begin.gripper.position - first, depth=0.0))
+    continue_family(builder, Follower(family, passing, 0.0, task.depths), waypoint)
     return builder.finished()
 
 

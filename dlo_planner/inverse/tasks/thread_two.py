@@ -33,7 +33,7 @@ from dlo_planner.inverse.equilibria import (
     Crossings,
     HangingShapes,
     hanging_shapes,
-    with_free_end,
+    shape_with_end,
 )
 from dlo_planner.inverse.route import (
     Route,
@@ -92,7 +92,7 @@ def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
         raise InvalidTask('second: expected another center than the first cut-out\'s')
     quick = quick_simulator(simulator)
     own = quick is simulator
-    trial = task if own else replace(task, demands=task.demands.silent(quick))
+    trial = task if own else replace(task, demands=task.demands.silent().made_with(quick))
     shapes = cache(lambda: hanging_shapes(quick.surroundings, grid_nodes(quick)))
 
     def others(refused: Infeasible | None) -> Iterator[Change]:
@@ -248,7 +248,7 @@ def other_changes(simulator: DirectSimulator, task: Threading,
         back = _route_back(simulator, shapes, changes.chosen([k]), depths[k], along[k], task)
         if back is None:
             continue
-        guess = with_free_end(simulator, changes.ends[k])
+        guess = shape_with_end(simulator.mesh, changes.ends[k])
         shape = simulator.solve(guess.gripper, guess)
         solved = condition.from_end(shape, depths[k]) if shape.converged else None
         if solved is not None:
