@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape, pack, unpack
-from dlo_planner.direct.storage import load, pose_of, pose_row, save
+from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
@@ -415,7 +415,7 @@ def plan_tree(plan: Plan) -> dict[str, Any]:
 
 def plan_of(tree: Mapping[str, Any]) -> Plan:
     """Return the Plan of the tree of `plan_tree`."""
-    grippers = [pose_of(row) for row in tree['grippers']]
+    grippers = [pose_of_row(row) for row in tree['grippers']]
     via_points: list[list[tuple[Floats, float, Floats | None]]] = [[] for _ in grippers]
     for k, *numbers in tree['passes']:
         normal = np.array(numbers[4:])
@@ -439,6 +439,6 @@ def _sheet(sheet: Sheet) -> dict[str, Any]:
 
 
 def _read_sheet(known: Mapping[str, Any]) -> Sheet:
-    cutouts = [CutOut(**{**one, 'pose': pose_of(one['pose'])}) for one in known['cutouts']]
-    return Sheet(pose_of(known['pose']), cutouts=cutouts,
+    cutouts = [CutOut(**{**one, 'pose': pose_of_row(one['pose'])}) for one in known['cutouts']]
+    return Sheet(pose_of_row(known['pose']), cutouts=cutouts,
                  **{name: known[name] for name in ('width', 'height', 'thickness', 'friction')})
