@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.parameters import PointSlopes, UncertainState
 from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of
+from dlo_planner.identify.uncertain_state import PointSlopes, UncertainState
 from dlo_planner.inverse.plain_tasks import write_value
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (

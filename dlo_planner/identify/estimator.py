@@ -148,16 +148,6 @@ class DloEstimator:
         self.reset()
 
     @property
-    def estimate(self) -> Estimate:
-        """The newest Estimate of looks that agree: the prior before anything was seen."""
-        return self._estimate
-
-    @property
-    def off(self) -> float:
-        """Median distance of the points of the last look from the DLO as it is estimated, m."""
-        return self._off
-
-    @property
     def swing(self) -> float:
         """Amplitude of the free end, m, since the gripper stands: what noise does not explain.
 
@@ -171,17 +161,12 @@ class DloEstimator:
         return float(np.sqrt(2 * max(scatter - 3 * ends[:, 3].mean(), 0.0)))
 
     @property
-    def surprise(self) -> float:
-        """`Estimate.surprise` of the last look, whether it was believed or not."""
-        return self._surprise
-
-    @property
     def doubted(self) -> bool:
         """Whether the last looks do not agree with the estimate: it is no more to be relied on.
 
         Two of the last eight, or one that no chance explains.
         """
-        return sum(self._disagree) >= _DOUBT or _NO_CHANCE < self._surprise < np.inf
+        return sum(self._disagree) >= _DOUBT or _NO_CHANCE < self.surprise < np.inf
 
     def bent(self, stamp: float, gripper: Pose) -> tuple[Floats, float] | None:
         """Return by how much a DLO in a known motion is off its rest at a stamp (s), or None.
@@ -194,16 +179,6 @@ class DloEstimator:
         swing, time_at = known
         bent, most = swing.at(time_at(stamp))
         return (bent @ gripper.rotation.T, most) if most else None
-
-    @property
-    def seen(self) -> float:
-        """Stamp of the last look that agreed, s; minus infinity before the first."""
-        return self._seen
-
-    @property
-    def looked(self) -> float:
-        """Stamp of the last look, whether it agreed or not, s; minus infinity before the first."""
-        return self._last
 
     def reset(self) -> None:
         """Forget what was seen since it began."""
@@ -218,7 +193,7 @@ class DloEstimator:
         """
         with self._lock:
             seeing = self.seeing
-            self._begin(self._observer.reopened(self._estimate, seeing.slip_position,
+            self._begin(self._observer.reopened(self.estimate, seeing.slip_position,
                                                 seeing.slip_rotation))
             self._resting = stamp
 
@@ -235,7 +210,7 @@ class DloEstimator:
         """
         with self._lock:
             clouds = [cloud for cloud in self._clouds if cloud[0] >= since]
-            estimate = self._estimate
+            estimate = self.estimate
         if not enough(clouds):
             return None
         near = estimate.shape(gripper)  # in equilibrium to what a look needs, not a vibration
@@ -244,8 +219,11 @@ class DloEstimator:
             shape, [(stamp, points - estimate.camera_bias) for stamp, points in clouds], factor)
 
     def _begin(self, estimate: Estimate) -> None:
-        self._estimate, self._last, self._off = estimate, -np.inf, np.nan
-        self._surprise, self._seen = np.nan, -np.inf
+        self.estimate = estimate  # the newest one of looks that agree; the prior before any
+        # of the last look, whether it was believed or not: the median distance of the points from
+        # the DLO as it is estimated, m, and `Estimate.surprise`
+        self.off = self.surprise = np.nan
+        self.seen = self.looked = -np.inf  # stamps, s, of the last look that agreed, and of any
         self._disagree: deque[bool] = deque(maxlen=_OF)  # whether the last looks did
         self._swing, self._resting = None, -np.inf
         self._ends: list[tuple[float, ...]] = []  # off their rest, m, and the variance of each
@@ -270,7 +248,7 @@ class DloEstimator:
             raise InvalidTask(f'the cut-out was seen {off:.3g} m from where it is stated: expected '
                               f'{most:.3g} m at most, by observe.cutout = {seeing.cutout:g} m')
         with self._lock:
-            self._estimate = self._observer.see_cutout(self._estimate, stated, seen)
+            self.estimate = self._observer.see_cutout(self.estimate, stated, seen)
 
     def gripper(self, stamp: float, pose: Pose) -> None:
         """Take in where the gripper frame was at a stamp (s), if it is newer than the last.
@@ -301,7 +279,7 @@ class DloEstimator:
         with self._lock:  # a cloud may be quicker than the gripper's next pose
             self._lock.wait_for(lambda: self._grippers and self._grippers[-1][0] >= stamp,
                                 _PATIENCE)
-            known, estimate = list(self._grippers), self._estimate
+            known, estimate = list(self._grippers), self.estimate
         if not known or not known[0][0] <= stamp <= known[-1][0]:
             span = f'{known[0][0]:.3f} to {known[-1][0]:.3f} s' if known else 'none'
             raise InvalidTask(f'observed_points.header.stamp = {stamp:.3f} s: expected a time of '
@@ -320,7 +298,7 @@ class DloEstimator:
             self._clouds.append((stamp, seen.points))
             if stamp < self._resting:
                 return estimate
-        elapsed = max(stamp - self._seen, 0.0) if np.isfinite(self._seen) else 0.0
+        elapsed = max(stamp - self.seen, 0.0) if np.isfinite(self.seen) else 0.0
         after = self._observer.update(estimate, seen, elapsed=elapsed, sway=sway, late=late,
                                       bent=bent)
         shape = after.last_shape if after.agrees else estimate.shape(gripper)
@@ -329,23 +307,23 @@ class DloEstimator:
         bias = (after if after.agrees else estimate).camera_bias
         off = np.inf if shape is None else _median_distance(shape, seen.points - bias)
         with self._lock:
-            if self._estimate is not estimate:  # it was reset meanwhile
-                return self._estimate
-            self._last, self._off = stamp, off
-            self._surprise = after.surprise if after.converged else np.inf
+            if self.estimate is not estimate:  # it was reset meanwhile
+                return self.estimate
+            self.looked, self.off = stamp, off
+            self.surprise = after.surprise if after.converged else np.inf
             self._disagree.append(not after.agrees)
             if after.agrees:
-                self._estimate, self._seen = after, stamp
+                self.estimate, self.seen = after, stamp
                 if shape is not None:
                     self._swung(seen, shape)
         if not after.converged:
             raise InvalidTask('observed_points: no equilibrium of the DLO explains them')
-        return self._estimate
+        return self.estimate
 
     def _swung(self, seen: Observation, shape: Shape) -> None:
         """Take in where the free end is in a look; a point at s swings by (s / L)^2 of it."""
         if self._rest is None or way_between(self._rest[0], seen.gripper) > _SAME:
-            self._rest, self._ends = (seen.gripper, shape, self._estimate.camera_bias), []
+            self._rest, self._ends = (seen.gripper, shape, self.estimate.camera_bias), []
         _, rest, bias = self._rest
         away, s, *_ = point_residuals(rest, seen.points - bias)
         size = np.linalg.norm(away, axis=1)

@@ -25,14 +25,12 @@ from dlo_planner.direct.simulator import DirectSimulator, known_options
 from dlo_planner.errors import InvalidTask, NotConverged
 from dlo_planner.identify.noise_model import LOSSES, MEstimator, Statistics
 from dlo_planner.identify.observation import Observation, ObservedMotion, check_points
-from dlo_planner.identify.parameters import Uncertainty
+from dlo_planner.identify.parameters import Uncertainty, Unknowns
 from dlo_planner.identify.residuals import ROUGHLY, MeasurementModel
-from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, figure, flag, instance, items, number, results
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
-from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import FrozenDict, brief, figures, put
 from dlo_planner.pictured import Answer
 from dlo_planner.progress import OnProgress, Progress
@@ -243,8 +241,9 @@ def _first_mesh(rod: Rod, observations: Sequence[Observation], motions: Sequence
     for index in range(len(meshes) - 1):
         direct = DirectSimulator(rod, **{**meshes[index], **options})
         shapes = [direct.solve(one.gripper, far_end=one.far_end) for one in observations]
-        shapes += [direct.solve(next(iter(one.grippers)), far_end=_first_end(one))
-                   for one in motions]
+        for one in motions:
+            far_end = None if one.far_ends is None else next(iter(one.far_ends))
+            shapes.append(direct.solve(next(iter(one.grippers)), far_end=far_end))
         if _exact(shapes, rod):
             return index
     return len(meshes) - 1
@@ -292,8 +291,3 @@ def _fit(observed: MeasurementModel, statistics: Statistics, found: OptimizeResu
                unknowns.deviations(x, statistics.deviations[:unknowns.size]), misfit,
                bool(found.success and all(here.solved)), statistics.noise,
                observed.grippers(found.x), correlations)
-
-
-def _first_end(motion: ObservedMotion) -> FarEnd | None:
-    """Return what holds the far end when a motion begins, None if it is free."""
-    return None if motion.far_ends is None else next(iter(motion.far_ends))

@@ -19,7 +19,7 @@ from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
 from dlo_planner.identify.estimate import Estimate, RobotError
 from dlo_planner.identify.observation import Observation
-from dlo_planner.identify.parameters import UncertainState, Uncertainty
+from dlo_planner.identify.parameters import Uncertainty
 from dlo_planner.identify.smoother import (
     LagWindow,
     LookErrors,
@@ -27,6 +27,7 @@ from dlo_planner.identify.smoother import (
     estimate_of,
     window_of,
 )
+from dlo_planner.identify.uncertain_state import UncertainState
 from dlo_planner.model.checks import array, instance, integer, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put

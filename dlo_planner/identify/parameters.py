@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is not known of a DLO, its gripper and a camera: numbers that are 0 where all is as stated.
+"""The parameters of a DLO: numbers x that are 0 where it is as stated.
 
-`RodParameters` are those of the rod: what it is like at x, on a mesh without computing that anew,
-and how points of an equilibrium move with x. Fits, estimates and robustness vary a DLO by these.
-`UncertainState` adds the gripper and the camera, and the prior that an `Uncertainty` states.
+`RodParameters` say what a rod is like at x, `ParameterizedMesh` does on a mesh without computing
+that anew, and how points of an equilibrium move with x. Fits, estimates and robustness vary a DLO
+by these; `Unknowns` are those of a fit in units of about one size.
 """
 
 from __future__ import annotations
@@ -12,32 +12,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.legendre import legint, legval
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
-from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import follow
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import Shape, kernel_arrays
-from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import part_of_element
-from dlo_planner.geometry.so3 import left_jacobian
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import number
+from dlo_planner.model.checks import choice, items, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod, of_length
 from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Value, put
 from dlo_planner.model.varying import Along, Expanded, Scaled, Shifted, Table, scaled
-from dlo_planner.plan.goals import Through
 
 # Quantities whose x is a logarithm, and what it scales: of GJ, EI_n, EI_b; of the masses spread
 # along the DLO, those at points, that at its tip.
@@ -52,8 +49,16 @@ VARIATION = 5  # Legendre polynomials by which the natural curvature of a sample
 _STEP = 1e-4   # of the length: of difference quotients of what depends on the length
 _TURN = 1e-4   # rad along the length: of those by strains
 _TOLD = 1e-9   # of a strain: a series tells it but for so little
-_KEPT = 8      # meshes that are remembered
-_SAME = 1e-9   # of the length: nodes closer than this are the same
+_BENT = 0.1    # rad along the length: one unit of a natural strain
+_DAMPED = 0.1  # twice the damping ratio that is one unit of damping
+_SLOWEST = 3.516  # w L^2 sqrt(m / EI) of a cantilever
+_FARTHEST = 60.0  # of all unknowns
+_OFF = 0.5  # a bound: without damping a motion may go anywhere
+_LOGARITHMS = (*STIFFNESS, 'mass_per_length', 'tip_mass')
+_NAMES = (*_LOGARITHMS, *STRAINS, 'damping')
+_UNCERTAINTY = {'bending_stiffness_n': 'bending_stiffness',
+                'bending_stiffness_b': 'bending_stiffness', 'mass_per_length': 'mass',
+                'tip_mass': 'mass'}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -246,6 +251,144 @@ def _scaled(content: Along, factors: Floats) -> Along:
     return Scaled(content, factors) if callable(content) else tuple(content * factors)
 
 
+class Unknowns:
+    """Unknowns x (n,), 0 for the first guess: `RodParameters` in units of about one size.
+
+    Stiffness and masses are logarithms; a unit of natural strains bends or twists the DLO by 0.1
+    rad, one of damping is about 5 % of critical damping of the slowest vibration. Natural strains
+    at `knots` (k,), m, are straight between; else constant. InvalidTask: names that make no sense.
+    """
+
+    lower: Floats    # (n,) bounds of x
+    upper: Floats
+    begin: Floats    # (n,) where to begin: 0, but off the bounds
+    stiff: Floats    # (n,) 1 for stiffness, 0 else
+
+    def __init__(self, rod: Rod, names: Iterable[str], knots: ArrayLike | None = None) -> None:
+        self.rod, self.names = rod, items('parameters', names, str, least=1)
+        self.knots = None if knots is None else _checked_knots(knots, rod)
+        for name in self.names:
+            choice('parameters', name, _NAMES)
+        _check(rod, self.names, self.knots)
+        n_knots = 1 if self.knots is None else self.knots.size
+        counts = [n_knots * len(STRAINS[name]) if name in STRAINS else 1 + (name == 'damping')
+                  for name in self.names]
+        each = np.repeat(self.names, counts)
+        self.parameters = RodParameters(
+            rod, each.tolist(), (k for count in counts for k in range(count)),
+            self.knots if {*self.names} & {*STRAINS} else None)
+        self.size = each.size
+        self.stiff = np.isin(each, tuple(STIFFNESS)).astype(float)
+        self.units = np.where(np.isin(each, tuple(STRAINS)), _BENT / rod.length, 1.0)
+        self.lower, self.upper = np.full(self.size, -_FARTHEST), np.full(self.size, _FARTHEST)
+        if 'damping' in self.names:  # it does not feed a motion
+            damped = self.parameters.columns('damping')[0]
+            self.units[damped] = _damping_units(rod)
+            self.lower[damped] = -np.array(rod.damping) / self.units[damped]
+            self.upper[damped] = np.inf
+        self.begin = np.where(self.lower > -_OFF, self.lower + _OFF, 0.0)
+
+    def of(self, x: Floats) -> Rod:
+        """Return the Rod at unknowns x (n,)."""
+        return self.parameters.at(self.units * x)
+
+    def values(self, x: Floats) -> dict[str, Any]:
+        """Return dict of the parameters' values at x, SI units."""
+        rod = self.of(x)
+        return {name: self._written(name, self._numbers(rod, name)) for name in self.names}
+
+    def deviations(self, x: Floats, spread: Floats) -> dict[str, Any]:
+        """Return dict of standard deviations of the values at x, those of x being `spread` (n,).
+
+        What is known by its logarithm is log-normal: known badly, its deviation is larger yet.
+        """
+        rod, out = self.of(x), {}
+        for name in self.names:
+            where = self.parameters.columns(name)[0]
+            numbers = self.units[where] * spread[where]
+            if name in _LOGARITHMS:
+                with np.errstate(over='ignore'):
+                    numbers = self._numbers(rod, name) * np.exp(0.5 * numbers**2) * np.sqrt(
+                        np.expm1(numbers**2))
+            out[name] = self._written(name, numbers)
+        return out
+
+    def _numbers(self, rod: Rod, name: str) -> Floats:
+        """Return the numbers that tell a property of a Rod; means where what is scaled varies."""
+        if name in STIFFNESS:
+            return rod.stiffness[np.flatnonzero(STIFFNESS[name])]
+        if name in STRAINS:
+            at = np.zeros(1) if self.knots is None else self.knots
+            return rod.natural_strains(at)[:, list(STRAINS[name])].ravel()
+        if name == 'mass_per_length':
+            return np.array([_own_mass(rod) / rod.length])
+        return np.atleast_1d(getattr(rod, name)).astype(float)
+
+    def _written(self, name: str, numbers: Floats) -> Any:
+        """Return the numbers of a parameter as its value is written: alone, as pair, per knot."""
+        values = tuple(numbers.tolist())
+        if name in STRAINS and self.knots is not None:
+            width = len(STRAINS[name])
+            return values if width == 1 else tuple(
+                values[k:k + 2] for k in range(0, len(values), 2))
+        return values[0] if len(values) == 1 else values
+
+    @property
+    def columns(self) -> Ints:
+        """(numbers of all values,) the unknown that tells each; a pair with a ratio has one."""
+        return np.concatenate([np.repeat(self.parameters.columns(name)[0],
+                                         1 + (name == 'bending_stiffness')) for name in self.names])
+
+    def prior(self, uncertainty: Uncertainty) -> Floats:
+        """Return (n,): 1 / standard deviation of each unknown in an Uncertainty, 0 for none."""
+        out = np.zeros(self.size)
+        for name in self.names:
+            where = self.parameters.columns(name)[0]
+            known = getattr(uncertainty, _UNCERTAINTY.get(name, name), 0.0)
+            if known:
+                out[where] = self.units[where] / known
+        return out
+
+
+def _check(rod: Rod, names: Sequence[str], knots: Floats | None) -> None:
+    if len(set(names)) < len(names):
+        raise InvalidTask(f'parameters = {names!r}: expected each name once')
+    if 'bending_stiffness' in names and {*names} & {'bending_stiffness_n', 'bending_stiffness_b'}:
+        raise InvalidTask(f'parameters = {names!r}: expected bending_stiffness or its components, '
+                          'not both')
+    for name in STRAINS:
+        if name in names and knots is None and callable(getattr(rod, name)):
+            raise InvalidTask(f'Rod.{name}: expected numbers where it is to be found, or knots')
+    if 'tip_mass' in names and not rod.tip_mass:
+        raise InvalidTask('Rod.tip_mass = 0: expected a first guess where it is to be found')
+    if 'mass_per_length' in names and not _own_mass(rod):
+        raise InvalidTask('Rod.mass_per_length = 0: expected a first guess where it is to be found')
+    if knots is not None and not {*names} & {*STRAINS}:
+        raise InvalidTask(f'knots: expected natural_curvature or natural_twist among the '
+                          f'parameters, got {names!r}')
+
+
+def _own_mass(rod: Rod) -> float:
+    """Return the mass that is spread along a Rod, kg."""
+    return float(rod.node_masses(np.array([0.0, rod.length])).sum())
+
+
+def _damping_units(rod: Rod) -> Floats:
+    mass = _own_mass(rod) + rod.tip_mass + sum(kg for _, kg in rod.point_masses)
+    if mass == 0:
+        raise InvalidTask('Rod.mass_per_length = 0: expected some mass where damping is to be '
+                          'found')
+    rate = _SLOWEST * np.sqrt(rod.stiffness[1:].min() / (mass * rod.length**3))
+    return np.array([_DAMPED * rate, _DAMPED / rate])
+
+
+def _checked_knots(knots: ArrayLike, rod: Rod) -> Floats:
+    knots = row('knots', knots, least=1, minimum=0, maximum=rod.length)
+    if (np.diff(knots) <= 0).any():
+        raise InvalidTask(f'knots = {knots.tolist()!r}: expected arc lengths that grow')
+    return knots
+
+
 class ParameterizedMesh:
     """The mesh of a DLO at x, without computing it from the Rod; points of equilibria by x.
 
@@ -414,192 +557,3 @@ def _moved_points(lengths: Floats, strains: Floats, rotations: Floats, elements:
                 else:
                     out[p - n, i, k] = moved[3 + i]
     return out
-
-
-class UncertainState(Value):
-    """The n numbers z of an estimate's state, with a normal prior: the rod, the gripper, a camera.
-
-    First those of `RodParameters`, then, all 0 where it is as stated:
-
-        gripper_rotation, gripper_position             rad and m, in the gripper's frame
-        camera                                         m, world axes: seen minus true
-        cutout                                         m, world axes: true minus stated
-
-    Only numbers with a standard deviation above 0 are in it. Shapes show only the ratio of
-    stiffness to weight; the priors divide it between both.
-    """
-
-    _PARTS = ('simulator', 'uncertainty', 'n_terms', 'bias', 'cutout')
-
-    simulator: DirectSimulator  # of the DLO as stated, elastic, without obstacles
-    uncertainty: Uncertainty
-    n_terms: int   # Legendre terms of each natural curvature
-    bias: float    # standard deviations of the camera's bias and of the cut-out's place, m
-    cutout: float
-    parameters: RodParameters
-    deviations: Floats  # (n,) of the prior, all > 0
-    names: tuple[str, ...]
-    causes: tuple[str, ...]  # names in Uncertainty of what each number is part of
-    _columns: dict[str, tuple[Ints, Ints]]
-    _meshes: list[ParameterizedMesh]
-
-    def __init__(self, simulator: DirectSimulator, uncertainty: Uncertainty, n_terms: int,
-                 bias: float = 0.0, cutout: float = 0.0) -> None:
-        put(self, simulator=simulator, uncertainty=uncertainty, n_terms=n_terms, bias=bias,
-            cutout=cutout)
-        terms = np.append(uncertainty.natural_curvature,
-                          uncertainty.curvature_variation * variation_deviations(n_terms - 1))
-        prior: dict[str, Sequence[float] | Floats] = {
-            **{name: [getattr(uncertainty, name)] for name in (
-                'bending_stiffness', 'torsional_stiffness', 'mass', 'length')},
-            'natural_curvature': np.repeat(terms, 2),
-            'gripper_rotation': [uncertainty.gripper_rotation] * 3,
-            'gripper_position': [uncertainty.gripper_position] * 3,
-            'camera': [bias] * 3, 'cutout': [cutout] * 3}
-        entries = [(name, k, deviation) for name, deviations in prior.items()
-                   for k, deviation in enumerate(deviations) if deviation > 0]
-        each = np.array([name for name, _, _ in entries])
-        number_ = np.array([k for _, k, _ in entries], dtype=int)
-        of_rod = [(name, k) for name, k, _ in entries
-                  if name not in ('gripper_rotation', 'gripper_position', 'camera', 'cutout')]
-        put(self, parameters=RodParameters(simulator.rod, (name for name, _ in of_rod),
-                                           (k for _, k in of_rod)),
-            deviations=np.array([deviation for *_, deviation in entries]), _meshes=[],
-            names=tuple(f'{name}[{k}]' if len(prior[name]) > 1 else name
-                        for name, k, _ in entries),
-            causes=tuple('curvature_variation' if name == 'natural_curvature' and k > 1 else name
-                         for name, k, _ in entries),
-            _columns={name: (np.flatnonzero(each == name), number_[each == name])
-                      for name in prior})
-        super().__post_init__()
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), tuple(getattr(self, name) for name in self._PARTS)
-
-    @property
-    def size(self) -> int:
-        """The number n of entries of the state."""
-        return self.deviations.size
-
-    def columns(self, name: str) -> tuple[Ints, Ints]:
-        """Return indices (k,) in the state, and (k,) in the quantity `name`, of its k numbers."""
-        return self._columns[name]
-
-    def rod(self, z: Floats) -> Rod:
-        """Return the Rod at z (n,)."""
-        return self.parameters.at(z[:self.parameters.size])
-
-    def mesh(self, like: Discretization) -> ParameterizedMesh:
-        """Return the ParameterizedMesh with the elements of a mesh, scaled to the stated length."""
-        length = self.simulator.rod.length
-        s = np.append(like.s[:-1] * (length / like.s[-1]), length)
-        for known in self._meshes:
-            mesh = known.mesh
-            if mesh.basis == like.basis and mesh.s.size == s.size and (
-                    np.abs(mesh.s - s).max() <= _SAME * length):
-                return known
-        if len(self._meshes) == _KEPT:
-            self._meshes.pop(0)
-        self._meshes.append(ParameterizedMesh(self.parameters, Discretization(
-            self.simulator.surroundings, s, like.basis, like.n_terms)))
-        return self._meshes[-1]
-
-    def equilibrium(self, z: Floats, like: Discretization, gripper: Pose,
-                    before: Shape | None = None, followed: bool = True) -> Shape:
-        """Return the Shape at z on a mesh like another; see `ParameterizedMesh.equilibrium`."""
-        return self.mesh(like).equilibrium(z[:self.parameters.size], gripper, before, followed)
-
-    def draw(self, rng: np.random.Generator, count: int) -> Floats:
-        """Return (count, n) states that the prior stands for."""
-        return rng.normal(size=(count, self.size)) * self.deviations
-
-    def _part(self, z: Floats, name: str) -> Floats:
-        """Return the numbers (3,) of one quantity; 0 for those that are not in the state."""
-        out = np.zeros(3)
-        where, which = self.columns(name)
-        out[which] = z[where]
-        return out
-
-    def _gripper_twist(self, z: Floats, error: Floats | None) -> Floats:
-        twist = np.append(self._part(z, 'gripper_rotation'), self._part(z, 'gripper_position'))
-        return twist if error is None else twist + error
-
-    def offset(self, z: Floats, error: Floats | None = None) -> Pose:
-        """Return the true Pose of the gripper in the frame of the measured one.
-
-        Shapes: z (n,), error (6,) of the robot, rad before m.
-        """
-        twist = self._gripper_twist(z, error)
-        return Pose.from_rotation(twist[3:], Rotation.from_rotvec(twist[:3]).as_matrix())
-
-    def camera(self, z: Floats) -> Floats:
-        """Return (3,) the camera's bias, m."""
-        return self._part(z, 'camera')
-
-    def shifted(self, z: Floats) -> Floats:
-        """Return (3,) the displacement of the cut-out, true minus stated, m, world axes."""
-        return self._part(z, 'cutout')
-
-    def slopes(self, z: Floats, shape: Shape, error: Floats | None = None) -> PointSlopes:
-        """Return the PointSlopes by z of the equilibrium `shape` at z.
-
-        With an `error` of the robot (6,): by that as well, see `offset`.
-        """
-        sensitivity, n = Sensitivity(shape), self.size
-        mesh, x = self.mesh(shape.state.made_on), z[:self.parameters.size]
-        robot = np.arange(3 if error is not None else 0)
-        frame = shape.gripper.rotation @ self.offset(z, error).rotation.T
-        (turned, turns), (placed, places) = (
-            (np.append(self.columns(name)[0], first + robot),
-             np.append(self.columns(name)[1], robot))
-            for name, first in (('gripper_rotation', n), ('gripper_position', n + 3)))
-        about = (frame @ left_jacobian(self._gripper_twist(z, error)[:3]))[:, turns]
-        strains = np.zeros((n + 2 * robot.size, *shape.element_strains.shape))
-        stretch = np.zeros(strains.shape[:2])
-        strains[:x.size], stretch[:x.size] = mesh.strain_slopes(x, shape, sensitivity)
-        strains[turned] = np.moveaxis(sensitivity.strains[:, :, :3] @ about, 2, 0)
-        if shape.contacts:  # else its shape stays
-            strains[placed] = np.moveaxis(sensitivity.strains[:, :, 3:] @ frame[:, places], 2, 0)
-        bent = np.flatnonzero(strains.any(axis=(1, 2)) | stretch.any(axis=1))
-        return PointSlopes(shape, len(strains), bent, strains[bent], stretch[bent], turned, about,
-                           placed, frame[:, places])
-
-
-class PointSlopes(NamedTuple):
-    """The derivatives of the points of a Shape by n numbers: a function of s."""
-
-    shape: Shape
-    size: int        # n
-    bent: Ints       # (b,) numbers that change its shape:
-    strains: Floats  # (b, N, 3) its strains by them, 1/m, and
-    stretch: Floats  # (b, N) its elements' lengths, in parts of them
-    turned: Ints     # (t,) numbers that turn it with the gripper:
-    about: Floats    # (3, t) about what, world axes
-    placed: Ints     # (p,) numbers that displace it:
-    along: Floats    # (3, p) along what
-
-    def __call__(self, s: Floats) -> Floats:
-        """Return (m, 3, n) the derivatives at arc lengths s (m,), at most the end; world axes."""
-        s = np.minimum(s, self.shape.s[-1])
-        out = np.zeros((s.size, 3, self.size))
-        out[:, :, self.bent] = moved_points(self.shape, s, self.strains, self.stretch)
-        arms = self.shape.positions_at(s) - self.shape.gripper.position
-        out[:, :, self.turned] += np.cross(self.about.T[None], arms[:, None]).transpose(0, 2, 1)
-        out[:, :, self.placed] += self.along
-        return out
-
-    def miss(self, goal: Through) -> tuple[Floats, Floats, Floats]:
-        """Return by how much the Shape misses a point, (3,) m, and derivatives (3, n) of that.
-
-        They are across the DLO, which may pass elsewhere along itself; (3, 3) is what is across.
-        """
-        s, (off, tangent, _) = goal.nearest(self.shape)
-        across = np.eye(3) - np.outer(tangent, tangent)
-        return off, across @ self(np.array([s]))[0], across
-
-
-def stretched(shape: Shape, length: float) -> Shape:
-    """Return a Shape on a mesh of another length, to start from."""
-    share = length / shape.s[-1]
-    return replace(shape, s=np.append(shape.s[:-1] * share, length),
-                   state=shape.state.forgotten())

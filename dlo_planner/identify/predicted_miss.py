@@ -101,14 +101,9 @@ class PredictedMiss(Value):
 
 def bound_of(off: Floats, covariance: Floats) -> float:
     """Return the radius about a center that holds 95 % of a normal distribution in a plane."""
-    return float(np.quantile(np.linalg.norm(_represented(off, covariance), axis=1), _SHARE))
-
-
-def _represented(off: Floats, covariance: Floats) -> Floats:
-    """Return points (k, 2), equally likely, of a normal distribution in a plane."""
     values, vectors = np.linalg.eigh(covariance)
-    points: Floats = off + _PLANE * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
-    return points
+    points = off + _PLANE * np.sqrt(np.maximum(values, 0.0)) @ vectors.T  # all equally likely
+    return float(np.quantile(np.linalg.norm(points, axis=1), _SHARE))
 
 
 def _plane() -> Floats:

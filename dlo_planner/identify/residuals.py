@@ -22,8 +22,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import left_jacobian
 from dlo_planner.identify.observation import Observation, ObservedMotion
-from dlo_planner.identify.parameters import ParameterizedMesh
-from dlo_planner.identify.unknowns import Unknowns
+from dlo_planner.identify.parameters import ParameterizedMesh, Unknowns
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, displaced

@@ -29,8 +29,8 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.identify.estimate import Estimate, RobotError, way_between
 from dlo_planner.identify.noise_model import Mixture, mixture, mixture_cost
 from dlo_planner.identify.observation import Observation
-from dlo_planner.identify.parameters import PointSlopes
 from dlo_planner.identify.residuals import from_either_end, point_residuals
+from dlo_planner.identify.uncertain_state import PointSlopes
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.pose import Pose, angle_between
 

@@ -109,8 +109,7 @@ _POINTS = 2500
 _PARALLEL = 1e-9  # relative: loads along one axis
 _LEVEL = 1e-3     # a horizontal part below this leaves the heading free, and
 _HEADINGS = 12    # so many are looked at
-_ORTHONORMAL_ROUNDS = 10      # Newton steps: enough for frames 2.5 rad apart
-_ROTATION = 1e-9
+_OPPOSITES = 0.1  # least singular value of mixed frames: those 2.9 rad apart have no mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,16 +247,16 @@ def crossings(shapes: HangingShapes, vectors: Floats, goal: Floats, s: float | F
     a, b, share = a[which], b[which], share[which]
     blend = share[:, None, None]
 
-    def both(frames: Floats) -> Floats:
-        mixed = (1 - blend) * (turns[0] @ frames[a]) + blend * (turns[1] @ frames[b])
-        return _orthonormal(mixed)
+    def both(frames: Floats) -> tuple[Floats, Bools]:
+        return _nearest_rotations(
+            (1 - blend) * (turns[0] @ frames[a]) + blend * (turns[1] @ frames[b]))
 
     place = ((1 - share)[:, None] * np.einsum('kij,kj->ki', turns[0], places[a])
              + share[:, None] * np.einsum('kij,kj->ki', turns[1], places[b]))
-    result = Crossings(both(shapes.frames[:, 0]), both(shapes.frames[:, -1]), place,
-                       (1 - share) * shapes.stability[a] + share * shapes.stability[b],
-                       np.column_stack([a, b]), share)
-    return result.chosen(_are_rotations(result.grippers) & _are_rotations(result.ends))
+    (grippers, one), (ends, other) = both(shapes.frames[:, 0]), both(shapes.frames[:, -1])
+    return Crossings(grippers, ends, place,
+                     (1 - share) * shapes.stability[a] + share * shapes.stability[b],
+                     np.column_stack([a, b]), share).chosen(one & other)
 
 
 def _touching(shapes: HangingShapes, misfit: Floats, scale: float) -> Ints:
@@ -289,18 +288,15 @@ def _headings(vectors: Floats, goal: Floats, up: Floats) -> Floats:
     return upright @ turns @ upright.T
 
 
-def _orthonormal(frames: Floats) -> Floats:
-    """Return the rotations (m, 3, 3) nearest to mixed ones, by Newton's method."""
-    for _ in range(_ORTHONORMAL_ROUNDS):
-        frames = frames @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(frames, 1, 2) @ frames)
-    return frames
+def _nearest_rotations(frames: Floats) -> tuple[Floats, Bools]:
+    """Return the rotations (m, 3, 3) nearest to mixed ones, and which (m,) are: opposites are not.
 
-
-def _are_rotations(frames: Floats) -> Bools:
-    """Return (m,) which are: two opposite frames have no mean."""
-    off = np.abs(np.swapaxes(frames, 1, 2) @ frames - np.eye(3))
-    good: Bools = off.max(axis=(1, 2), initial=0.0) < _ROTATION
-    return good
+    The orthogonal factors of their polar decompositions.
+    """
+    left, sizes, right = np.linalg.svd(frames)
+    rotations = left @ right
+    good: Bools = (sizes[:, -1] > _OPPOSITES) & (np.linalg.det(rotations) > 0)
+    return rotations, good
 
 
 _ALIKE = 1e-9  # part of the stiffness, rad along the length: what makes no difference

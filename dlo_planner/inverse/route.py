@@ -169,6 +169,19 @@ def with_certificate(planned: Callable[[], Plan], prove: Callable[[], str]) -> P
         raise
 
 
+def first_feasible(plans: Iterable[Callable[[], Plan]]) -> Plan:
+    """Return the first Plan of some that is one; else the refusal that got farthest is raised."""
+    refused: Infeasible | None = None
+    for planned in plans:
+        try:
+            return planned()
+        except Infeasible as error:
+            if refused is None or error.waypoint > refused.waypoint:
+                refused = error
+    assert refused is not None  # one is tried at least
+    raise refused
+
+
 class Thinned(Protocol):
     """A task at some depths, which may be tried at fewer."""
 

@@ -160,8 +160,6 @@ class InverseSimulator(Value):
         as_deep_as_possible : bool, optional
             If not all depths can be reached, the plan ends with the deepest one found, and
             `Plan.fraction` says how deep that is.
-        linear_speed, angular_speed, progress, deadline : optional
-            See the class.
 
         Raises
         ------
@@ -189,15 +187,11 @@ class InverseSimulator(Value):
         bore : CutOut
             Its center is that of the mouth, its normal points inwards; its radius, where stated, is
             that of the bore.
-        start : Pose, optional
-            As for `thread`.
         depths : array_like, optional
             As for `thread`, less than the length.
         friction : float, optional
             Coulomb's coefficient in the bore. With it and the bore's radius the force is estimated
             that pushes the DLO in (`Plan.insertion_force`). If None, it is not known.
-        linear_speed, angular_speed, progress, deadline : optional
-            See the class.
 
         Returns
         -------
@@ -277,12 +271,8 @@ class InverseSimulator(Value):
         ----------
         first, second : CutOut
             The cut-outs, in the order in which they are passed.
-        start : Pose, optional
-            As for `thread`.
         depths : array_like, optional
             As for `thread`, from the first cut-out on.
-        linear_speed, angular_speed, progress, deadline : optional
-            See the class.
 
         Returns
         -------
@@ -313,12 +303,8 @@ class InverseSimulator(Value):
             The cut-outs, in the order in which they are passed.
         weights : array_like, shape (k,), optional
             Weights of their distances. If None, all alike.
-        start : Pose, optional
-            As for `thread`.
         depths : array_like, optional
             As for `thread`, from the first cut-out on.
-        linear_speed, angular_speed, progress, deadline : optional
-            See the class.
 
         Returns
         -------
@@ -367,8 +353,6 @@ class InverseSimulator(Value):
             Least force of the contact, N: what presses less loses it where friction, or the DLO in
             motion, lifts it. If None, a tenth of weight + EI / L^2. With 0 a thousandth of that
             is enough.
-        start, linear_speed, angular_speed, progress, deadline : optional
-            See the class.
 
         Raises
         ------
@@ -407,8 +391,6 @@ class InverseSimulator(Value):
             away from it (footnote 19 of the paper). Place and direction of the contact then drift:
             `Plan.misalignment` and `Plan.position_error` say by how much. `condition` and `forces`
             choose the first waypoint.
-        start, linear_speed, angular_speed, progress, deadline : optional
-            See the class.
 
         Raises
         ------
@@ -457,8 +439,6 @@ class InverseSimulator(Value):
         Parameters
         ----------
         plan : Plan
-        progress, deadline : optional
-            See the class.
 
         Raises
         ------

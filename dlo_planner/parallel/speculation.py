@@ -266,13 +266,13 @@ class Rounds:
             start = unknowns(system, usual)
             if lower(system, unknowns(system, guess), start):
                 result, shape, good = step(guess)
-                vain = shape.evaluations or shape.iterations
+                vain = _work(shape)
                 same, judging, leant = leads_to(system, start,
                                                 unknowns(system, shape.element_strains))
                 if good and same and (lean or not leant):
                     return result, Round(place, vain, judging, 'used', ())
         result, shape, _ = step(None)
-        return result, Round(place, vain + (shape.evaluations or shape.iterations), judging,
+        return result, Round(place, vain + _work(shape), judging,
                              'none' if guess is None else 'refused', ())
 
 

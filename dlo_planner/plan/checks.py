@@ -62,16 +62,13 @@ class Judge:
     # largest angle of the DLO against its direction at a waypoint, rad. If None, any
     angle_tolerance: float | None = None
 
-    def silent(self, simulator: DirectSimulator | None = None) -> Judge:
+    def silent(self) -> Judge:
         """Return the same demands for a search, whose steps are not reported."""
-        return replace(self, progress=self.progress.silent(), simulator=self._between(simulator))
+        return replace(self, progress=self.progress.silent())
 
-    def made_with(self, simulator: DirectSimulator | None) -> Judge:
+    def made_with(self, simulator: DirectSimulator) -> Judge:
         """Return the same demands, the shapes between waypoints from another simulator."""
-        return replace(self, simulator=self._between(simulator))
-
-    def _between(self, simulator: DirectSimulator | None) -> DirectSimulator | None:
-        return self.simulator if self.simulator is None or simulator is None else simulator
+        return self if self.simulator is None else replace(self, simulator=simulator)
 
     @cached_property
     def _bodies(self) -> tuple[Bodies, ...]:

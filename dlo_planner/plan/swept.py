@@ -85,12 +85,18 @@ def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequen
 class _Look:
     """A Shape at a parameter of the path, and how much room it has."""
 
-    u: float  # parameter
+    u: float  # parameter; of a motion: time in intervals
     shape: Shape
     arms: Floats  # (N + 1, 3) vectors in m from the gripper to the nodes
     levers: Floats  # (N + 1,) lengths of the arms, m
     rooms: Floats  # (N,) lower bounds of the room of each element, m
     least: float  # least room of all in m, exact
+
+
+def _look(bodies: Bodies, u: float, shape: Shape, least: float) -> _Look:
+    arms = shape.positions - shape.gripper.position
+    return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)),
+                 bodies.rooms(shape, least), least)
 
 
 class _Sweep:
@@ -122,10 +128,7 @@ class _Sweep:
         return None
 
     def _look(self, u: float, shape: Shape, at_sheets: float | None = None) -> _Look:
-        least = self._bodies.exact(shape, at_sheets)
-        arms = shape.positions - shape.gripper.position
-        return _Look(u, shape, arms, np.sqrt(np.einsum('ij,ij->i', arms, arms)),
-                     self._bodies.rooms(shape, least), least)
+        return _look(self._bodies, u, shape, self._bodies.exact(shape, at_sheets))
 
     def _between(self, leg: Leg, one: _Look, other: _Look, bends: Floats,
                  halvings: int) -> Violation | None:
@@ -189,13 +192,20 @@ def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
         motion = np.sqrt(((other.arms - one.arms) ** 2).sum(axis=1))
     moved = float(motion.max())
     lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
+    bulges = []
+    for look in (one, other):
+        angles = np.maximum(turn, motion / np.maximum(look.levers, _TINY * length))
+        bulges.append(shift + np.maximum(look.levers, lever) * bend + look.levers * angles**2 / 8)
+    return _missing(one, other, *bulges), moved if moved > _LEAP * length * turn else 0.0
+
+
+def _missing(one: _Look, other: _Look, bulges: Floats, others: Floats) -> float:
+    """Return by how much (m) the bulges (N + 1,) of the nodes of two Looks exceed their rooms."""
     short = -np.inf
-    for this, that in ((one, other), (other, one)):
-        angles = np.maximum(turn, motion / np.maximum(this.levers, _TINY * length))
-        away = (0.5 * curve_distances(this.shape, that.shape) + shift
-                + np.maximum(this.levers, lever) * bend + this.levers * angles**2 / 8)
+    for this, that, bulge in ((one, other, bulges), (other, one, others)):
+        away = 0.5 * curve_distances(this.shape, that.shape) + bulge
         short = max(short, float((np.maximum(away[1:], away[:-1]) - this.rooms).max()))
-    return short, moved if moved > _LEAP * length * turn else 0.0
+    return short
 
 
 def curve_distances(this: Shape, that: Shape) -> Floats:
@@ -284,44 +294,35 @@ def least_between(bodies: Bodies, shapes: Sequence[Shape], velocities: Floats,
     bounds = np.array([bodies.rooms(shape) for shape in shapes])
     ways = cubics.ways
     short = np.maximum(ways[:, 1:], ways[:, :-1]) - np.minimum(bounds[1:], bounds[:-1])
-    known: dict[int, float] = {}
+    known: dict[int, _Look] = {}
     for k in map(int, np.flatnonzero(short.max(axis=1) > 0)):
         for at in (k, k + 1):
             if at not in known:
-                known[at] = bodies.exact(shapes[at])
-        ends = ((0.0, shapes[k], known[k]), (1.0, shapes[k + 1], known[k + 1]))
-        best = min(best, _inside(bodies, cubics, k, *ends, _INTERVAL_HALVINGS))
+                known[at] = _look(bodies, float(at), shapes[at], bodies.exact(shapes[at]))
+        best = min(best, _inside(bodies, cubics, known[k], known[k + 1], _INTERVAL_HALVINGS))
         if best <= 0:
             break
     return best
 
 
-def _inside(bodies: Bodies, cubics: _Cubics, k: int, one: _Instant, other: _Instant,
-            halvings: int) -> float:
-    """Return a lower bound of the distance between two looks in the interval k, inf if clear.
+def _inside(bodies: Bodies, cubics: _Cubics, one: _Look, other: _Look, halvings: int) -> float:
+    """Return a lower bound of the distance between two Looks of a motion, inf if clear.
 
     That is: not above 0, or the distances that were found between.
     """
-    bulges = cubics.bulges(k, other[0] - one[0])
-    short = -np.inf
-    for (_, this, least), (_, that, _) in ((one, other), (other, one)):
-        away = 0.5 * curve_distances(this, that) + bulges
-        short = max(short, float((np.maximum(away[1:], away[:-1])
-                                  - bodies.rooms(this, least)).max()))
+    bulges = cubics.bulges(one.u, other.u)
+    short = _missing(one, other, bulges, bulges)
     if short < 0:
         return np.inf
     if not halvings:
         return -short
-    share = 0.5 * (one[0] + other[0])
-    shape = cubics.shape(k, share)
-    middle = share, shape, bodies.exact(shape)
-    if middle[2] <= 0:
-        return middle[2]
-    return min(middle[2], _inside(bodies, cubics, k, one, middle, halvings - 1),
-               _inside(bodies, cubics, k, middle, other, halvings - 1))
-
-
-_Instant = tuple[float, Shape, float]  # part of an interval, Shape there, its distance in m
+    u = 0.5 * (one.u + other.u)
+    shape = cubics.shape(u)
+    middle = _look(bodies, u, shape, bodies.exact(shape))
+    if middle.least <= 0:
+        return middle.least
+    return min(middle.least, _inside(bodies, cubics, one, middle, halvings - 1),
+               _inside(bodies, cubics, middle, other, halvings - 1))
 
 
 class _Cubics:
@@ -346,14 +347,16 @@ class _Cubics:
         self.ways: Floats = (0.5 * np.linalg.norm(moved, axis=2)
                              + dt * dt / 8 * self._accelerations + self._errors[:, None])
 
-    def bulges(self, k: int, part: float) -> Floats:
-        """Return (N + 1,) by how much nodes leave an even way in a part of the interval k, m."""
+    def bulges(self, begin: float, end: float) -> Floats:
+        """Return (N + 1,) by how much nodes leave an even way in a part of one interval, m."""
+        k, part = int(begin), end - begin
         result: Floats = (part * self._dt) ** 2 / 8 * self._accelerations[k] + self._errors[k]
         return result
 
-    def shape(self, k: int, t: float) -> Shape:
-        """Return the Shape at a part t of the interval k."""
-        one, other, h = self._shapes[k], self._shapes[k + 1], self._dt
+    def shape(self, u: float) -> Shape:
+        """Return the Shape at a time in intervals, between two instants."""
+        k = int(u)
+        one, other, h, t = self._shapes[k], self._shapes[k + 1], self._dt, u - k
         positions = ((1 + 2 * t) * (1 - t) ** 2 * one.positions + t * t * (3 - 2 * t)
                      * other.positions + h * t * (1 - t) * (
                          (1 - t) * self._velocities[k] - t * self._velocities[k + 1]))

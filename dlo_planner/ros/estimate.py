@@ -28,7 +28,7 @@ from dlo_planner.ros.state import PlanResult, State
 from dlo_planner.ros.status import Part, Shared
 from dlo_planner.ros.streaming import MISS_EXPECTED, loop_task_of
 from dlo_planner.settings.build import parameters_of_estimate
-from dlo_planner.view.scene import drawn_radius, estimate_primitives
+from dlo_planner.view.scene import estimate_primitives
 from msg_helpers.clouds import points_from_cloud
 from msg_helpers.poses import seconds_of
 
@@ -137,8 +137,8 @@ class Estimator(Part):
         if state.gripper is not None:
             shape, scene = estimate.shape(state.gripper), state.scene
             if shape.converged:
-                self.markers.show('estimate', scene.frame_id, stamp, lambda: estimate_primitives(
-                    shape, drawn_radius(scene.direct.rod), points))
+                self.markers.show('estimate', scene.frame_id, stamp,
+                                  lambda: estimate_primitives(shape, points))
 
     def _observing_of(self, state: State) -> DloEstimator | None:
         """Return the DloEstimator of the DLO as it is stated; None where nothing is uncertain."""

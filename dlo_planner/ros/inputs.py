@@ -105,21 +105,13 @@ def bodies_in(scene: Scene, msg: MarkerArray, name: str,
                       f'expected {_MOST_MARKERS} at most')
     for index, marker in enumerate(msg.markers):
         judge_length(marker.ns, f'{name}.markers[{index}].ns', Cause.INVALID_OBSTACLES)
-    msg = markers_in(scene, msg, name, frames)
+    markers = [_marker_in(scene, marker, f'{name}.markers[{index}]', frames)
+               for index, marker in enumerate(msg.markers)]
     try:
-        bodies = obstacles_after(dict(scene.bodies), msg, scene.frame_id, name)
+        bodies = obstacles_after(dict(scene.bodies), MarkerArray(markers=markers), scene.frame_id,
+                                 name)
     except InvalidTask as error:
         raise Refused(Cause.INVALID_OBSTACLES, str(error)) from None
-    for index, marker in enumerate(msg.markers):
-        if marker.action == Marker.ADD:
-            where = f'{name}.markers[{index}]'
-            _judge_orientation(marker.pose.orientation, f'{where}.pose', Cause.INVALID_OBSTACLES)
-            at, size = marker.pose.position, marker.scale
-            judge_distance([at.x, at.y, at.z], scene, f'{where}.pose', Cause.INVALID_OBSTACLES)
-            if max(size.x, size.y, size.z) > 2 * scene.reach:
-                raise Refused(Cause.INVALID_OBSTACLES, f'{where}.scale = '
-                              f'{[size.x, size.y, size.z]}: expected at most twice '
-                              f'workspace.reach = {scene.reach:g} m')
     if len(bodies) > _MOST_BODIES:
         raise Refused(Cause.INVALID_OBSTACLES, f'{name}.markers: {len(bodies)} obstacles with '
                       f'those that are there: expected {_MOST_BODIES} at most')
@@ -151,26 +143,25 @@ def goals_in(scene: Scene, msg: Goals, name: str, frames: Frames = _ONE) -> tupl
         f'{name}.goals[{index}]', frames) for index, goal in enumerate(msg.goals))
 
 
-def markers_in(scene: Scene, msg: MarkerArray, name: str, frames: Frames) -> MarkerArray:
-    """Return a visualization_msgs/MarkerArray in the scene's frame."""
-    return MarkerArray(markers=[_marker_in(scene, marker, f'{name}.markers[{index}]', frames)
-                                for index, marker in enumerate(msg.markers)])
-
-
 def _marker_in(scene: Scene, marker: Marker, name: str, frames: Frames) -> Marker:
+    """Return a visualization_msgs/Marker in the scene's frame; refuse one beyond its bounds."""
     if marker.action != Marker.ADD:
         return marker
-    origin = frames.origin(marker.header, scene.frame_id, name)
-    if origin is None:
-        return marker
+    origin, size = frames.origin(marker.header, scene.frame_id, name), marker.scale
     _judge_orientation(marker.pose.orientation, f'{name}.pose', Cause.INVALID_OBSTACLES)
-    try:
-        pose = pose_msg(origin.compose(pose_from_msg(marker.pose)))
-    except InvalidTask:
+    if origin is not None:
         pose = marker.pose
-    return Marker(header=header(scene.frame_id, marker.header.stamp), ns=marker.ns, id=marker.id,
-                  type=marker.type, action=marker.action, pose=pose, scale=marker.scale,
-                  points=marker.points, text=marker.text)
+        with suppress(InvalidTask):  # what is wrong with it is said when it is read
+            pose = pose_msg(origin.compose(pose_from_msg(pose)))
+        marker = Marker(header=header(scene.frame_id, marker.header.stamp), ns=marker.ns,
+                        id=marker.id, type=marker.type, action=marker.action, pose=pose,
+                        scale=size, points=marker.points, text=marker.text)
+    at = marker.pose.position
+    judge_distance([at.x, at.y, at.z], scene, f'{name}.pose', Cause.INVALID_OBSTACLES)
+    if max(size.x, size.y, size.z) > 2 * scene.reach:
+        raise Refused(Cause.INVALID_OBSTACLES, f'{name}.scale = {[size.x, size.y, size.z]}: '
+                      f'expected at most twice workspace.reach = {scene.reach:g} m')
+    return marker
 
 
 def brief_text(text: str, most: int = _MOST_SAID) -> str:

@@ -41,7 +41,7 @@ from dlo_planner.settings.tasks import (
     plan_task,
     poses_of,
 )
-from dlo_planner.view.scene import drawn_radius, plan_primitives
+from dlo_planner.view.scene import plan_primitives
 from msg_helpers.poses import stamp_text
 from msg_helpers.trajectories import plan_path
 
@@ -187,8 +187,8 @@ class PlanningServer(Part):
         self.store.change(lambda now: now.with_plan(made))
         path = tool_path(made)
         self._out.publish(path)
-        self.markers.show('plan', scene.frame_id, stamp, lambda: plan_primitives(
-            plan, cutouts_of(task), drawn_radius(scene.direct.rod)))
+        self.markers.show('plan', scene.frame_id, stamp,
+                          lambda: plan_primitives(plan, cutouts_of(task)))
         figures = {
             'waypoints': len(plan), 'largest miss [m]': float(plan.position_error.max()),
             'smallest clearance [m]': float(plan.clearance.min()),

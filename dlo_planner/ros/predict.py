@@ -27,7 +27,7 @@ from dlo_planner.ros.plan import refuse_tolerance
 from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import State
 from dlo_planner.ros.status import Part, Shared
-from dlo_planner.view.scene import drawn_radius, shape_primitives
+from dlo_planner.view.scene import shape_primitives
 from msg_helpers.poses import seconds_of, wrench_in, wrench_msg
 from msg_helpers.trajectories import shape_bytes, shape_path
 
@@ -132,8 +132,8 @@ class ShapePredictor(Part):
             self._out.publish(shape_bytes(shape, scene.frame_id, stamp))
             self._send_wrenches(scene, shape, stamp)
             self.statistics.shape_done(shape, monotonic() - arrived)
-            self.markers.show('shape', scene.frame_id, stamp, lambda: shape_primitives(
-                shape, drawn_radius(scene.direct.rod), scene['markers.color']))
+            self.markers.show('shape', scene.frame_id, stamp,
+                              lambda: shape_primitives(shape, scene['markers.color']))
 
     def _send_wrenches(self, scene: Scene, shape: Shape, stamp: Time) -> None:
         """Publish what the DLO does to the gripper and to what holds its far end."""

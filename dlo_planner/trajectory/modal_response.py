@@ -137,13 +137,15 @@ class Response:
     def of(cls, simulator: DirectSimulator, leg: Leg, first: Shape,
            parameters: Floats | None = None,
            check: Callable[[], None] = lambda: None) -> Response:
-        """Return the Response on a Leg that begins in the Shape `first`; parameters (n,)."""
+        """Return the Response on a Leg that begins in the Shape `first`; parameters (n,).
+
+        The simulator's mesh has to be the same everywhere.
+        """
         u, shapes, modes = (_places(simulator, leg, first, check) if parameters is None else
                             (parameters, *_known(simulator, leg, first, parameters, check)))
-        s = shapes[0].s
-        positions = CubicSpline(u, np.array([_on(shape, s) for shape in shapes]))
-        masses = node_masses(simulator.rod, s)
-        displacements = np.array([_spread(one, s) for one in modes])
+        positions = CubicSpline(u, np.array([shape.positions for shape in shapes]))
+        masses = node_masses(simulator.rod, shapes[0].s)
+        displacements = np.array([one.displacements for one in modes])
         slopes, bends = (np.einsum('k,umki,uki->um', masses, displacements, positions(u, order))
                          for order in (1, 2))
         return cls(u, tuple(shapes), 2 * np.pi * np.array([one.frequencies for one in modes]),
@@ -267,22 +269,6 @@ def _known(simulator: DirectSimulator, leg: Leg, first: Shape, u: Floats,
     poses = [Pose.from_rotation(*pose) for pose in zip(*leg.poses(u), strict=True)]
     shapes = simulator.track(poses, lambda *_: check(), first)
     return shapes, list(modes_along(shapes, _MODES))
-
-
-def _on(shape: Shape, s: Floats) -> Floats:
-    """Return (N + 1, 3) the positions of a Shape at arc lengths s (N + 1,)."""
-    if np.array_equal(shape.s, s):
-        return shape.positions
-    return np.array([shape.at(float(one)).position for one in s])
-
-
-def _spread(modes: Modes, s: Floats) -> Floats:
-    """Return the displacements of Modes at arc lengths s."""
-    if np.array_equal(modes.s, s):
-        return modes.displacements
-    flat = np.moveaxis(modes.displacements, 2, 1).reshape(-1, modes.s.size)
-    at = np.array([np.interp(s, modes.s, one) for one in flat])
-    return np.moveaxis(at.reshape(len(modes), 3, s.size), 1, 2)
 
 
 def _turning(masses: Floats, displacements: Floats) -> Floats:

@@ -19,13 +19,8 @@ import numpy as np
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator, clamping
 from dlo_planner.errors import InvalidTask
-from dlo_planner.identify.parameters import (
-    CAUSES,
-    VARIATION,
-    UncertainState,
-    Uncertainty,
-    stretched,
-)
+from dlo_planner.identify.parameters import CAUSES, VARIATION, Uncertainty
+from dlo_planner.identify.uncertain_state import UncertainState, stretched
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import figure, instance, integer, items, number, results
 from dlo_planner.model.value import brief, put, same

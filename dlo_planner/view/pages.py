@@ -24,7 +24,6 @@ from dlo_planner.view.colors import COLORINGS
 from dlo_planner.view.primitives import Primitive
 from dlo_planner.view.scene import (
     cutouts_of,
-    drawn_radius,
     obstacle_primitives,
     plan_primitives,
     shape_primitives,
@@ -238,19 +237,14 @@ class PlanPage:
         with self._lock:
             plan, shape = self.plan, self._loose or self.plan.shapes[self.index]
             self.page.show([
-                *self._obstacles, *shape_primitives(shape, _radius(shape), self.color.value),
-                *plan_primitives(plan, self._cutouts, _radius(plan.shapes[0]),
-                                 6 if self.ghosts.value else 0)])
+                *self._obstacles, *shape_primitives(shape, self.color.value),
+                *plan_primitives(plan, self._cutouts, 6 if self.ghosts.value else 0)])
             self.table.content = margins(plan, self.index)
 
 
 def _end(plan: Plan) -> float:
     """Return the end of a plan's times in s, rounded up to steps of the slider."""
     return max(float(np.ceil(plan.times[-1] / _STEP)), 1.0) * _STEP
-
-
-def _radius(shape: Shape) -> float | None:
-    return None if shape.rod is None else drawn_radius(shape.rod)
 
 
 def checked(plan: Plan) -> Plan:

@@ -14,7 +14,6 @@ from dlo_planner.model.checks import instance, integer, items, number
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle, Plane, Sheet, Solid
 from dlo_planner.model.pose import Pose
-from dlo_planner.model.rod import Rod
 from dlo_planner.plan.plan import Plan
 from dlo_planner.view.colors import GRAY, ORANGE, SKY_BLUE, VERMILION, coloring, viridis
 from dlo_planner.view.primitives import (
@@ -39,33 +38,24 @@ _WIDE = 2.0                  # m, how much of a plane is drawn
 _SAME = 1e-9                 # m
 
 
-def drawn_radius(rod: Rod) -> float | None:
-    """Return the radius in m with which a Rod is drawn; None where it has none or it varies."""
-    return rod.radius if isinstance(rod.radius, float) else None
-
-
-def shape_primitives(shape: Shape, radius: float | None = None,
-                     color: str = 'curvature') -> list[Primitive]:
+def shape_primitives(shape: Shape, color: str = 'curvature') -> list[Primitive]:
     """Return all that is seen of a Shape: the DLO, its contact forces, the gripper's axes."""
-    return [*dlo_primitives(shape, radius, color), *contact_primitives(shape),
+    return [*dlo_primitives(shape, color), *contact_primitives(shape),
             *axes_primitives('gripper', shape.gripper)]
 
 
-def plan_primitives(plan: Plan, cutouts: Iterable[CutOut], radius: float | None = None,
-                    ghosts: int = 6) -> list[Primitive]:
+def plan_primitives(plan: Plan, cutouts: Iterable[CutOut], ghosts: int = 6) -> list[Primitive]:
     """Return all that is seen of a Plan: cut-outs, the gripper's way, margins, some shapes."""
     cutouts = items('cutouts', cutouts, CutOut)
     return [*cutout_primitives(cutouts), *path_primitives(plan.grippers),
-            *margin_primitives(plan, cutouts, radius),
-            *ghost_primitives(plan.shapes, radius, ghosts)]
+            *margin_primitives(plan, cutouts), *ghost_primitives(plan.shapes, ghosts)]
 
 
-def dlo_primitives(shape: Shape, radius: float | None = None,
-                   color: str = 'curvature') -> list[Primitive]:
+def dlo_primitives(shape: Shape, color: str = 'curvature') -> list[Primitive]:
     """Return the DLO as a line in the colors of its bend or yield, and a text that says which."""
     painted = coloring(shape, color)
     letter = _CAPTION * shape.s[-1]
-    return [replace(_tube('dlo', 0, shape, radius, GRAY), colors=painted.colors),
+    return [replace(_tube('dlo', 0, shape, GRAY), colors=painted.colors),
             _text('scale', 0, shape.gripper.position + (0.0, 0.0, 2 * letter), painted.caption,
                   letter)]
 
@@ -87,22 +77,19 @@ def contact_primitives(shape: Shape) -> list[Primitive]:
     return drawn
 
 
-def ghost_primitives(shapes: Iterable[Shape], radius: float | None = None,
-                     number_shown: int = 6) -> list[Primitive]:
+def ghost_primitives(shapes: Iterable[Shape], number_shown: int = 6) -> list[Primitive]:
     """Return some of the Shapes of a plan, evenly chosen, thin and transparent."""
     shapes = items('shapes', shapes, Shape)
     number_shown = integer('number_shown', number_shown, minimum=0, maximum=1000)
     chosen = np.unique(np.linspace(0, len(shapes) - 1, number_shown).round().astype(int))
-    thin = 0.5 * (_THIN if radius is None else number('radius', radius, minimum=0))
-    return [_tube('ghost', index, shapes[k], thin, _GHOST_COLOR, _GHOST)
+    return [_tube('ghost', index, shapes[k], _GHOST_COLOR, _GHOST, 0.5)
             for index, k in enumerate(chosen if len(shapes) else ())]
 
 
-def estimate_primitives(shape: Shape, radius: float | None = None,
-                        points: ArrayLike = ()) -> list[Primitive]:
+def estimate_primitives(shape: Shape, points: ArrayLike = ()) -> list[Primitive]:
     """Return the DLO as it is estimated to be, and its observed points (n, 3), m."""
     observed = rows_of_points('points', points)
-    drawn = [_tube('estimate', 0, shape, radius, ORANGE, 0.7)]
+    drawn = [_tube('estimate', 0, shape, ORANGE, 0.7)]
     if len(observed):
         drawn.append(Primitive('observed', 0, 'points', VERMILION, points=observed,
                                size=(0.005,) * 3))
@@ -138,15 +125,13 @@ def path_primitives(grippers: Iterable[Pose], length: float = _AXIS) -> list[Pri
                       size=(_LINE / 2, 0.0, 0.0))]
 
 
-def margin_primitives(plan: Plan, cutouts: Iterable[CutOut],
-                      radius: float | None = None) -> list[Primitive]:
+def margin_primitives(plan: Plan, cutouts: Iterable[CutOut]) -> list[Primitive]:
     """Return plates with the holes, their rims colored by the margin, and the margin as a text.
 
     The margin is the least distance between rim and DLO on the whole plan. Dark: none, bright: as
     much as a DLO in the middle of the hole would have; beyond the limit (the DLO in the rim) ALERT.
     """
-    instance('plan', plan, Plan)
-    radius = 0.0 if radius is None else number('radius', radius, minimum=0)
+    radius = _radius(instance('plan', plan, Plan).shapes[0]) if len(plan) else 0.0
     drawn = []
     for index, cutout in enumerate(items('cutouts', cutouts, CutOut)):
         most = room(cutout)
@@ -199,12 +184,18 @@ def cutouts_of(plan: Plan) -> list[CutOut]:
             for center, _, normal in plan.via_points[-1] if normal is not None]
 
 
-def _tube(group: str, index: int, shape: Shape, radius: float | None,
-          color: tuple[float, float, float], alpha: float = 1.0) -> Primitive:
+def _radius(shape: Shape) -> float:
+    """Return the radius in m of a DLO; 0 where it has none, it varies, or its rod is not known."""
+    radius = None if shape.rod is None else shape.rod.radius
+    return radius if isinstance(radius, float) else 0.0
+
+
+def _tube(group: str, index: int, shape: Shape, color: tuple[float, float, float],
+          alpha: float = 1.0, part: float = 1.0) -> Primitive:
+    """Return the DLO as a line, as thick as it is, or `part` of that."""
     instance('shape', shape, Shape)
-    radius = None if radius is None else number('radius', radius, minimum=0)
     return Primitive(group, index, 'line', color, alpha, shape.positions,
-                     size=(2 * (radius or _THIN), 0.0, 0.0))
+                     size=(2 * part * (_radius(shape) or _THIN), 0.0, 0.0))
 
 
 def _line(group: str, index: int, color: ArrayLike, points: Floats,

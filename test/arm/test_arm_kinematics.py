@@ -21,7 +21,6 @@ from scipy.spatial import ConvexHull
 
 from dlo_planner import InvalidTask, Pose
 from dlo_planner.arm import Arm
-from dlo_planner.arm.inverse_kinematics import solve
 
 ARMS = {'Panda': panda, 'UR5': ur5, 'Kinova, whose joints turn for ever': kinova}
 
@@ -74,19 +73,6 @@ def test_the_jacobian_is_the_derivative(name, rng):
         off = chain.off(positions, *chain.placement(positions + step * unit))[0]
         np.testing.assert_allclose(off / step, jacobian[:, joint], atol=1e-5)
     np.testing.assert_allclose(chain.off(positions, *target)[0][:3], target[0] - here[0])
-
-
-@pytest.mark.parametrize('name', ARMS)
-def test_newton_finds_back(name, rng):
-    arm = ARMS[name]()
-    for _ in range(10):
-        positions = 0.8 * positions_in(arm, rng) + 0.2 * arm.chain.middle
-        found = solve(arm.chain, positions + rng.uniform(-0.05, 0.05, positions.size),
-                      arm.chain.placement(positions), 30)
-        assert found.reached
-        by_hand = placed_by_hand(arm.urdf, arm.tool_link,
-                                 dict(zip(arm.joints, found.positions, strict=True)))
-        np.testing.assert_allclose(by_hand, arm.pose(positions).matrix, atol=1e-6)
 
 
 def hull_distance(one, other):

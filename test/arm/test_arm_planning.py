@@ -30,7 +30,7 @@ from dlo_planner import (
     Pose,
     Rod,
 )
-from dlo_planner.arm import Arm, joint_trajectory, rolls_freely
+from dlo_planner.arm import Arm, JointTrajectory, joint_trajectory, rolls_freely
 from dlo_planner.arm.follow import smallest_distance
 from dlo_planner.arm.inverse_kinematics import IKFailure
 from dlo_planner.model.pose import angle_between
@@ -277,16 +277,6 @@ def test_the_deadline_is_kept():
         joint_trajectory(timed(poses), panda(), free_roll=True, deadline=0.01)
 
 
-@pytest.mark.parametrize('argument', ['trajectory', 'arm', 'tool', 'current', 'free_roll',
-                                      'deadline'])
-def test_malformed_arguments_are_refused_by_name(argument):
-    good = {'trajectory': timed(way(ur5().pose(UR5_READY), (0, 0.02, 0))), 'arm': ur5(),
-            'tool': Pose.identity(), 'current': UR5_READY, 'free_roll': False, 'deadline': 5.0}
-    wrong = {label: outcome(joint_trajectory, {**good, argument: make()}, argument)
-             for label, make in MALFORMED.items()}
-    assert not {label: what for label, what in wrong.items() if what}
-
-
 ROUND = Rod(1.0, 0.1, 1.0, 0.7)
 RODS = {
     'round': (ROUND, True),
@@ -324,9 +314,24 @@ def test_a_held_far_end_keeps_the_roll():
     assert not rolls_freely(simulator, replace(plan, shapes=(held,) * len(plan)))
 
 
-@pytest.mark.parametrize('argument', ['simulator', 'plan'])
-def test_malformed_arguments_of_rolls_freely_are_refused_by_name(argument):
-    good = {'simulator': DirectSimulator(ROUND), 'plan': values()['Plan']}
-    wrong = {label: outcome(rolls_freely, {**good, argument: make()}, argument)
-             for label, make in MALFORMED.items()}
-    assert not {label: what for label, what in wrong.items() if what}
+def good_arguments():
+    """Return good arguments of each public callable, for those that are malformed."""
+    times = np.linspace(0.0, 1.0, 6)
+    return {
+        joint_trajectory: {'trajectory': timed(way(ur5().pose(UR5_READY), (0, 0.02, 0))),
+                           'arm': ur5(), 'tool': Pose.identity(), 'current': UR5_READY,
+                           'free_roll': False, 'deadline': 5.0},
+        rolls_freely: {'simulator': DirectSimulator(ROUND), 'plan': values()['Plan']},
+        JointTrajectory: {'joint_names': ('a', 'b'), 'times': times, 'roll': 0.3,
+                          **dict.fromkeys(('positions', 'velocities', 'accelerations'),
+                                          np.ones((6, 2))),
+                          **dict.fromkeys(('position_error', 'angle_error', 'self_clearance'),
+                                          1e-3), 'not_looked_at': ('hand',)}}
+
+
+@pytest.mark.parametrize('function', [joint_trajectory, rolls_freely, JointTrajectory])
+def test_malformed_arguments_are_refused_by_name(function):
+    good = good_arguments()[function]
+    wrong = {(argument, label): outcome(function, {**good, argument: make()}, argument, (argument,))
+             for argument in good for label, make in MALFORMED.items()}
+    assert not {which: what for which, what in wrong.items() if what}

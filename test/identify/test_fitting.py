@@ -17,8 +17,8 @@ from dlo_planner import (
     fit_rod,
 )
 from dlo_planner.identify import Observation, ObservedMotion
+from dlo_planner.identify.parameters import Unknowns
 from dlo_planner.identify.residuals import MeasurementModel
-from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.progress import Progress
 
 TRUE = Rod(1.0, 0.07, (0.02, 0.03), 0.015, natural_curvature=(0.3, -0.2))

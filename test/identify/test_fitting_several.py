@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from dlo_planner import DirectSimulator, FarEnd, InvalidTask, Pose, Rod, Uncertainty, fit_rod
 from dlo_planner.direct.boundary_motion import GripTrajectory
 from dlo_planner.identify import Observation, ObservedMotion
+from dlo_planner.identify.parameters import Unknowns
 from dlo_planner.identify.residuals import MeasurementModel, positions_in_motion
-from dlo_planner.identify.unknowns import Unknowns
 from dlo_planner.progress import Progress
 from dlo_planner.results import Motion
 

@@ -8,7 +8,7 @@ from closed_loops import DEPTHS, NOISE, SPREAD, WIRE, plan_of
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, InvalidTask, Limits, Observer, Pose, Trajectory
-from dlo_planner.identify import Steered, correct, online_trajectory
+from dlo_planner.identify import Steered, correct
 from dlo_planner.identify.online_trajectory import Change, step_response
 
 PLAN = plan_of(depths=DEPTHS)
@@ -173,12 +173,3 @@ def test_many_changes_are_the_sum_of_each():
         expected = sum(sum(part * s[k - j] * w[j] for j, part in enumerate(
             ([1], [1, 1], [1, 2, 1])[k])) for s, w in zip(step, whole, strict=True))
         np.testing.assert_allclose(rows, expected, atol=size)
-
-
-def test_the_time_that_a_command_takes_does_not_grow_with_the_corrections(monkeypatch):
-    motion = steered(*many_changes())
-    motion.at([1.0])
-    for name in ('CubicSpline', 'CubicHermiteSpline'):
-        monkeypatch.setattr(online_trajectory, name, lambda *_, **__: 1 / 0)
-    monkeypatch.setattr(Change, 'at', lambda *_: 1 / 0)
-    motion.at([1.02])  # nothing is interpolated anew, and no change looked at by itself

@@ -179,17 +179,6 @@ def test_with_an_accuracy_as_with_elements(rod):
 
 
 @pytest.mark.sweep
-def test_sliding_with_an_accuracy():
-    lengths = [0.65, 0.6, 0.55]
-    fine = InverseSimulator(DirectSimulator(WIRE, accuracy=1e-5, obstacles=[BAR]))
-    plan = fine.slide_contact(TOP, lengths)
-    other = planner().slide_contact(TOP, lengths)
-    for s, one, two in zip(lengths, plan.shapes, other.shapes, strict=True):
-        assert one.contacts[0].s == pytest.approx(s, abs=1e-4) and one.error_estimate < 1e-5
-        np.testing.assert_allclose(one.gripper.matrix, two.gripper.matrix, atol=5e-3)
-
-
-@pytest.mark.sweep
 def test_sliding_does_not_leap():
     inverse = planner()
     for condition in ('least_energy', 'least_motion'):

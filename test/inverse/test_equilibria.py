@@ -15,7 +15,6 @@ from dlo_planner.inverse.equilibria import (
     hanging_shapes,
     integrate_from_tip,
     is_axisymmetric,
-    least_turn,
 )
 
 ROD = Rod(1.0, 0.1, (0.1, 0.3), 0.1, natural_curvature=(0.6, -0.4), natural_twist=0.3)
@@ -106,18 +105,6 @@ def test_the_march_from_the_end_is_an_equilibrium(rng):
     evaluate(turned, state)
     np.testing.assert_allclose(state.gradient, 0, atol=1e-13)
     np.testing.assert_allclose(state.rotations[-1], end, atol=1e-13)
-
-
-def test_the_least_turn_is_about_the_axis_across(rng):
-    for _ in range(20):
-        one, other = rng.normal(size=(2, 3))
-        one, other = one / np.linalg.norm(one), other / np.linalg.norm(other)
-        turn = least_turn(one, other)
-        np.testing.assert_allclose(turn @ one, other, atol=1e-12)
-        angle = Rotation.from_matrix(turn).magnitude()
-        assert angle == pytest.approx(np.arccos(np.clip(one @ other, -1, 1)))
-        np.testing.assert_allclose(least_turn(one, one), np.eye(3), atol=1e-15)
-        np.testing.assert_allclose(least_turn(one, -one) @ one, -one, atol=1e-12)
 
 
 @pytest.mark.parametrize(('more', 'alike'), [

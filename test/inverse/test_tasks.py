@@ -134,16 +134,6 @@ def test_a_task_travels(kind, tmp_path):
     assert json.dumps(read_task(tmp_path / 'task.yaml').to_dict()) == written
 
 
-@pytest.mark.parametrize('kind', ['Thread', 'Approach', 'HoldContact', 'Minimize'])
-def test_the_plan_of_a_written_task_is_the_same(kind):
-    inverse, task, start = TASKS[kind]
-    again = task_from_yaml(task_to_yaml(task))
-    plan, other = planned((inverse, again, start)), planned(TASKS[kind])
-    assert len(plan) == len(other)
-    for one, two in zip(plan.shapes, other.shapes, strict=True):  # quaternions are rounded
-        assert np.abs(one.positions - two.positions).max() < 1e-9
-
-
 def test_a_pool_plans_as_one_process_does():
     jobs = [TASKS[kind] for kind in ('Thread', 'ThreadTwo', 'HoldContact')] + [
         (FREE, LiftTo((1.0, 1.1)), None)]

@@ -131,7 +131,7 @@ def test_seconds_carry_over():
 @pytest.mark.parametrize('cutout', [
     CutOut(POSE), CutOut(POSE, radius=0.01), CutOut(POSE, width=0.02, height=0.01)])
 def test_markers_are_complete(shape, cutout):
-    tube, scale, *axes = markers(*dlo_primitives(shape, 0.004),
+    tube, scale, *axes = markers(*dlo_primitives(shape),
                                   *axes_primitives('gripper', shape.gripper))
     assert tube.scale.x == pytest.approx(0.008)
     assert [marker.type for marker in axes] == [Marker.ARROW] * 3

@@ -59,15 +59,6 @@ def back(plan):
     return replace(plan, **turned, times=plan.times[-1] - plan.times[::-1])
 
 
-@pytest.mark.parametrize('first', [True, False])
-def test_two_plans_are_as_complete_as_the_lesser(plan, first):
-    part = truncate(plan, 6, PlanStatus.PARTIAL)
-    there = back(truncate(plan, 6, PlanStatus.COMPLETE))
-    whole = concatenate(part, there) if first else concatenate(there, part)
-    assert whole.fraction == pytest.approx(6 / 9)
-    assert concatenate(plan, back(plan)).fraction == 1
-
-
 def test_the_second_plan_begins_where_the_first_ends(plan):
     turned = back(plan)
     late = replace(turned, times=turned.times + 100.0)  # its clock does not count
@@ -113,12 +104,6 @@ def test_the_gripper_stops_where_two_plans_bend(plan, degrees, stops):
     assert (plan.times[-1] in [leg.knots[0] for leg in legs]) == stops
     # stops of both parts are kept, counted from the beginning
     assert concatenate(back(plan), whole).stops == (8, *(stop + 8 for stop in whole.stops))
-
-
-def test_what_has_no_cutout_has_all_the_room_there_is(plan):
-    free = back(InverseSimulator(DIRECT).thread(CutOut(HOLE.pose), depths=DEPTHS))
-    assert (concatenate(free, plan).clearances[:9] == np.inf).all()
-    assert np.isfinite(concatenate(free, plan).clearances[9:, 0, 0]).all()
 
 
 def test_velocities_lead_from_each_pose_to_the_next(plan):
@@ -202,19 +187,6 @@ def test_all_depths_are_the_same_plan_and_none_is_refused():
     assert plan == free.thread(POINT_HOLE, depths=POINT_DEPTHS) and plan.fraction == 1
     with pytest.raises(Infeasible):
         planner(-1.5).thread(POINT_HOLE, depths=POINT_DEPTHS, as_deep_as_possible=True)
-
-
-def test_waypoints_one_by_one():
-    plan = planner(np.inf).thread(POINT_HOLE, depths=POINT_DEPTHS)
-    points = list(plan)
-    assert len(points) == len(plan) and plan[-1] == points[-1] and plan[2:4] == tuple(points[2:4])
-    for k, point in enumerate(points):
-        assert point.depth == POINT_DEPTHS[k] and point.gripper == plan.grippers[k]
-        assert point.time == plan.times[k] and point.shape is plan.shapes[k]
-        assert point.clearance == plan.clearance[k]
-        assert point.position_error == plan.position_error[k]
-    with pytest.raises(IndexError):
-        plan[len(plan)]
 
 
 @pytest.mark.every(2)

@@ -23,13 +23,11 @@ from dlo_planner.ros.inputs import (
     Frames,
     bodies_in,
     goals_in,
-    markers_in,
     pose_in,
 )
 from dlo_planner.ros.scene import Scene
 from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.clouds import cloud_msg
-from msg_helpers.obstacles import obstacles_after
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
 SCENE = Scene.of({name: entry.default for name, entry in PARAMETERS.items()})
@@ -126,8 +124,7 @@ def test_obstacles_are_transformed(frames):
                     pose=pose_msg(SEEN))
     marker.scale.x, marker.scale.y, marker.scale.z = 0.1, 0.2, 0.3
     gone = Marker(header=Header(frame_id='nowhere'), action=Marker.DELETEALL)
-    msg = markers_in(SCENE, MarkerArray(markers=[gone, marker]), 'obstacles', frames)
-    box, = obstacles_after({}, msg, 'world', 'obstacles').values()
+    box, = bodies_in(SCENE, MarkerArray(markers=[gone, marker]), 'obstacles', frames).values()
     np.testing.assert_allclose(box.obstacle.pose.matrix, expected(), atol=1e-12)
     assert marker.header.frame_id == 'camera'  # what came is not changed
     np.testing.assert_allclose(pose_from_msg(marker.pose).matrix, SEEN.matrix)
@@ -171,7 +168,7 @@ def test_a_frame_that_tf_does_not_know_is_refused_with_its_words(frames):
     assert refused.value.cause == Cause.INVALID_FRAME
     marker = Marker(header=Header(frame_id='tool0'))
     with pytest.raises(Refused, match=r"obstacles\.markers\[0\]\.header\.frame_id = 'tool0'"):
-        markers_in(SCENE, MarkerArray(markers=[marker]), 'obstacles', frames)
+        bodies_in(SCENE, MarkerArray(markers=[marker]), 'obstacles', frames)
 
 
 @pytest.mark.parametrize('known', [True, False])

@@ -64,7 +64,7 @@ def test_contacts_that_end_are_deleted_whatever_was_missed(touching, hanging):
     messages = []
     picture = MarkerCache(messages.append)
     for shape in (hanging, touching, hanging, hanging):
-        show(picture, 'shape', shape_primitives(shape, 0.005))
+        show(picture, 'shape', shape_primitives(shape))
     assert 'contact' in groups(shown(messages[:2])) and 'contact force' in groups(
         shown(messages[:2]))
     for missed in ((), (2,), (0, 2)):
@@ -79,10 +79,10 @@ def test_parts_do_not_touch_each_other(hanging):
     hole = CutOut(Pose.looking_along((0.4, 0, 1), (1, 0, 0)), radius=0.03)
     stiff = DirectSimulator(Rod(1.0, 0.1, 1.0, 0.7, radius=0.01), n_elements=12, n_terms=6)
     plan = InverseSimulator(stiff).thread(hole, depths=np.linspace(0, 0.4, 6))
-    show(picture, 'shape', shape_primitives(hanging, 0.005, 'yield'))
-    show(picture, 'plan', plan_primitives(plan, [hole], 0.01))
+    show(picture, 'shape', shape_primitives(hanging, 'yield'))
+    show(picture, 'plan', plan_primitives(plan, [hole]))
     show(picture, 'command', axes_primitives('command', LEVEL))
-    show(picture, 'estimate', estimate_primitives(hanging, 0.005, hanging.positions[1:4]))
+    show(picture, 'estimate', estimate_primitives(hanging, hanging.positions[1:4]))
     assert groups(shown(messages[-1:])) == {
         'dlo', 'scale', 'gripper', 'cutout', 'trajectory', 'plate', 'margin', 'rim margin',
         'ghost', 'command', 'estimate', 'observed'}

@@ -117,7 +117,7 @@ def plan():
 
 def show_shape(planner, plan):
     now = stamp(planner)
-    planner.picture.show('shape', 'base', now, lambda: shape_primitives(plan.shapes[3], 2e-3))
+    planner.picture.show('shape', 'base', now, lambda: shape_primitives(plan.shapes[3]))
     planner.picture.flush()
 
 
@@ -125,7 +125,7 @@ def show_all(planner, plan):
     now = stamp(planner)
     hole = plan.sheets[0][0].cutouts[0]
     block = Box(Pose((0.4, 0.4, 0.8), (0, 0, 0, 1)), (0.1, 0.1, 0.4))
-    planner.picture.show('plan', 'base', now, lambda: plan_primitives(plan, [hole], 2e-3))
+    planner.picture.show('plan', 'base', now, lambda: plan_primitives(plan, [hole]))
     planner.picture.show('obstacles', 'base', now, lambda: obstacle_primitives([block]))
     show_shape(planner, plan)
 

@@ -123,25 +123,6 @@ def test_what_counts_is_across_the_dlo():
         assert (np.linalg.norm(moved, axis=1) <= response.sizes[k] * (1 + 1e-9)).all()
 
 
-def test_between_the_places_it_is_straight():
-    response = tasks('hose')[1].response
-    n = response.parameters
-    np.testing.assert_allclose(response.between(response.rates, n), response.rates)
-    np.testing.assert_allclose(response.between(response.slopes, [0.3 * n[2] + 0.7 * n[3]])[0],
-                               0.3 * response.slopes[2] + 0.7 * response.slopes[3])
-    np.testing.assert_allclose(response.between(response.pulls, [n[0] - 1, n[-1] + 1]),
-                               response.pulls[[0, -1]])
-
-
-def test_a_bearing_bounds_the_deviation_that_slowly_builds_up():
-    task = tasks('wire')[0]
-    bearing = task.response.bearing(1e-3, task.sizes)
-    # w^2 y = slope u'' at rest in the moving frame, displaced by size y
-    steady = task.response.slopes / task.response.rates**2 * task.sizes
-    np.testing.assert_allclose(bearing.slopes, steady)
-    assert (bearing.most == 1e-3).all()
-
-
 def test_modes_that_turn_into_one_another_swing_on_in_the_same_direction():
     # one mass on equal springs: the axes of its two modes turn, what it does does not notice
     u = np.linspace(0, 1, 17)

@@ -67,18 +67,6 @@ def test_clearance_in_a_round_hole(plan):
     np.testing.assert_allclose(plan.clearance, ROUND.radius - WIRE.radius, rtol=1e-3)
 
 
-def test_clearance_from_a_ball(plan):
-    ball = Sphere((-0.3, 0.0, 0.8), 0.05)
-
-    def outside(points):
-        return np.linalg.norm(points - ball.center, axis=1) - ball.radius
-
-    shape = plan.shapes[10]
-    assert clearance([ball], WIRE.radius, shape) == pytest.approx(brute(shape, outside), abs=1e-8)
-    assert clearance([ball, Sheet.around(ROUND)], WIRE.radius, shape) <= clearance(
-        [ball], WIRE.radius, shape)
-
-
 def test_the_clearance_of_a_replay_is_that_of_obstacles_too(plan):
     middle, = plan.shapes[10].positions_at([0.5])
     ball = Sphere(middle - (0, 0, 0.013), 0.01)
@@ -86,12 +74,6 @@ def test_the_clearance_of_a_replay_is_that_of_obstacles_too(plan):
     assert report.clearance == pytest.approx(min(
         clearance([ball], WIRE.radius, shape) for shape in plan.shapes), abs=1e-6)
     assert report.clearance < 0.5 * plan.clearance.min()
-
-
-def test_a_hole_without_a_size_has_no_clearance():
-    hole = CutOut(ROUND.pose)
-    plan = InverseSimulator(DIRECT).thread(hole, depths=[0.0, 0.5])
-    assert (plan.clearance == np.inf).all()
 
 
 def test_report_of_a_good_plan(plan, good):

@@ -50,8 +50,8 @@ def named(items, group):
 
 
 def test_names_are_unique(plan):
-    drawn = [*dlo_primitives(plan.shapes[0], 0.01), *ghost_primitives(plan.shapes, 0.01),
-             *margin_primitives(plan, [HOLE], 0.01), *cutout_primitives([HOLE]),
+    drawn = [*dlo_primitives(plan.shapes[0]), *ghost_primitives(plan.shapes),
+             *margin_primitives(plan, [HOLE]), *cutout_primitives([HOLE]),
              *path_primitives(plan.grippers), *obstacle_primitives([
                  Plane((0, 0, 0), (0, 0, 1)), Sphere((0, 0, 0), 0.1),
                  Capsule((0, 0, 0), (0, 0, 1), 0.1), Box(LEVEL, (1, 2, 3)),
@@ -61,34 +61,34 @@ def test_names_are_unique(plan):
 
 
 def test_the_dlo_is_as_thick_as_it_is(plan):
-    tube, scale = dlo_primitives(plan.shapes[0], 0.01)
+    tube, scale = dlo_primitives(plan.shapes[0])
     np.testing.assert_array_equal(tube.points, plan.shapes[0].positions)
     assert tube.size[0] == 0.02 and len(tube.colors) == len(tube.points)
     assert '1/m' in scale.text
 
 
 def test_the_margin_is_the_least_of_the_plan(plan):
-    drawn = margin_primitives(plan, [HOLE], 0.01)
+    drawn = margin_primitives(plan, [HOLE])
     margin = plan.clearances[:, 0, 0].min()
     assert 0.01 < margin < 0.02  # of 0.02 m at most
     assert named(drawn, 'rim margin')[0].text == f'rim margin {1e3 * margin:.2g} mm'
     ring = named(drawn, 'margin')[0]
     np.testing.assert_allclose(np.linalg.norm(ring.points, axis=1), 0.03)
     plain = CutOut(HOLE.pose)
-    assert margin_primitives(plan, [plain], 0.01) == []
+    assert margin_primitives(plan, [plain]) == []
 
 
 def test_a_negative_margin_is_an_alert(plan):
     worse = plan.clearances.copy()
     worse[3, 0, 0] = -1e-3
-    drawn = margin_primitives(replace(plan, clearances=worse), [HOLE], 0.01)
+    drawn = margin_primitives(replace(plan, clearances=worse), [HOLE])
     np.testing.assert_array_equal(named(drawn, 'margin')[0].colors[0], ALERT)
     assert '-1 mm' in named(drawn, 'rim margin')[0].text
 
 
 @pytest.mark.parametrize(('asked', 'drawn'), [(0, 0), (1, 1), (4, 4), (9, 9), (50, 9)])
 def test_ghosts_are_spread_over_the_plan(plan, asked, drawn):
-    ghosts = ghost_primitives(plan.shapes, 0.01, asked)
+    ghosts = ghost_primitives(plan.shapes, asked)
     assert len(ghosts) == drawn and all(ghost.alpha < 1 for ghost in ghosts)
     if drawn > 1:
         np.testing.assert_array_equal(ghosts[0].points, plan.shapes[0].positions)
@@ -114,10 +114,10 @@ def test_contact_forces_are_in_proportion():
 def test_estimates_show_what_was_seen(plan):
     shape = plan.shapes[0]
     assert [item.group for item in estimate_primitives(shape)] == ['estimate']
-    seen = estimate_primitives(shape, 0.01, shape.positions[::3])[1]
+    seen = estimate_primitives(shape, shape.positions[::3])[1]
     assert seen.kind == 'points' and len(seen.points) == 5
     with pytest.raises(InvalidTask, match='points'):
-        estimate_primitives(shape, 0.01, [(0, 0, np.nan)])
+        estimate_primitives(shape, [(0, 0, np.nan)])
 
 
 def test_obstacles_are_where_they_are():

@@ -74,7 +74,7 @@ def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: S
     demands = demands.made_with(simulator)
     end = first if own else quick.solve(first.gripper, first)
     refused: Infeasible | None = None
-    trial = demands if own else demands.silent(quick)
+    trial = demands if own else demands.silent().made_with(quick)
     request = _Request(cutout, start, standoff, initial)
     for share in (_STRAIGHT, *(_SHARES if back else (0.0,))):
         away = share if share is _STRAIGHT else share * back

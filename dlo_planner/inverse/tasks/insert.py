@@ -14,6 +14,7 @@ There the plan stays at one depth while the mouth takes over the weight, part by
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -31,7 +32,8 @@ from dlo_planner.inverse.continuation import (
     continue_family,
     goal_shape,
 )
-from dlo_planner.inverse.equilibria import shape_with_end, start_candidates
+from dlo_planner.inverse.equilibria import Candidate, shape_with_end, start_candidates
+from dlo_planner.inverse.route import first_feasible
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
@@ -203,25 +205,21 @@ class Insertion(Family):
 def insert(simulator: DirectSimulator, bore: CutOut, depths: Floats, start: Pose | None,
            demands: Judge) -> Plan:
     """Return the Plan; see `InverseSimulator.insert`."""
-    refused: Infeasible | None = None
     holes = Holes([bore], simulator.rod.length, demands.obstacles, demands.surface)
 
     def waypoint(passing: Passing) -> Waypoint:
         shape = passing.shape
         return holes.passed(waypoint_at(shape, bore.center, shape.s[-1], bore.normal))
 
-    for begin, *_ in start_candidates(simulator, bore.normal, start):
+    def planned(begin: Candidate) -> Plan:
         demands.progress.check()
-        family = Insertion(simulator, bore, begin.frames[-1], depths)
+        family = Insertion(simulator, bore, begin.shape.frames[-1], depths)
         builder = PlanBuilder(family.depths, demands)
-        try:
-            continue_family(builder, Follower(family, family.first(), 0.0, family.way), waypoint)
-            return builder.finished()
-        except Infeasible as error:
-            if refused is None or error.waypoint > refused.waypoint:
-                refused = error
-    assert refused is not None  # there is a candidate at least
-    raise refused
+        continue_family(builder, Follower(family, family.first(), 0.0, family.way), waypoint)
+        return builder.finished()
+
+    return first_feasible(partial(planned, begin)
+                          for begin in start_candidates(simulator, bore.normal, start))
 
 
 _INSERTED = 0.99  # of the length, at most

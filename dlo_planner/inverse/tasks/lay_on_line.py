@@ -8,6 +8,7 @@ nearly as they can be, in the mean square. Where on the line the end lies does n
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -15,9 +16,10 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuation import Aligned, Step
 from dlo_planner.inverse.equilibria import Candidate, start_candidates
+from dlo_planner.inverse.route import first_feasible
 from dlo_planner.inverse.task import MOST, PlanContext, Task
 from dlo_planner.inverse.waypoint_newton import nearest_goals
 from dlo_planner.model.arrays import Floats
@@ -25,6 +27,7 @@ from dlo_planner.model.checks import instance, number, row
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
+from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, GoalTable
 from dlo_planner.plan.plan import Plan
 from dlo_planner.plan.waypoint import Waypoint, waypoint_of
@@ -97,19 +100,14 @@ class LayOnLine(Task):
             most = min(most, context.requirements.tolerance)
         demands = replace(context.demands.made_with(simulator), tolerance=most,
                           angle_tolerance=self.angle_tolerance)
-        refused: Infeasible | None = None
-        for begin in start_candidates(simulator, self.line.direction, context.start):
-            builder = PlanBuilder(np.zeros(self.positions.size), demands, initial=context.initial)
-            builder.check()
-            try:
-                return self._plan(simulator, begin, builder)
-            except Infeasible as error:
-                if refused is None or error.waypoint > refused.waypoint:
-                    refused = error
-        assert refused is not None  # there is a candidate at least
-        raise refused
+        return first_feasible(
+            partial(self._plan, simulator, begin, demands, context.initial)
+            for begin in start_candidates(simulator, self.line.direction, context.start))
 
-    def _plan(self, simulator: DirectSimulator, begin: Candidate, builder: PlanBuilder) -> Plan:
+    def _plan(self, simulator: DirectSimulator, begin: Candidate, demands: Judge,
+              initial: Shape | None) -> Plan:
+        builder = PlanBuilder(np.zeros(self.positions.size), demands, initial=initial)
+        builder.check()
         family = Aligned(simulator, self.line.direction)
         passing = family.from_guess(begin.shape, begin.depth, begin.reference)
         if passing is not None and self.length:

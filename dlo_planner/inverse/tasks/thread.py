@@ -171,7 +171,8 @@ def thread(simulator: DirectSimulator, task: Threading) -> Plan:
     task = replace(task, demands=task.demands.made_with(simulator))
     quick = quick_simulator(simulator)
     own = quick is simulator
-    trial = task if own else replace(task, demands=task.demands.silent(quick), method='coupled')
+    trial = task if own else replace(task, demands=task.demands.silent().made_with(quick),
+                                     method='coupled')
     candidates = start_candidates(quick, task.cutouts[0].normal, task.start)
     first: tuple[Candidate, Rolls | None] = next(candidates), None
 

@@ -134,7 +134,8 @@ def thread_sequence(simulator: DirectSimulator, task: Threading, weights: Floats
     quick = quick_simulator(simulator)
     if quick is simulator and is_axisymmetric(simulator.rod):
         return _thread(simulator, task, weights)  # all rolls are alike
-    few = replace(task, depths=thinned(task.depths, _COMPARED), demands=task.demands.silent(quick))
+    few = replace(task, depths=thinned(task.depths, _COMPARED),
+                  demands=task.demands.silent().made_with(quick))
     best: Threading | None = None
     least, refused = np.inf, None
     for start in _rolled(simulator, task):

@@ -92,7 +92,7 @@ def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
         raise InvalidTask('second: expected another center than the first cut-out\'s')
     quick = quick_simulator(simulator)
     own = quick is simulator
-    trial = task if own else replace(task, demands=task.demands.silent(quick))
+    trial = task if own else replace(task, demands=task.demands.silent().made_with(quick))
     shapes = cache(lambda: hanging_shapes(quick.surroundings, grid_nodes(quick)))
 
     def others(refused: Infeasible | None) -> Iterator[Change]:
