@@ -197,7 +197,8 @@ class Plant:
         data = mujoco.MjData(self._model)
         data.qpos[:] = self._data.qpos
         squares, _ = eigh(*linear(self._model, data), subset_by_index=(0, count - 1))
-        return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
+        frequencies: Floats = np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
+        return frequencies
 
     def _build(self, obstacles: Sequence[Obstacle], gravity: Floats,
                far_end: FarEnd | None) -> None:
