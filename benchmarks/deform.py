@@ -14,18 +14,18 @@ ones count, with an error of 0) and the frames 2 to 501.
 """
 
 import argparse
+import pickle
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from benchmarks import report
 from benchmarks.deform_data import DT, Array, Recording, arc_lengths
 from benchmarks.deform_doubt import doubted
-from benchmarks.deform_files import recordings
 from dlo_planner import DirectSimulator, Rod, fit_rod
 from dlo_planner.identify import Fit, ObservedMotion
 
@@ -43,6 +43,11 @@ _ROUGHLY = 1e-2           # of the length: error of motions from which the first
 _FIRST_SEEN = 48          # frames after which a motion is compared: how it began is forgotten
 _ROUNDS = 2               # of doubts and fit
 _LEAST = 100              # frames of a recording for training
+_UNREADABLE = ValueError, TypeError, EOFError, IndexError, AttributeError, pickle.UnpicklingError
+_ALLOWED = {('builtins', name) for name in ('list', 'tuple', 'float', 'int')} | {
+    (f'numpy.{core}.{module}', name) for core in ('core', '_core')
+    for module, name in (('multiarray', '_reconstruct'), ('multiarray', 'scalar'),
+                         ('numeric', '_frombuffer'))} | {('numpy', 'ndarray'), ('numpy', 'dtype')}
 
 
 @dataclass(frozen=True)
@@ -227,18 +232,73 @@ def line(number: int, cable: Cable, score: Score) -> list[str]:
             f'{cable.seconds:.0f}', f'{np.median(score.seconds):.2f}']
 
 
-def recorded(root: Path, number: int) -> tuple[list[Recording], list[Recording]]:
-    """Return the Recordings of a cable for training and for evaluation.
+# ---- files of the data set -------------------------------------------------------------------
+# `data_set/DLOk/train/*.pkl` and `eval/*.pkl`, as their public code reads them (`train_DEFORM.py`):
+# a sequence over time of x, y, z (3 rows, m, z up) of 13 markers on cable 1, of 12 on the others.
+
+
+class _NumbersOnly(pickle.Unpickler):
+    """Reads arrays, lists and numbers; a pickle can ask for any code, which is refused."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) == ('_codecs', 'encode'):
+            return _encoded
+        if (module, name) not in _ALLOWED:
+            raise pickle.UnpicklingError(f'expected numbers only, found {module}.{name}')
+        return super().find_class(module, name)
+
+
+def _encoded(text: str, encoding: str) -> bytes:
+    """Return the bytes of an array as files of protocol 2 write them."""
+    if encoding != 'latin1':
+        raise pickle.UnpicklingError(f'expected bytes as latin1, found {encoding}')
+    return text.encode(encoding)
+
+
+def load(file: BinaryIO) -> Array:
+    """Return the markers (frames, markers, 3) in m of a recording.
 
     Raises:
-        OSError, ValueError: a file is missing or wrong; the message names it
+        ValueError: the file holds anything else, or markers are lost
+        pickle.UnpicklingError: it asks for more than numbers
     """
-    training = recordings(root, number, 'train', _LEAST)
-    evaluated = recordings(root, number, 'eval', HORIZON.stop)
-    counts = [parts[0].markers.shape[1] for parts in (training, evaluated)]
-    if counts[0] != counts[1]:
-        raise ValueError(f'cable {number}: {counts[0]} markers in train, {counts[1]} in eval')
-    return training, evaluated
+    found = np.array(_NumbersOnly(file, encoding='latin1').load(), dtype=float)
+    if found.ndim != 3 or found.shape[1] != 3 or found.shape[2] < 6:
+        raise ValueError(f'a recording has shape {found.shape}: expected (frames, 3, markers), at '
+                         'least 6 markers')
+    found = np.ascontiguousarray(found.swapaxes(1, 2))
+    lost = np.argwhere(~np.isfinite(found).all(axis=2))
+    if len(lost):
+        raise ValueError(f'marker {lost[0, 1]} is lost in frame {lost[0, 0]}')
+    return found
+
+
+def recordings(root: Path, cable: int, part: str, least: int = 4) -> list[Recording]:
+    """Return the Recordings of a cable (1 to 5), of `least` frames or more.
+
+    Args:
+        root: of the clone
+        part: 'train' or 'eval'
+
+    Raises:
+        FileNotFoundError: there are none
+        ValueError: a file is not a recording; the message names it
+    """
+    folder = root / 'data_set' / f'DLO{cable}' / part
+    paths = sorted(folder.glob('*.pkl'), key=lambda path: (len(path.stem), path.stem))
+    if not paths:
+        raise FileNotFoundError(f'{folder}: expected recordings, files *.pkl')
+    out = []
+    for path in paths:
+        try:
+            with path.open('rb') as file:
+                markers = load(file)
+            if len(markers) < least:
+                raise ValueError(f'{len(markers)} frames: expected {least} or more')
+        except _UNREADABLE as error:
+            raise ValueError(f'{path}: {error}') from error
+        out.append(Recording(path.stem, markers))
+    return out
 
 
 def as_json(cable: Cable, score: Score) -> dict[str, Any]:
@@ -259,7 +319,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--output', type=Path, default=FOLDER)
     given = parser.parse_args(arguments)
     try:  # all of them first: a fit takes minutes
-        found = {number: recorded(given.data, number) for number in given.cables}
+        found = {number: (recordings(given.data, number, 'train', _LEAST),
+                          recordings(given.data, number, 'eval', HORIZON.stop))
+                 for number in given.cables}
     except (OSError, ValueError) as error:
         parser.error(str(error))
     lines, data, failed = [], {}, 0

@@ -4,8 +4,7 @@
 
 `by_chain` shares nothing with the package: a chain of points with stiff springs between neighbors
 and the bending force of discrete elastic rods without twist (Bergou et al. 2008, Eq. 1 and 2, for a
-straight round rod whose far end may turn), in short explicit steps. `by_simulator` is `simulate` on
-another mesh, for cables with natural curvature.
+straight round rod whose far end may turn), in short explicit steps.
 """
 
 import pickle
@@ -13,8 +12,6 @@ import pickle
 import numba
 import numpy as np
 from scipy.optimize import brentq
-
-from dlo_planner import DirectSimulator
 
 DT = 0.01
 _SPRINGS = 2e3  # N, of a strain of 1: it stretches by some 1e-4
@@ -81,11 +78,8 @@ def _forces(x, h, stiffness, springs, force):
 
 
 @numba.njit(cache=False)
-def _run(x, ends, h, node_mass, stiffness, springs, drag, squared, substeps, dt):
-    """Return (frames, n, 3) of points x (n, 3), the outer two at each end along ends.
-
-    drag: 1/s, of the velocity; squared: 1/m, of its square
-    """
+def _run(x, ends, h, node_mass, stiffness, springs, drag, substeps, dt):
+    """Return (frames, n, 3) of points x (n, 3), the outer two at each end along ends; drag: 1/s."""
     frames, n = len(ends), len(x)
     out = np.empty((frames, n, 3))
     out[0] = x
@@ -97,9 +91,8 @@ def _run(x, ends, h, node_mass, stiffness, springs, drag, squared, substeps, dt)
             _forces(x, h, stiffness, springs, force)
             for i in range(2, n - 2):
                 force[i, 2] -= 9.81 * node_mass
-                slowed = drag + squared * np.sqrt(v[i, 0] ** 2 + v[i, 1] ** 2 + v[i, 2] ** 2)
                 for j in range(3):
-                    v[i, j] += step * (force[i, j] / node_mass - slowed * v[i, j])
+                    v[i, j] += step * (force[i, j] / node_mass - drag * v[i, j])
                     x[i, j] += step * v[i, j]
             for end, i in enumerate((0, 1, n - 2, n - 1)):
                 for j in range(3):
@@ -118,9 +111,8 @@ def _hung(x, length):
     return x + sag * dip
 
 
-def by_chain(seed, frames, length, mass, stiffness, drag, markers=12, springs=_SPRINGS,
-             squared=0.0):
-    """Return a recording (frames, markers, 3), m, of a straight cable; drag: 1/s; squared: 1/m."""
+def by_chain(seed, frames, length, mass, stiffness, drag, markers=12):
+    """Return a recording (frames, markers, 3), m, of a straight cable; drag: 1/s."""
     pieces = 4 * (markers - 3)
     h = length / pieces
     held = grips(seed, frames, length, h)
@@ -130,29 +122,13 @@ def by_chain(seed, frames, length, mass, stiffness, drag, markers=12, springs=_S
     x = _hung(x, length)
     x = np.concatenate([held[0, :1], x, held[0, 3:]])
     for calm in (300.0, 8.0):  # 1/s: it creeps off the parabola first
-        x = _run(x, settle, h, mass * h, stiffness, springs, calm, squared, _SUBSTEPS, DT)[-1]
+        x = _run(x, settle, h, mass * h, stiffness, _SPRINGS, calm, _SUBSTEPS, DT)[-1]
     ramp = np.clip(np.arange(frames) * DT, 0, 1)[:, None, None]  # it begins to move smoothly
     held = held[0] + ramp**2 * (3 - 2 * ramp) * (held - held[0])
-    way = _run(x, held, h, mass * h, stiffness, springs, drag, squared, _SUBSTEPS, DT)
+    way = _run(x, held, h, mass * h, stiffness, _SPRINGS, drag, _SUBSTEPS, DT)
     inner = 1 + 4 * np.arange(markers - 2)
     assert np.abs(way).max() < 10 * length
     return way[:, [0, *inner, pieces + 2]], held
-
-
-def by_simulator(seed, frames, rod, stub=0.025, markers=12):
-    """Return a recording (frames, markers, 3), m, of a Rod."""
-    from benchmarks.deform_data import Recording  # noqa: PLC0415
-    held = grips(seed, frames, rod.length, stub)
-    blank = np.zeros((frames, markers, 3))
-    blank[:, [0, 1, -2, -1]] = held
-    grippers, ends = Recording('', blank).held(rod.length)
-    motion = DirectSimulator(rod, n_elements=96, basis='local').simulate(
-        grippers, DT, far_ends=ends)
-    assert motion.converged, motion.message
-    s = np.linspace(0, rod.length, markers - 2)
-    for frame, shape in zip(blank, motion.shapes[-frames:], strict=True):
-        frame[2:-2] = [shape.at(place).position for place in s[1:-1]]
-    return blank
 
 
 def save(root, cable, part, recordings, noise=0.0):

@@ -92,12 +92,6 @@ class Recording:
         out[..., 2] = np.maximum(out[..., 2], _FLOOR)
         return out
 
-    @property
-    def sag(self) -> Array:
-        """By how much (3,), m, the cable is off the straight way between its ends, on average."""
-        middle = 0.5 * (self.markers[:, 1] + self.markers[:, -2])
-        return np.asarray((self.markers[:, 2:-2].mean(axis=1) - middle).mean(axis=0))
-
     def arcs(self) -> Array:
         """Return (k, markers - 3) arc lengths between neighboring markers in frames, m.
 

@@ -111,16 +111,16 @@ def proofs() -> None:
         replay(direct, plan, limits=Limits())
 
 
-def corrections() -> None:
-    """Use every kernel that a look at the DLO, or a correction of what is executed, may need."""
+def looks() -> None:
+    """Use every kernel that a look at the DLO may need, at rest or in motion."""
     for basis in ('local', 'chebyshev'):
         direct = DirectSimulator(_THIN, basis=basis, n_elements=16, n_terms=4)
         plan = InverseSimulator(direct).thread(_hole(0.0), depths=[0.0, 0.1])
         observer = Observer(direct, Uncertainty(0.05, 0.05, 0.05, natural_curvature=0.1))
         seen = plan.shapes[0]
         estimate = observer.update(observer.begin(), Observation(seen.gripper, seen.positions))
-        correct(estimate, plan)
-        plan.shapes[-1].modes(1)  # of which the windows of a correction are made
+        estimate.miss(plan, [0, 1])
+        plan.shapes[-1].modes(1)
 
 
 def closed_loop() -> None:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks.deform_surrogate import CABLES
 from benchmarks.report import DOCS, RESULTS
 from benchmarks.said import renewed
 
@@ -15,40 +14,6 @@ def _json(name: str) -> dict[str, Any]:
     """Return what results/benchmarks/NAME.json holds of the benchmark itself."""
     found: dict[str, Any] = json.loads((RESULTS / 'benchmarks' / f'{name}.json').read_text())[name]
     return found
-
-
-def _cells(name: str) -> list[list[str]]:
-    """Return the rows of the first table of results/benchmarks/NAME.md, without its head."""
-    first = (RESULTS / 'benchmarks' / f'{name}.md').read_text().split('\n\n')[1]
-    return [[cell.strip() for cell in line.strip('|').split('|')]
-            for line in first.splitlines()[2:]]
-
-
-def _fits() -> list[str]:
-    """Return how long fits (min) and predictions of 5 s (s) of cables took, least and most."""
-    fits = [one['fit_s'] / 60 for one in _json('deform_surrogate').values()]
-    predictions = [float(cells[-1]) for cells in _cells('deform_surrogate')]
-    return [f'{min(fits):.0f}', f'{max(fits):.0f}', f'{min(predictions)}', f'{max(predictions)}']
-
-
-def _lengths() -> list[str]:
-    """Return by how much the length of a cable was found wrong at most, %."""
-    off = [abs(one['length_m'] / CABLES[int(number)].length - 1)
-           for number, one in _json('deform_surrogate').items()]
-    return [f'{100 * max(off):.2f}']
-
-
-def _hose() -> list[str]:
-    """Return by how much a hose missed in a narrow hole, and what was promised, mm."""
-    hose = _json('narrow_1.1')['hose, 1.1']
-    return [f'{1e3 * hose[name]:.2f}' for name in ('miss_m', 'promised_m')]
-
-
-def _unlike() -> list[str]:
-    """Return misfits over noise: of late cameras and of a cable that stretches."""
-    rows = _json('deform_unlike')
-    return [f'{float(rows[name][0]):.1f}'
-            for name in ('free markers seen 20 ms late', 'stretch by its weight, 1 %')]
 
 
 def _slower() -> list[str]:

@@ -177,8 +177,6 @@ class _ToolPath:
     back: Pose         # pose of the tool link in the gripper frame
     roll: float = 0.0  # rad, by which the gripper is rolled
     times: Floats = field(default_factory=lambda: np.zeros(0))  # s, of the coarse steps
-    # by times: positions and rotations of the gripper in the root link, the same for all rolls
-    known: dict[bytes, tuple[Floats, Floats]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, trajectory: TimedPath, arm: Arm, back: Pose) -> '_ToolPath':
@@ -197,13 +195,8 @@ class _ToolPath:
 
     def targets(self, times: ArrayLike) -> list[Target]:
         """Return the Targets of the tool at `times` (n,)."""
-        key = np.asarray(times, dtype=float).tobytes()
-        if key not in self.known:
-            grippers, root = self.trajectory.poses(times), self.arm.base
-            places, turns = (np.array([getattr(gripper, name) for gripper in grippers])
-                             for name in ('position', 'rotation'))
-            self.known[key] = (places - root.position) @ root.rotation, root.rotation.T @ turns
-        places, turns = self.known[key]
+        root, (positions, rotations) = self.arm.base, self.trajectory.frames(times)
+        places, turns = (positions - root.position) @ root.rotation, root.rotation.T @ rotations
         return list(zip(places + turns @ self.back.position, turns @ self.back.rotation,
                         strict=True))
 

@@ -279,10 +279,7 @@ def surely_within(shape: Shape, accuracy: float, mesh: Discretization | None = N
 
 def hanging_surely_within(bounded: bool | Bools, stability: np.ndarray, truncated: np.ndarray,
                           accuracy: float | Floats) -> Bools:
-    """Return (n,) what `surely_within` says of DLOs that hang freely.
-
-    Shapes: stability (n,), truncated (n,).
-    """
+    """Return (n,) what `surely_within` says of DLOs that hang freely; stability, truncated (n,)."""
     return (stability >= _STABLE) & (_FREE * truncated <= accuracy) & bounded
 
 

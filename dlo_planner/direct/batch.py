@@ -92,10 +92,7 @@ def even(simulator: DirectSimulator, rod: Rod) -> bool:
 def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
                  positions: Floats, rotations: Floats,
                  ) -> tuple[Columns, Bools]:
-    """Return what `simulator.with_rod(rod).solve` finds for many rods, and (n,) where that is so.
-
-    Shapes: positions (n, 3), rotations (n, 3, 3).
-    """
+    """Return what `simulator.with_rod(rod).solve` finds for n rods, and (n,) where that is so."""
     mesh, accuracy = simulator.mesh, simulator.accuracy
     if not even(simulator, simulator.rod):
         mesh = simulator.with_rod(rods[0]).mesh

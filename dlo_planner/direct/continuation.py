@@ -317,9 +317,8 @@ def _passes(previous: Shape, shape: Shape) -> bool:
 def shape_change(one: Shape, other: Shape) -> float:
     """Return the largest change of a node's rotation relative to the gripper, in rad."""
     if one.s is other.s and one.state.mesh is not None:
-        result: float = largest_turn_between(one.frames, other.frames, one.gripper.rotation,
-                                             other.gripper.rotation, one.state.mesh.sampled)
-        return result
+        return largest_turn_between(one.frames, other.frames, one.gripper.rotation,
+                                    other.gripper.rotation, one.state.mesh.sampled)
     if np.array_equal(one.s, other.s):
         at = np.searchsorted(one.s, SAMPLES * one.s[-1])
         here, there = one.frames[at], other.frames[at]
@@ -328,9 +327,8 @@ def shape_change(one: Shape, other: Shape) -> float:
         here, there = (np.array([shape.frame_at(s)[0] for s in samples / one.s[-1] * shape.s[-1]])
                        for shape in (one, other))
     freeze((here, there))
-    change: float = largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
-                                         np.arange(SAMPLES.size))
-    return change
+    return largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
+                                np.arange(SAMPLES.size))
 
 
 def between(one: Pose, other: Pose, fraction: float) -> Pose:

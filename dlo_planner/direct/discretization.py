@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -39,7 +39,7 @@ from dlo_planner.minimize.contact_table import with_contacts
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Rod, Surface
-from dlo_planner.model.supports import FarEnd, Surroundings
+from dlo_planner.model.supports import FarEnd, Surroundings, held_rows
 from dlo_planner.model.value import FrozenDict, Value, freeze, put, same
 
 # Springs of constraints yield by 1 / these of the length under the DLO's own forces: those of
@@ -201,13 +201,18 @@ class Discretization(Value):
         if far_end is None:
             return self._free_end
         stiffness = self.hold_spring if springs else 0.0
-        rows = far_end.held
-        rows[:, :3] *= self.lever
+        rows, = self.grip_rows(far_end.grip, [far_end.pose.rotation])
         return GripConstraint(
             far_end.pose.position - origin, np.array(far_end.pose.rotation, order='C'),
             np.array(far_end.share), rows,
             np.array(force) if force.shape == (len(rows),) else np.zeros(len(rows)), stiffness,
             stiffness * self.lever**2)
+
+    def grip_rows(self, grip: str, axes: Sequence[Floats] | Floats) -> Floats:
+        """Return (n, K, 6) what a grip holds at each of n rotations (3, 3), all in m."""
+        rows = np.array([held_rows(grip, one) for one in axes])
+        rows[:, :, :3] *= self.lever
+        return rows
 
     @property
     def lever(self) -> float:
@@ -439,10 +444,7 @@ _DIGITS = 8  # of a bend in rad over the length that count
 
 
 def even_mesh(length: float, elements: int, breaks: Floats | tuple[()] = ()) -> Floats:
-    """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere.
-
-    Shapes: breaks (n,).
-    """
+    """Return nodes (elements + 1,): between jumps equal elements, about as long everywhere."""
     if not len(breaks) or len(breaks) + 1 > elements:
         s = np.arange(elements + 1.0) * np.float64(length / elements)
         s[-1] = length
@@ -459,20 +461,14 @@ def even_mesh(length: float, elements: int, breaks: Floats | tuple[()] = ()) -> 
 
 def graded_mesh(s: Floats, strains: Floats, elements: int,
                 breaks: Floats | tuple[()] = ()) -> Floats:
-    """Return nodes that share out evenly the error of arcs of constant strain: `equidistribute`.
-
-    Shapes: s (N + 1,), strains (N, 3), breaks (n,).
-    """
+    """Return nodes that share out evenly the error of arcs with strains (N, 3)."""
     known = np.round(strains * s[-1], _DIGITS) / s[-1]  # a mesh is not graded to rounding errors
     return nodes_at(s, equidistribute(np.diff(s), known), elements, breaks)
 
 
 def nodes_at(s: Floats, shares: Floats, elements: int,
              breaks: Floats | tuple[()] = ()) -> Floats:
-    """Return nodes (elements + 1,), more where there are jumps, with as much in each element.
-
-    Shapes: s (N + 1,), shares (N + 1,), breaks (n,).
-    """
+    """Return nodes (elements + 1,), and those of jumps, between which `shares` rise alike."""
     nodes = np.interp(np.arange(elements + 1.0) * (1.0 / elements), shares, s)
     nodes[0], nodes[-1] = 0.0, s[-1]
     return with_breaks(nodes, breaks)

@@ -146,10 +146,7 @@ def nodes_velocity(velocity: Velocity | None, initial: Shape | None, first: Shap
 
 
 def check_velocity(masses: Floats, wanted: Floats, possible: Floats) -> None:
-    """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible.
-
-    Shapes: masses (N + 1,), wanted, possible (N + 1, 3).
-    """
+    """Raise InvalidTask unless velocities (N + 1, 3) are nearly those that are possible."""
     size, change = (np.sqrt(masses @ np.sum(one**2, axis=1)) for one in (
         wanted, possible - wanted))
     if change > _DIFFERENT * size:
@@ -291,8 +288,7 @@ def _at_rest_on(shape: Shape, mesh: Discretization) -> Floats | None:
     moved = np.abs(coarse.positions - shape.positions).max()
     if not (coarse.converged and fine.converged and moved <= _STILL * own.s[-1]):
         return None
-    result: Floats = mesh.strains_from(fine.s, fine.element_strains)
-    return result
+    return mesh.strains_from(fine.s, fine.element_strains)
 
 
 _PATIENCE = 60       # Newton steps after which it is better to halve the step

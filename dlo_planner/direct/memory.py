@@ -197,5 +197,4 @@ def mapped(s: Floats, values: Floats, wanted: Floats) -> Floats:
                        np.cumsum(values * np.diff(s)[:, None], axis=0)])
     at_nodes = np.column_stack([np.interp(wanted, s, column) for column in total.T]
                                or [np.zeros((wanted.size, 0))])
-    result: Floats = np.diff(at_nodes, axis=0) / np.diff(wanted)[:, None]
-    return result
+    return np.diff(at_nodes, axis=0) / np.diff(wanted)[:, None]

@@ -43,10 +43,10 @@ from dlo_planner.minimize.hessian import Hessian
 from dlo_planner.minimize.newton import HELD_NEUTRAL
 from dlo_planner.minimize.response import gripper_answers, node_twists
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.checks import results, shown
+from dlo_planner.model.checks import estimate, results
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import FarEnd
-from dlo_planner.model.value import Constant, Value, brief, freeze, put
+from dlo_planner.model.value import Value, brief, freeze, put
 
 _AT_REST = 1e-4   # residual above which a shape is not at rest; rounding errors are below it
 _MOST = 200       # Newton steps on a finer mesh
@@ -186,8 +186,7 @@ def _jacobian(system: Problem, hessian: Hessian, positions: Floats) -> Floats:
 def _stiffness(system: Problem, hessian: Hessian) -> Floats:
     """Return the symmetric Hessian (3 m, 3 m), of one unknown after the other."""
     if system.basis.shape[1]:
-        dense: Floats = 0.5 * (hessian.dense + hessian.dense.T)
-        return dense
+        return 0.5 * (hessian.dense + hessian.dense.T)
     n = len(hessian.twist_jacobian)
     product = (hessian.cross.reshape(3 * n, 6)
                @ hessian.twist_jacobian.transpose(1, 0, 2).reshape(6, 3 * n)).reshape(n, 3, n, 3)
@@ -195,8 +194,7 @@ def _stiffness(system: Problem, hessian: Hessian) -> Floats:
     lower = product * earlier
     lower[np.arange(n), :, np.arange(n)] = 0.5 * hessian.diagonal
     lower = lower.reshape(3 * n, 3 * n)
-    result: Floats = lower + lower.T
-    return result
+    return lower + lower.T
 
 
 def _strains(system: Problem) -> Floats:
@@ -284,12 +282,7 @@ class Modes(Value):
             damping_ratios=results('Modes.damping_ratios', self.damping_ratios, (n,)),
             participation=results('Modes.participation', self.participation, (n, 6)),
             overlap=results('Modes.overlap', overlap, (n,)))
-        if self._estimate is None:
-            put(self, _estimate=Constant(np.full(n, np.nan)))
-        if not callable(self._estimate):
-            raise InvalidTask(f'Modes._estimate = {shown(self._estimate)}: expected a function')
-        if isinstance(self._estimate, Constant):
-            freeze(self._estimate.content)
+        put(self, _estimate=estimate('Modes._estimate', self._estimate, n))
         super().__post_init__()
 
     def __repr__(self) -> str:
@@ -327,10 +320,7 @@ def modes_of(linear: Linearized, n: int, spare: int = 0) -> Modes:
 
 def _modes(linear: Linearized, vibration: Vibration, squares: Floats, found: Floats,
            places: Ints, overlap: Floats | None = None) -> Modes:
-    """Return the Modes that `solved` found.
-
-    Shapes: squares (n,), found (c, n), overlap (n,), places (n,).
-    """
+    """Return the Modes that `solved` found; places, overlap (n,)."""
     rates = np.sqrt(squares)
     displacements = np.moveaxis(vibration.jacobian @ found, 2, 0)
     # the damping matrix: drag M + viscosity times the elastic stiffness alone, weight damps nothing

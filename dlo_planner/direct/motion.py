@@ -14,7 +14,7 @@ from dlo_planner.direct.shape import Shape, pack, unpack
 from dlo_planner.direct.storage import load, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import choice, figure, items, results, shown
+from dlo_planner.model.checks import choice, estimate, figure, items, results, shown
 from dlo_planner.model.value import Constant, brief, freeze, put
 from dlo_planner.pictured import Filmed
 
@@ -105,12 +105,7 @@ class Motion(Filmed):
                for name in ('times', 'kinetic_energy', 'potential_energy')})
         if not isinstance(self.message, str):
             raise InvalidTask(f'Motion.message = {shown(self.message)}: expected a string')
-        if self._estimate is None:
-            put(self, _estimate=Constant(np.full(n, np.nan)))
-        if isinstance(self._estimate, Constant):
-            freeze(self._estimate.content)
-        if not callable(self._estimate):
-            raise InvalidTask(f'Motion._estimate = {shown(self._estimate)}: expected a function')
+        put(self, _estimate=estimate('Motion._estimate', self._estimate, n))
         super().__post_init__()
 
     def __getattr__(self, name: str) -> Any:

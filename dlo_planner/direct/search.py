@@ -107,8 +107,7 @@ def pinned_newton(system: Problem, q: Floats, tolerance: float, most: int, check
     final = new_configuration(clamped)
     final.q[:] = own_unknowns(system, found.state.q)
     evaluate(clamped, final)
-    result: Minimum = found._replace(state=final, system=clamped)
-    return result
+    return found._replace(state=final, system=clamped)
 
 
 def with_hinge(system: Problem) -> Problem:
@@ -178,8 +177,6 @@ def _balanced(solved: Callable[[Problem, Floats], Minimum], system: Problem, q: 
     """Return what `solved` returns in equilibrium with dead moments, its residual theirs too.
 
     The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
-
-    Shapes: q (m, 3), moments (N + 1, 3).
     """
     unit = np.abs(moments).sum()
     state = new_configuration(system)
@@ -268,10 +265,7 @@ def described_minimum(mesh: Discretization, system: Problem, strains: Floats,
 
 
 class _Series:
-    """Coefficients of the series of (q_d, q_kappa, q_tau), and the potential as their function.
-
-    `system` has one unknown strain per element, where the basis is (N, N_c).
-    """
+    """Coefficients of the series of (q_d, q_kappa, q_tau), and the potential as their function."""
 
     def __init__(self, system: Problem, basis: Floats) -> None:
         self.system, self.basis, self.state = system, basis, new_configuration(system)
@@ -304,14 +298,12 @@ class _Series:
         return energy, (self.basis.T @ slope * self.unit).ravel()
 
     def _described(self, flat: Floats) -> Floats:
-        described: Floats = self.basis @ (flat.reshape(-1, 3) * self.unit)
-        return described
+        return self.basis @ (flat.reshape(-1, 3) * self.unit)
 
     def _evaluated(self, described: Floats) -> float:
         strains = self.system.natural + to_components(described)
         self.state.q[:] = (strains - self.system.natural) / self.system.scale
-        energy: float = evaluate(self.system, self.state)[0]
-        return energy
+        return evaluate(self.system, self.state)[0]
 
 
 def _described(system: Problem, state: Configuration, strains: Floats) -> Floats:

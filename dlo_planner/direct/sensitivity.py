@@ -64,17 +64,15 @@ class Sensitivity:
         shape = self.shape
         element = min(int(shape.s.searchsorted(s, side='right')) - 1, shape.s.size - 2)
         fraction = (s - shape.s[element]) / (shape.s[element + 1] - shape.s[element])
-        result: Floats = twists_inside(
+        return twists_inside(
             self._system, self._state, self._answers, self._hessian.cross.shape[2],
             self._nodes[element], element, float(fraction))
-        return result
 
     @cached_property
     def _nodes(self) -> Floats:
         """(N + 1, 6, 6) the same at all nodes: of one shape, several places are asked for."""
-        result: Floats = node_twists(self._system, self._state, self._answers,
-                                     self._hessian.cross.shape[2])
-        return result
+        return node_twists(self._system, self._state, self._answers,
+                           self._hessian.cross.shape[2])
 
     @property
     def strains(self) -> Floats:
@@ -82,16 +80,14 @@ class Sensitivity:
         values = np.moveaxis(self._answers, 0, 2)
         if self._system.basis.shape[1]:
             values = np.einsum('em,mik->eik', self._system.basis, values)
-        result: Floats = self._system.scale[:, :, None] * values
-        return result
+        return self._system.scale[:, :, None] * values
 
     def strains_by(self, slopes: Floats) -> Floats:
         """Return (k, N, 3) the changes of the strains under k changes of the potential.
 
         Shapes: slopes (k, N, 3), their derivatives by the strains, J m.
         """
-        result: Floats = strain_answers(self._system, self._hessian, slopes)
-        return result
+        return strain_answers(self._system, self._hessian, slopes)
 
     def slope_of(self, more: Floats | float = 0.0, **fields: Floats) -> Floats:
         """Return the potential's slope (N, 3) by the strains, the gripper's pose that of the shape.
@@ -103,8 +99,7 @@ class Sensitivity:
         state = new_configuration(system)
         state.q[:] = (self._state.strains + more - system.natural) / system.scale
         evaluate(system, state)
-        result: Floats = state.gradient / system.scale
-        return result
+        return state.gradient / system.scale
 
     def moved(self, twist: ArrayLike) -> Shape:
         """Return the Shape predicted for a gripper moved by a small `twist` (6,).

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory, mapped
 from dlo_planner.direct.modes import MOST_MODES, SPARE, Linearized, Modes, continued, modes_of
-from dlo_planner.direct.storage import load, pose_of, pose_row, save
+from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import frame_along, positions_along
 from dlo_planner.geometry.self_distance import may_head_back, self_distance
@@ -97,10 +97,7 @@ class Contact(Value):
 
 
 def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tuple[Contact, ...]:
-    """Return the Contacts, by arc length, of `contact_rows` on nodes s (N + 1,), m.
-
-    Shapes: origin (3,) of the gripper, m.
-    """
+    """Return the Contacts, by arc length, of `contact_rows` on nodes s, the gripper at `origin`."""
     source, element, along, places, normals, forces, frictions, gaps = rows
     at = s[element] + along
     order = np.argsort(at, kind='stable')
@@ -119,10 +116,7 @@ def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tup
 
 @dataclass(frozen=True, eq=False, repr=False)
 class State(Value):
-    """What a Shape carries along, opaque to users: it goes on where the Shape ends.
-
-    Two are equal if the next step begins with the same past.
-    """
+    """What a Shape carries along, opaque to users; equal if the next step begins with one past."""
 
     mesh: Discretization | None = field(default=None, compare=False)  # None: as of a file
     history: Memory | None = None  # what it leaves to the next step; None: nothing is known
@@ -480,9 +474,7 @@ class Shape(Pictured):
             One is outside [0, L].
         """
         s = row('s', s, least=0, minimum=0, maximum=float(self.s[-1]))
-        found: Floats = positions_along(self.s, self.element_strains, self.frames, self.positions,
-                                        s)
-        return found
+        return positions_along(self.s, self.element_strains, self.frames, self.positions, s)
 
     def frame_at(self, s: float) -> tuple[Floats, Floats]:
         """Return axes (3, 3) and position (3,) at `s` in m: `at` for inner loops.
@@ -496,9 +488,7 @@ class Shape(Pictured):
         if not (isinstance(s, float) and 0.0 <= s <= length):
             s = number('s', s, minimum=-_ROUNDING * length, maximum=(1 + _ROUNDING) * length)
             s = min(max(s, 0.0), length)
-        found: tuple[Floats, Floats] = frame_along(self.s, self.element_strains, self.frames,
-                                                   self.positions, s)
-        return found
+        return frame_along(self.s, self.element_strains, self.frames, self.positions, s)
 
     @cached_property
     def _kernel_arrays(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -650,10 +640,7 @@ class Shape(Pictured):
 
 
 def kernel_arrays(shape: Shape) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return lengths (N,) and strains (N, 3) of elements, frames and positions of nodes.
-
-    For kernels alone.
-    """
+    """Return lengths, strains of elements, frames, positions of nodes: for kernels alone."""
     return shape._kernel_arrays
 
 
@@ -691,11 +678,8 @@ _FEW = 5            # elements: too few to tell
 def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
     """Return the element that is a plastic hinge, and its strain in yield limits; None if none is.
 
-    Without hardening a moment beyond what the section can bear bends one element alone, the sharper
-    the shorter it is. An element that is bent or twisted far beyond its limit bears its limit
-    moment to 0.3 %; if the next ones but one bear 8 % less, so the moment in it is beyond that.
-
-    Shapes: bent (N, 3).
+    An element that is bent or twisted far beyond its limit bears its limit moment to 0.3 %; if the
+    next ones but one bear 8 % less, the moment in it is beyond what the section can bear.
     """
     if not rod.yields or rod.hardening > 0 or len(bent) < _FEW:
         return None
@@ -789,7 +773,7 @@ def pack(shape: Shape) -> dict[str, Any]:
 
 def unpack(stored: Mapping[str, Any]) -> Shape:
     """Return the Shape of the tree of `pack`."""
-    far_end = FarEnd(pose_of(stored['far_end']), str(stored['far_grip'])) if (
+    far_end = FarEnd(pose_of_row(stored['far_end']), str(stored['far_grip'])) if (
         'far_end' in stored) else None
     contacts = tuple(Contact(int(row[0]), row[1], row[2:5], row[5:8], row[8], row[9:12], row[12])
                      for row in stored['contacts'])
@@ -798,6 +782,6 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
     values = {name: stored[name] for name in _FILED_ARRAYS}
     values |= {name: stored[name].item() for name in _FILED_NUMBERS}
-    return Shape(gripper=pose_of(stored['gripper']), contacts=contacts, far_end=far_end,
+    return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, far_end=far_end,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)

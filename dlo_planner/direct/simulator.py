@@ -230,13 +230,7 @@ class DirectSimulator(Value):
         return self._changed(_history=past.permanent_part())
 
     def left_by(self, shape: Shape) -> Self:
-        """Return the simulator of the DLO as `shape` leaves it: with its set, if it has any.
-
-        Raises
-        ------
-        InvalidTask
-            Not a Shape of this DLO, or of one that is grasped inside.
-        """
+        """Return the simulator of the DLO as `shape` leaves it: `with_set`, if it has any."""
         instance('initial', shape, Shape)
         self._check(shape.gripper, shape)
         past = shape.state.history

@@ -56,10 +56,7 @@ def equilibrium(mesh: Discretization, gripper: Pose, strains: Floats,
                 memory: Memory | None = None, far_end: FarEnd | None = None, *,
                 method: str = 'newton', culled: bool = False, watch: Watch | None = None,
                 how: Search | None = None) -> Shape:
-    """Return the Shape that the DLO falls into from the given strains.
-
-    `culled`: without what may act, see `Discretization`. Shapes: strains (N, 3).
-    """
+    """Return the Shape that the DLO falls into from strains (N, 3); `culled`: `Discretization`."""
     around, culled = mesh.surroundings, culled or mesh.hangs
     how = how or search_of(mesh, gripper, far_end)
     if method == 'newton' and not (around.pinned or around.has_moments):
@@ -106,10 +103,7 @@ def solution(mesh: Discretization, gripper: Pose, strains: Floats, memory: Memor
 
 
 def acts_at(mesh: Discretization, strains: Floats, positions: Floats, before: Floats) -> bool:
-    """Return whether something acts at a shape, or on the straight way to it from places before.
-
-    Shapes: strains (N, 3), positions, before (N + 1, 3).
-    """
+    """Return whether something acts at a shape, or on the straight way to it from places before."""
     full = mesh.full
     return bool(may_act(full.effects, full, *map(np.array, (strains, positions, before))))
 

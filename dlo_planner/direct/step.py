@@ -52,7 +52,7 @@ from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.minimize.semismooth import correction
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.model.supports import FarEnd, held_rows
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Constant, freeze
 from dlo_planner.model.varying import scaled
 
@@ -287,8 +287,7 @@ def _follow_way(mesh: Discretization, strains: Floats, begin: Grips, goal: Grips
         system = mesh.system(bases[0], gripped[0], memory,
                              FarEnd(Pose.from_rotation(held_at[0], axes[0]), held.grip),
                              culled=culled)
-        rows = np.array([held_rows(held.grip, one) for one in axes])
-        rows[:, :, :3] *= mesh.lever
+        rows = mesh.grip_rows(held.grip, axes)
         q = mesh.unknowns(strains)
         if mesh.surroundings.pinned:
             bases[:] = system.base

@@ -54,7 +54,7 @@ from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.convergence import accept_by_decrement
 from dlo_planner.minimize.solve import Solution
 from dlo_planner.model.arrays import Floats, Ints
-from dlo_planner.model.supports import FarEnd, held_rows
+from dlo_planner.model.supports import FarEnd
 from dlo_planner.model.value import Constant, freeze
 
 MOST = 64            # steps of a batch: after them a deadline is looked at
@@ -326,8 +326,6 @@ class Stepper:
         """Return the TimePoint at time 0 of a DLO that is free to move from now on.
 
         Its acceleration is what a very short first step, of constant acceleration, finds.
-
-        Shapes: velocity (N + 1, 3).
         """
         mesh, strains = self.discretization, np.array(shape.element_strains)
         here = configuration_at(mesh.system(shape.gripper.rotation), strains)
@@ -386,9 +384,8 @@ class Stepper:
     def problem(self, now: TimePoint, place: float, scheme: Scheme) -> Problem:
         """Return the Problem of one step of a Scheme to a place."""
         buffer = self._buffer(np.array([now.place, place]), now.row)
-        result: Problem = step_problem(self._problem(), self.coefficients(scheme), buffer, PAST + 1,
-                                       PAST, self._options(scheme, Acceptance()))
-        return result
+        return step_problem(self._problem(), self.coefficients(scheme), buffer, PAST + 1, PAST,
+                            self._options(scheme, Acceptance()))
 
     def guess(self, now: TimePoint, dt: float) -> Floats:
         """Return the strains (N, 3) with which the search for those dt (s) later begins."""
@@ -462,8 +459,7 @@ class Stepper:
             return (np.zeros((many, 3)), np.zeros((many, 3, 3)), np.zeros((many, 6)),
                     np.zeros((many, 0, 6)), np.full(many, np.inf))
         axes, targets, twists = self.grips.far_end.along(places)
-        held = np.array([held_rows(end.grip, one) for one in axes])
-        held[:, :, :3] *= mesh.lever
+        held = mesh.grip_rows(end.grip, axes)
         away = targets - origins
         if end.grip == 'sleeve':
             along = axes[:, :, 0]

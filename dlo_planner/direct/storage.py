@@ -55,7 +55,7 @@ def pose_row(pose: Pose) -> Floats:
     return np.concatenate([pose.position, pose.quaternion])
 
 
-def pose_of(row: Sequence[float] | Floats) -> Pose:
+def pose_of_row(row: Sequence[float] | Floats) -> Pose:
     """Return the Pose of position and quaternion (7,)."""
     return Pose(row[:3], row[3:])
 

@@ -238,8 +238,7 @@ def _spread(bend: float, length: float) -> Floats:
     points, most = [0.0], length / _POINTS
     while points[-1] < 0.5 * length:
         points.append(points[-1] + min(most, _POINT * min(bend, length) + _GROWTH * points[-1]))
-    spread: Floats = 0.5 * length / points[-1] * np.array(points)
-    return spread
+    return 0.5 * length / points[-1] * np.array(points)
 
 
 def _turned(one: Floats, other: Floats) -> Floats:

@@ -14,7 +14,7 @@ from dlo_planner.execute.execution import Execution
 from dlo_planner.identify.correction import Correction, correct
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
-from dlo_planner.identify.online_trajectory import Steered
+from dlo_planner.identify.online_trajectory import NARROWEST, Steered
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle, Sheet
@@ -27,6 +27,7 @@ _MORE = 0.2    # of the points, by which more may be none of the DLO's than are 
 _SOME = 0.95   # of them
 _COMPUTING = 0.3  # s that a correction takes to be computed
 _STOPPING = 3.0  # s before the entry, at which a motion can still come to rest in front of it
+_ANY_WINDOWS = np.full(3, NARROWEST)  # s, where nothing is blended in
 _WAYPOINTS = 5   # whose miss is predicted, evenly from the entry to the depth
 
 
@@ -84,7 +85,7 @@ def expected_miss(estimate: Estimate, plan: Plan, execution: Execution) -> tuple
     m, with 95 %, as far as the estimate tells and with what motion adds; s until the entry.
     """
     way = execution.way
-    steered = way if isinstance(way, Steered) else Steered.of(way, plan.shapes[-1])
+    steered = way if isinstance(way, Steered) else Steered(way, _ANY_WINDOWS)
     reached = steered.reached(plan.times)
     entry = next((float(time) for time, passes in zip(reached, plan.via_points, strict=True)
                   if passes), -np.inf)

@@ -379,7 +379,7 @@ def _median_distance(shape: Shape, points: Floats, bent: Floats | None = None) -
     return float(np.median(np.linalg.norm(point_residuals(shape, points, bent=bent).off, axis=1)))
 
 
-class Motion(NamedTuple):
+class RigidMotion(NamedTuple):
     """How a body moves."""
 
     speed: float         # m/s, of a DLO's far end at most
@@ -388,14 +388,14 @@ class Motion(NamedTuple):
 
 
 def motion_at(stamps: Sequence[float] | Floats, poses: Sequence[Pose], stamp: float,
-              length: float) -> Motion:
+              length: float) -> RigidMotion:
     """Return about how a body moves: by a parabola through what is known near that time.
 
     Where it turns, the far end of a DLO of this `length` (m) counts.
     """
     low, high = np.searchsorted(stamps, (stamp - _ABOUT, stamp + _ABOUT))
     if high - low < 3:
-        return Motion(0.0, 0.0, np.zeros(6))
+        return RigidMotion(0.0, 0.0, np.zeros(6))
     near = np.unique(np.linspace(low, high - 1, min(high - low, _NEAR)).astype(int))
     times = np.array([stamps[k] - stamp for k in near])
     last = poses[near[-1]].rotation
@@ -403,5 +403,5 @@ def motion_at(stamps: Sequence[float] | Floats, poses: Sequence[Pose], stamp: fl
     rows = np.hstack([[poses[k].position for k in near], length * turns])
     fit = np.polynomial.polynomial.polyfit(times, rows, 2)
     sizes = np.linalg.norm(fit.reshape(3, 2, 3), axis=2).sum(axis=1)
-    return Motion(float(sizes[1]), float(2 * sizes[2]),
-                  np.concatenate([fit[1, 3:] / length, fit[1, :3]]))
+    return RigidMotion(float(sizes[1]), float(2 * sizes[2]),
+                       np.concatenate([fit[1, 3:] / length, fit[1, :3]]))

@@ -54,7 +54,6 @@ class ContactFamily:
         around, rod = _about_the_axis(simulator.surroundings), simulator.rod
         thick = float(around.rod.radii([s])[0])
         self._mesh, self._node = _mesh(around, s, elements)
-        self._alone = Discretization(replace(around, obstacles=()), self._mesh.s, 'local', 0)
         self._rolling = self._mesh
         if self._node < elements:
             self._rolling = Discretization(around, np.delete(self._mesh.s, self._node), 'local', 0)
@@ -62,7 +61,7 @@ class ContactFamily:
         # position (3,) of the DLO's axis at the contact, m, and its frame (3, 3)
         self._body, self.place, self.frame = _placed(self._scene, contact, thick, rod.length)
         self.obstacle = int(self._scene.source[self._body])  # index of the one that is touched
-        self._end, strain = _cantilever(self._alone, self._node, self.frame)
+        self._end, strain = _cantilever(self._mesh, self._node, self.frame)
         self._inside = self._sag(strain)
         weight = float(np.linalg.norm(self._mesh.static.pull, axis=1).sum())
         stiffness = rod.stiffness[1:]
@@ -70,9 +69,9 @@ class ContactFamily:
         # smallest and largest of the forces that are natural for this DLO, N
         self.scale = (weight + stiffness.min() / rod.length**2,
                       weight + stiffness.max() * (1 / s + bent) / s)
-        full = self._alone.full  # of one kind with the problem that touches
-        self._pressed = full._replace(base=np.eye(3), pull=full.pull.copy())
-        self._own_pull = full.pull[self._node].copy()
+        held = self._mesh.held  # of one kind with the problem that touches, without obstacles
+        self._pressed = held._replace(base=np.eye(3), pull=held.pull.copy())
+        self._own_pull = held.pull[self._node].copy()
 
     def hanging(self, force: float) -> tuple[Configuration, Pose]:
         """Return the equilibrium with this force of contact, N, and its gripper."""
@@ -217,6 +216,7 @@ def _cantilever(mesh: Discretization, node: int, frame: Floats) -> tuple[Floats,
     if node == mesh.s.size - 1:
         return np.array(frame, order='C'), mesh.natural[-1]
     s = mesh.s[node]
-    tail = Discretization(mesh.surroundings.part(s, 1), mesh.s[node:] - s, 'local', 0)
+    alone = replace(mesh.surroundings.part(s, 1), obstacles=())
+    tail = Discretization(alone, mesh.s[node:] - s, 'local', 0)
     shape = equilibrium(tail, Pose.from_rotation(np.zeros(3), frame), tail.natural)
     return np.array(shape.frames[-1], order='C'), shape.strains[0]

@@ -15,6 +15,7 @@ from itertools import pairwise, takewhile
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
@@ -24,7 +25,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.equilibria import Crossings, HangingShapes, crossings
-from dlo_planner.inverse.waypoint_newton import MESHES, Found, follow, free_axis
+from dlo_planner.inverse.waypoint_newton import MESHES, ORIGIN, Found, follow, free_axis
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, turned_by
@@ -457,29 +458,18 @@ class TwoPoints(Family):
 
         The second one is of the other kind. None as well where the DLO would fall on its way there.
         """
-        before, length = shape, self.simulator.rod.length
-        rotation = np.array(shape.gripper.rotation)
-        axis = self.axis(shape)
-        mesh = shape.state.mesh
-        assert mesh is not None  # only a shape that was loaded has none
+        length, axis = self.simulator.rod.length, self.axis(shape)
         _, place = shape.frame_at(s1 if at is None else at)
-        for _ in range(MESHES):
-            kinds = np.array([first, THROUGH if first == POSITION else POSITION, ROLL])
-            goals = GoalTable(kinds, np.zeros(3), np.array([np.zeros(3), self.chord, axis]),
-                              np.array([np.eye(3), np.eye(3), turned_by(roll * axis) @ rotation]),
-                              np.array([1 / length, 1 / length, 1.0]))
-            found = follow(mesh, shape, goals, np.array([[s1, s2, 0.0]]), axis, trend=trend,
-                           origin=before.gripper.position - place)
-            if not found or found[0].where.max() > length * (1 + 1e-12):
-                return None
-            shape = found[0].shape
-            if not shape.converged or fell(before, shape):
-                return None
-            better = self.simulator.discretization(shape.gripper, shape)
-            if better is mesh:
-                break
-            mesh, rotation, roll, trend = better, np.array(shape.gripper.rotation), 0.0, None
-        return found[0]
+        goals = GoalTable(
+            np.array([first, THROUGH if first == POSITION else POSITION, ROLL]), np.zeros(3),
+            np.array([np.zeros(3), self.chord, axis]),
+            np.array([np.eye(3), np.eye(3), turned_by(roll * axis) @ shape.gripper.rotation]),
+            np.array([1 / length, 1 / length, 1.0]))
+        found = goal_shape(self.simulator, shape, goals, (s1, s2, 0.0), axis, trend,
+                           shape.gripper.position - place)
+        if found is None or found.where.max() > length * (1 + 1e-12) or fell(shape, found.shape):
+            return None
+        return found
 
     def crossings(self, shapes: HangingShapes, depth: float) -> Crossings:
         """Return where the shapes at `depth` cross the grid of HangingShapes."""
@@ -546,16 +536,17 @@ def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Fl
     return goal_shape(simulator, guess, _along(normal, reference), s, np.array(normal), trend)
 
 
-def goal_shape(simulator: DirectSimulator, guess: Shape, goals: GoalTable, s: float, free: Floats,
-               trend: tuple[Shape, float] | None = None) -> Found | None:
-    """Return the shape that has goals at `s` (m), on a mesh as fine as the simulator's, or None.
+def goal_shape(simulator: DirectSimulator, guess: Shape, goals: GoalTable, s: ArrayLike,
+               free: Floats, trend: tuple[Shape, float] | None = None,
+               origin: Floats = ORIGIN) -> Found | None:
+    """Return the shape that has goals at `s`, on a mesh as fine as the simulator's, or None.
 
-    Shapes: free (3,).
+    Shapes: s () or (g,), m; free (3,); origin (3,).
     """
     mesh, shape = guess.state.made_on, guess
-    where = np.full((1, goals.kind.size), s)
+    where = np.array(np.broadcast_to(s, (1, goals.kind.size)), dtype=float)
     for _ in range(MESHES):
-        found = follow(mesh, shape, goals, where, free, trend=trend)
+        found = follow(mesh, shape, goals, where, free, trend=trend, origin=origin)
         if not found or simulator.accuracy is None:  # its mesh is the same everywhere
             break
         shape = found[0].shape

@@ -7,8 +7,8 @@ any accuracy, and only the plan itself has the accuracy of its simulator.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Protocol, Self, TypeVar
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -19,10 +19,12 @@ from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.continuation import Family, Passing
 from dlo_planner.inverse.equilibria import Crossings
 from dlo_planner.model.arrays import Floats, Ints
+from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.continuity import largest_turn
 from dlo_planner.plan.plan import Plan
+from dlo_planner.plan.waypoint import Holes
 
 # refusals that tell of the shapes, not of a demand on them
 NO_WAY = ('equilibrium', 'stability', 'start', 'continuity', 'direction', 'reach')
@@ -182,26 +184,37 @@ def first_feasible(plans: Iterable[Callable[[], Plan]]) -> Plan:
     raise refused
 
 
-class Thinned(Protocol):
-    """A task at some depths, which may be tried at fewer."""
+@dataclass(frozen=True)
+class Threading:
+    """What a threading through cut-outs is asked for, on its way through a search."""
 
-    @property
-    def depths(self) -> Floats:
-        """(n,) m."""
+    cutouts: tuple[CutOut, ...]
+    depths: Floats  # (n,) depths in the first one, m
+    start: Pose | None  # whose roll is kept as far as possible
+    demands: Judge
+    initial: Shape | None = None  # before. If None, the DLO is set down in its natural shape
+    method: str = 'coupled'  # or 'nested', for waypoints
 
-    @property
-    def demands(self) -> Judge:
-        """What the plan has to keep."""
+    def at_most(self, most: int) -> 'Threading':
+        """Return a quick one: `most` of the depths, unreported; itself if there are no more."""
+        if len(self.depths) <= most:
+            return self
+        return replace(self, depths=thinned(self.depths, most), demands=self.demands.silent(),
+                       method='coupled')
 
-    def at_most(self, most: int) -> Self:
-        """Return the same at `most` depths."""
+    def tried_with(self, quick: DirectSimulator) -> 'Threading':
+        """Return an unreported one with a quick simulator, for a search."""
+        return replace(self, demands=self.demands.silent().made_with(quick), method='coupled')
+
+    def holes(self, length: float) -> Holes:
+        """Return the Holes that a DLO of this length (m) passes."""
+        return Holes(self.cutouts, length, self.demands.obstacles, self.demands.surface)
 
 
-Task = TypeVar('Task', bound=Thinned)
 Way = TypeVar('Way')
 
 
-def plan_family(task: Task, planned: Callable[[Task, Way], Plan], first: Way | None,
+def plan_family(task: Threading, planned: Callable[[Threading, Way], Plan], first: Way | None,
                 others: Callable[[Infeasible | None], Iterable[Way]], few: int,
                 most_demanded: float = np.inf) -> tuple[Plan, Way]:
     """Return the first Plan that one of some ways leads to, and the way.
@@ -215,7 +228,7 @@ def plan_family(task: Task, planned: Callable[[Task, Way], Plan], first: Way | N
     Infeasible, LookupError
         No way leads on; there is none.
     """
-    best: tuple[tuple[float, bool], Task, Way, Infeasible] | None = None
+    best: tuple[tuple[float, bool], Threading, Way, Infeasible] | None = None
     refused: Infeasible | None = None
 
     def ways() -> Iterator[Way]:

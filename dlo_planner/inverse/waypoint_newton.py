@@ -105,8 +105,8 @@ _ENOUGH = 1e-6    # relative decrease of the penalty that ends it as well
 _HARDLY, _SMALL = 1e-8, 1e-4  # the same, and a part of what is within reach: not worth a step
 _NONE, _STAYS, _MOVED = 0, 1, 2
 MESHES = 6        # that an accuracy may take
-_ORIGIN = np.zeros(3)
-freeze(_ORIGIN)
+ORIGIN = np.zeros(3)
+freeze(ORIGIN)
 
 
 @kernel
@@ -482,7 +482,7 @@ class Found(NamedTuple):
 
 def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free: Floats, *,
            trend: tuple[Shape, float] | None = None, further: Sequence[float] = (),
-           origin: Floats = _ORIGIN, most: Floats | None = None, least: float = -np.inf
+           origin: Floats = ORIGIN, most: Floats | None = None, least: float = -np.inf
            ) -> list[Found]:
     """Return the shapes that have goals at some sets of arc lengths, until one is in doubt.
 
@@ -508,7 +508,7 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     for k in range(count):
         elastic, energy, residual, stability, iterations = numbers[:, k].tolist()
         out.append(Found(hanging_shape(
-            mesh, pose_of(_ORIGIN, bases[k]), strains[k], rotations[k], positions[k], wrenches[k],
+            mesh, pose_of(ORIGIN, bases[k]), strains[k], rotations[k], positions[k], wrenches[k],
             elastic, energy, residual, stability, int(iterations)), where[k], axes[k], places[k]))
     return out
 

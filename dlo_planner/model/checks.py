@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
+from dlo_planner.model.value import Constant, freeze
 
 _Kind = TypeVar('_Kind')
 _MOST = 1_000_000  # items of a sequence; some iterators never end
@@ -280,6 +281,17 @@ def figure(name: str, value: object, error: type[Exception] = InvalidTask) -> fl
         with suppress(TypeError, ValueError, OverflowError):
             return float(value)
     raise error(f'{name} = {shown(value)}: expected a number, infinity or nan')
+
+
+def estimate(name: str, function: Any, n: int) -> Callable[[], Floats]:
+    """Return a function that says n errors when they are asked for, nan if it is None; or raise."""
+    function = Constant(np.full(n, np.nan)) if function is None else function
+    if not callable(function):
+        raise InvalidTask(f'{name} = {shown(function)}: expected a function')
+    if isinstance(function, Constant):
+        freeze(function.content)
+    result: Callable[[], Floats] = function
+    return result
 
 
 def results(name: str, value: Any, shape: tuple[int | None, ...],

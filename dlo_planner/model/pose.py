@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -234,16 +234,11 @@ def _rotation_of(x: float, y: float, z: float, w: float) -> Floats:
 
     Diebel 2006, Representing attitude, eq. 125.
     """
-    return np.array(_rows_of(x, y, z, w))
-
-
-def _rows_of(x: Any, y: Any, z: Any, w: Any) -> list[list[Any]]:
-    """Return the entries of a unit quaternion's matrix; x, y, z, w are numbers or arrays."""
     xx, yy, zz, ww = x * x, y * y, z * z, w * w
     xy, xz, yz, xw, yw, zw = x * y, x * z, y * z, x * w, y * w, z * w
-    return [[xx - yy - zz + ww, 2 * (xy - zw), 2 * (xz + yw)],
-            [2 * (xy + zw), yy - xx - zz + ww, 2 * (yz - xw)],
-            [2 * (xz - yw), 2 * (yz + xw), zz - xx - yy + ww]]
+    return np.array([[xx - yy - zz + ww, 2 * (xy - zw), 2 * (xz + yw)],
+                     [2 * (xy + zw), yy - xx - zz + ww, 2 * (yz - xw)],
+                     [2 * (xz - yw), 2 * (yz + xw), zz - xx - yy + ww]])
 
 
 def _volume(m: Floats) -> float:

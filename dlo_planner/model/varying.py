@@ -203,8 +203,7 @@ class Expanded(_Derived):
 
     def __call__(self, s: float) -> Floats:
         """Return the value at `s` (m)."""
-        result: Floats = self._at(s) + legval(2 * s / self.length - 1, self.coefficients)
-        return result
+        return self._at(s) + legval(2 * s / self.length - 1, self.coefficients)
 
 
 def breaks_of(content: object) -> Floats:

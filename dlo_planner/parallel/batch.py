@@ -31,7 +31,6 @@ _LOOP = 512    # of one that nobody waits for
 _FEW, _LAST = 16, 4  # the last pieces: a quarter of what is left, 16 at the least
 _MOST = 100_000
 _NO_CONTACTS = columns([], np.zeros(2))['contact_table']
-_CONTACT = _NO_CONTACTS.shape[1]
 
 
 def map(simulator: DirectSimulator, work: Iterable[Any], executor: Workers = None, *,  # noqa: A001
@@ -177,37 +176,17 @@ def _poses(work: Iterable[Any]) -> tuple[tuple[Pose, ...], list[tuple[Pose, ...]
 def _alone(simulator: DirectSimulator, grippers: Sequence[Pose], rods: Sequence[Rod] | None,
            pool: Pool, chunk: int, steps: Progress) -> Shapes:
     """Return the Shapes at Poses, each by itself, of the simulator's rod or of one rod each."""
-    n, payload, done = len(grippers), CachedPayload(simulator), 0
-    parts = list(_parts(n, chunk, pool.shares))
+    parts, payload = list(_parts(len(grippers), chunk, pool.shares)), CachedPayload(simulator)
     positions, rotations = arrays_of(grippers)
-    rows: Columns = {}  # of all: each piece is written to its place while others are computed
-    tables: dict[int, Floats] = {}
-
-    def finished(index: int, piece: Columns) -> None:
-        nonlocal rows, done
-        begin, end = parts[index]
-        tables[index] = piece.pop('contact_table') + begin * (np.arange(_CONTACT) == 0)
-        if len(parts) == 1:
-            rows = piece
-        for name, values in piece.items() if len(parts) > 1 else ():
-            if name not in rows:
-                rows[name] = np.empty((n, *values.shape[1:]), values.dtype)
-            rows[name][begin:end] = values
-        done += end - begin
-        steps.done(done, n)
-
-    pool.run(columns_of, (Piece(payload, positions[begin:end], rotations[begin:end], False,
-                                steps.left(), None if rods is None else tuple(rods[begin:end]))
-                          for begin, end in parts), finished)
+    found = _computed((Piece(payload, positions[begin:end], rotations[begin:end], False,
+                             steps.left(), None if rods is None else tuple(rods[begin:end]))
+                       for begin, end in parts), [end - begin for begin, end in parts], pool, steps)
     s = simulator.mesh.s
     lengths = [] if rods is None else [rod.length for rod in rods]
     if any(length != s[-1] for length in lengths):
         nodes = [scaled_nodes(s, length) for length in lengths]
         s = nodes[0] if len(set(lengths)) == 1 else np.array(nodes)
-    if not parts:
-        return _shapes(simulator, grippers, columns([], s), s)
-    rows['contact_table'] = np.concatenate([tables[index] for index in range(len(parts))])
-    return _shapes(simulator, grippers, rows, s)
+    return _shapes(simulator, grippers, stacked(found) if found else columns([], s), s)
 
 
 def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
@@ -225,19 +204,24 @@ def _parts(n: int, chunk: int, shared: bool) -> Iterator[tuple[int, int]]:
 def _followed(simulator: DirectSimulator, motions: Sequence[Sequence[Pose]], pool: Pool,
               steps: Progress) -> list[Shapes]:
     """Return the Shapes of each motion."""
-    payload, found, done = CachedPayload(simulator), dict[int, Columns](), 0
-    total = sum(len(motion) for motion in motions)
+    payload = CachedPayload(simulator)
+    found = _computed((Piece(payload, *arrays_of(motion), True, steps.left())
+                       for motion in motions), [len(motion) for motion in motions], pool, steps)
+    return [_shapes(simulator, motion, rows, simulator.mesh.s)
+            for motion, rows in zip(motions, found, strict=True)]
+
+
+def _computed(pieces: Iterable['Piece'], sizes: Sequence[int], pool: Pool,
+              steps: Progress) -> list[Columns]:
+    """Return the `columns` of each Piece; `sizes` are their numbers of poses."""
+    found: dict[int, Columns] = {}
 
     def finished(index: int, rows: Columns) -> None:
-        nonlocal done
         found[index] = rows
-        done += len(motions[index])
-        steps.done(done, total)
+        steps.done(sum(sizes[k] for k in found), sum(sizes))
 
-    pool.run(columns_of, (Piece(payload, *arrays_of(motion), True, steps.left())
-                          for motion in motions), finished)
-    return [_shapes(simulator, motion, found[index], simulator.mesh.s)
-            for index, motion in enumerate(motions)]
+    pool.run(columns_of, pieces, finished)
+    return [found[index] for index in range(len(sizes))]
 
 
 def _shapes(simulator: DirectSimulator, grippers: Sequence[Pose], rows: Columns,
@@ -264,18 +248,9 @@ class Piece(NamedTuple):
 
 
 def arrays_of(grippers: Sequence[Pose]) -> tuple[Floats, Floats]:
-    """Return positions (n, 3) and rotations (n, 3, 3) of n Poses, read-only."""
-    n = len(grippers)
-    return (_rows([pose.position for pose in grippers]).reshape(n, 3),
-            _rows([pose.rotation for pose in grippers]).reshape(n, 3, 3))
-
-
-def _rows(arrays: list[Any]) -> Floats:
-    """Return the numbers of some arrays in a row, read-only: `np.array` takes ten times as long."""
-    try:
-        return np.frombuffer(b''.join(arrays))
-    except TypeError:  # some are transposed in memory
-        return np.frombuffer(b''.join([one.tobytes() for one in arrays]))
+    """Return positions (n, 3) and rotations (n, 3, 3) of n Poses."""
+    return (np.array([pose.position for pose in grippers]).reshape(-1, 3),
+            np.array([pose.rotation for pose in grippers]).reshape(-1, 3, 3))
 
 
 def columns_of(piece: Piece) -> Columns:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.shape import Shape, pack, unpack
-from dlo_planner.direct.storage import load, pose_of, pose_row, save
+from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import choice, instance, integer, items, number, results, shown
@@ -209,7 +209,9 @@ class Plan(Filmed):
     @property
     def arc_lengths(self) -> Floats:
         """(n,) arc length that is to be in the first cut-out, or in contact, m; nan: none is."""
-        return arc_lengths_at(first_center(self.via_points), self.via_points)
+        center = next((one[0][0] for one in self.via_points if one), None)
+        known = (arc_length_at(center, one) for one in self.via_points)
+        return np.array([np.nan if s is None else s for s in known])
 
     def at_arc_length(self, s: float) -> Pose:
         """Return the Pose of the gripper at which the DLO passes the first cut-out at `s` in m.
@@ -221,7 +223,18 @@ class Plan(Filmed):
         InvalidTask
             `s` does not pass it between the waypoints.
         """
-        return pose_at_arc_length(self, self.arc_lengths, number('s', s))
+        s, known = number('s', s), self.arc_lengths
+        between = np.flatnonzero((known[1:] - s) * (known[:-1] - s) <= 0)
+        if not between.size:
+            passing = known[np.isfinite(known)]
+            raise InvalidTask(f's = {s:g}: expected an arc length that passes a cut-out, ' + (
+                f'{passing.min():g} to {passing.max():g} m' if passing.size > 1 else 'none does'))
+        one, other = between[0], between[0] + 1
+        step = known[other] - known[one]
+        share = (s - known[one]) / step if step else 0.0
+        u = self.times[one] + share * (self.times[other] - self.times[one])
+        position, rotation = GripperPath.of(self).at(u)
+        return Pose.from_rotation(position[0], rotation[0])
 
     @property
     def velocities(self) -> Floats:
@@ -354,24 +367,6 @@ def padded_clearances(clearances: Sequence[Sequence[Sequence[float] | Floats] | 
     return out
 
 
-def pose_at_arc_length(plan: Plan, known: Floats, s: float) -> Pose:
-    """Return the Pose on a Plan's path at which the arc length `s`, m, first passes a cut-out.
-
-    Shapes: known (n,).
-    """
-    between = np.flatnonzero((known[1:] - s) * (known[:-1] - s) <= 0)
-    if not between.size:
-        passing = known[np.isfinite(known)]
-        raise InvalidTask(f's = {s:g}: expected an arc length that passes a cut-out, ' + (
-            f'{passing.min():g} to {passing.max():g} m' if passing.size > 1 else 'none does'))
-    one, other = between[0], between[0] + 1
-    step = known[other] - known[one]
-    share = (s - known[one]) / step if step else 0.0
-    u = plan.times[one] + share * (plan.times[other] - plan.times[one])
-    position, rotation = GripperPath.of(plan).at(u)
-    return Pose.from_rotation(position[0], rotation[0])
-
-
 def means_to_touch(plan: Plan) -> bool:
     """Whether a Plan has contacts, or a bore that holds the DLO."""
     return held_after(plan) is not None or any(shape.contacts for shape in plan.shapes)
@@ -391,17 +386,6 @@ def arc_length_at(center: Floats | None, passes: Passes) -> float | None:
     if center is None:
         return None
     return next((s for other, s, _ in passes if np.array_equal(other, center)), None)
-
-
-def first_center(passes: Iterable[Passes]) -> Floats | None:
-    """Return the center (3,) that a plan's waypoints pass first, None if none does."""
-    return next((one[0][0] for one in passes if one), None)
-
-
-def arc_lengths_at(center: Floats | None, passes: Iterable[Passes]) -> Floats:
-    """Return (n,) the arc lengths in m at which a center or None is passed, nan where it is not."""
-    return np.array([np.nan if s is None else s
-                     for s in (arc_length_at(center, one) for one in passes)])
 
 
 def times_at_speed(grippers: Sequence[Pose], linear_speed: float, angular_speed: float) -> Floats:
@@ -431,7 +415,7 @@ def plan_tree(plan: Plan) -> dict[str, Any]:
 
 def plan_of(tree: Mapping[str, Any]) -> Plan:
     """Return the Plan of the tree of `plan_tree`."""
-    grippers = [pose_of(row) for row in tree['grippers']]
+    grippers = [pose_of_row(row) for row in tree['grippers']]
     via_points: list[list[tuple[Floats, float, Floats | None]]] = [[] for _ in grippers]
     for k, *numbers in tree['passes']:
         normal = np.array(numbers[4:])
@@ -455,6 +439,6 @@ def _sheet(sheet: Sheet) -> dict[str, Any]:
 
 
 def _read_sheet(known: Mapping[str, Any]) -> Sheet:
-    cutouts = [CutOut(**{**one, 'pose': pose_of(one['pose'])}) for one in known['cutouts']]
-    return Sheet(pose_of(known['pose']), cutouts=cutouts,
+    cutouts = [CutOut(**{**one, 'pose': pose_of_row(one['pose'])}) for one in known['cutouts']]
+    return Sheet(pose_of_row(known['pose']), cutouts=cutouts,
                  **{name: known[name] for name in ('width', 'height', 'thickness', 'friction')})

@@ -18,7 +18,7 @@ from visualization_msgs.msg import MarkerArray
 
 from dlo_planner.errors import DloPlannerError, InvalidTask
 from dlo_planner.execute.causes import Cause
-from dlo_planner.exercises import answers, closed_loop, corrections, proofs
+from dlo_planner.exercises import answers, closed_loop, looks, proofs
 from dlo_planner.ros.arm import ArmOutput
 from dlo_planner.ros.estimate import Estimator
 from dlo_planner.ros.inputs import Frames
@@ -112,7 +112,7 @@ class PlannerNode(LifecycleNode):
         with suppress(DloPlannerError):  # a process is started again for the first plan
             self._prover.result(proofs)
             self._looping.result(closed_loop)
-        corrections()
+        looks()
 
     # ---- lifecycle ------------------------------------------------------------------------------
 

@@ -43,7 +43,8 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
               first: Shape, check: Callable[[], None]) -> list[LegTask | None]:
     """Return a LegTask for each leg of a path; None for a dwell, or where modes are not known."""
     quick, bore = _quick(simulator), held_after(plan)
-    wrong = [_Wrong(quick, factor) for factor in _WRONG]
+    wrong = {factor: _with_stiffness(quick, factor) for factor in _WRONG}
+    begins: dict[float, Shape] = {}
     shape: Shape | None = None
     tasks: list[LegTask | None] = []
     for leg in path.legs:
@@ -60,42 +61,35 @@ def leg_tasks(simulator: DirectSimulator, plan: Plan, path: GripperPath, limits:
         shape = response.shapes[-1]
         tasks.append(LegTask(leg, response, limits, holes_passed(plan, response.parameters),
                              leg is path.legs[-1],
-                             tuple(one.on(response, leg, check) for one in wrong)))
+                             tuple(_wrong(one, factor, response, leg, begins, check)
+                                   for factor, one in wrong.items())))
     return tasks
 
 
-@dataclass
-class _Wrong:
-    """A DLO whose stiffness is wrong, leg by leg."""
+def _wrong(simulator: DirectSimulator, factor: float, response: Response, leg: Leg,
+           begins: dict[float, Shape], check: Callable[[], None]) -> Response:
+    """Return the Response of a DLO whose stiffness is wrong by a factor, at the same parameters.
 
-    quick: DirectSimulator  # of the DLO as it is given
-    factor: float  # factor of its stiffness
+    Where such a DLO falls or has no modes, `response` with other frequencies. `begins` are the
+    shapes in which the leg before has left such DLOs.
+    """
+    try:
+        begin = begins.pop(factor, None) or simulator.solve(response.shapes[0].gripper,
+                                                            response.shapes[0])
+        wrong = Response.of(simulator, leg, begin, response.parameters, check)
+        if all(shape.converged and not shape.jumped for shape in wrong.shapes):
+            begins[factor] = wrong.shapes[-1]
+            return wrong
+    except InvalidTask:
+        pass
+    return response.faster(np.sqrt(factor))
 
-    def __post_init__(self) -> None:
-        rod = self.quick.rod
-        self._simulator = self.quick.with_rod(replace(
-            rod, bending_stiffness=scaled(rod.bending_stiffness, self.factor),
-            torsional_stiffness=scaled(rod.torsional_stiffness, self.factor)))
-        self._shape: Shape | None = None
 
-    def on(self, response: Response, leg: Leg, check: Callable[[], None]) -> Response:
-        """Return the Response on a leg, where that of the DLO as it is given is `response`.
-
-        Where such a DLO falls or has no modes, the same with other frequencies.
-        """
-        begin = response.shapes[0]
-        try:
-            if self._shape is None:
-                self._shape = self._simulator.solve(begin.gripper, begin)
-            wrong = Response.of(self._simulator, leg, self._shape, response.parameters,
-                                check)
-            if all(shape.converged and not shape.jumped for shape in wrong.shapes):
-                self._shape = wrong.shapes[-1]
-                return wrong
-        except InvalidTask:
-            pass
-        self._shape = None
-        return response.faster(np.sqrt(self.factor))
+def _with_stiffness(simulator: DirectSimulator, factor: float) -> DirectSimulator:
+    rod = simulator.rod
+    return simulator.with_rod(replace(
+        rod, bending_stiffness=scaled(rod.bending_stiffness, factor),
+        torsional_stiffness=scaled(rod.torsional_stiffness, factor)))
 
 
 def _quick(simulator: DirectSimulator) -> DirectSimulator:

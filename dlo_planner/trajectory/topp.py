@@ -10,12 +10,15 @@ the DLO's quasi-static deviation (`Bearing`).
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
 
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
@@ -59,7 +62,7 @@ def fastest_rates(leg: Leg, limits: Limits,
     from toppra.algorithm import TOPPRA  # noqa: PLC0415
 
     logging.getLogger('toppra').setLevel(logging.ERROR)
-    kept, path = _constraints(toppra, limits, bearing), _path(toppra, leg)
+    kept, path = _constraints(toppra, leg, limits, bearing), _path(toppra, leg)
     pieces = max(_PER_PIECE, -(-_PLACES // (leg.knots.size - 1)))
     places = np.append(leg.pieces(pieces)[0], leg.knots[-1])
     _, rates, _ = TOPPRA(kept, path, gridpoints=places).compute_parameterization(0, 0)
@@ -85,54 +88,49 @@ def _path(toppra: Any, leg: Leg) -> Any:
     return Path()
 
 
-def _constraints(toppra: ModuleType, limits: Limits, bearing: Bearing | None) -> list[Any]:
+def _constraints(toppra: ModuleType, leg: Leg, limits: Limits,
+                 bearing: Bearing | None) -> list[Any]:
     """Return toppra's constraints for the Limits and, if there is one, for a Bearing."""
 
-    class Size(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
-        """Bounds of speed and acceleration of some coordinates, as the lengths of vectors."""
+    class Constraint(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
+        """A function of the parameters u (n,) that returns _Parameters."""
 
-        def __init__(self, part: slice, speed: float, acceleration: float) -> None:
+        def __init__(self, at: Callable[[Floats], _Parameters]) -> None:
             super().__init__()
-            self.part, self.speed, self.acceleration = part, speed, acceleration
+            self.at = at
 
         def get_dof(self) -> int:
             return 6
 
-        def compute_constraint_params(self, path: Any, u: Floats, *_: Any,
-                                      **__: Any) -> _Parameters:
-            first, second = path(u, 1)[:, self.part], path(u, 2)[:, self.part]
-            speed = np.linalg.norm(first, axis=1)
-            along = (first * second).sum(axis=1) / np.maximum(speed, _STILL)
-            across = np.sqrt(np.maximum((second**2).sum(axis=1) - along**2, 0))
-            angles = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
-            sides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-            most = np.full((u.size, _CORNERS), self.acceleration * np.cos(np.pi / _CORNERS))
-            fastest = np.minimum(self.speed / np.maximum(speed, _STILL), _FASTEST) ** 2
-            return _Parameters(
-                np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1),
-                np.zeros((u.size, 2)), np.repeat(sides[None], u.size, axis=0), most, None,
-                np.stack([0 * fastest, fastest], axis=1))
-
-    class Bounded(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
-        """The bounds of a Bearing."""
-
-        def __init__(self, bearing: Bearing) -> None:
-            super().__init__()
-            self.bearing = bearing
-
-        def get_dof(self) -> int:
-            return 6
-
-        def compute_constraint_params(self, _: Any, u: Floats, *__: Any,
-                                      **___: Any) -> _Parameters:
-            slopes, bends, most = (
-                np.stack([np.interp(u, self.bearing.parameters, column) for column in what.T],
-                         axis=1)
-                for what in (self.bearing.slopes, self.bearing.bends, self.bearing.most))
-            m = slopes.shape[1]
-            sides = np.repeat(np.vstack([np.eye(m), -np.eye(m)])[None], u.size, axis=0)
-            return _Parameters(slopes, bends, 0 * slopes, sides, np.hstack([most, most]))
+        def compute_constraint_params(self, _: Any, u: Floats, *__: Any, **___: Any) -> _Parameters:
+            return self.at(u)
 
     finite = np.minimum(limits.sizes, _ENDLESS)
-    kept = [Size(slice(0, 3), *finite[:2, 0]), Size(slice(3, 6), *finite[:2, 1])]
-    return kept if bearing is None else [*kept, Bounded(bearing)]
+    kept = [Constraint(partial(_sizes, leg, slice(0, 3), *finite[:2, 0])),
+            Constraint(partial(_sizes, leg, slice(3, 6), *finite[:2, 1]))]
+    return kept if bearing is None else [*kept, Constraint(partial(_bounds, bearing))]
+
+
+def _sizes(leg: Leg, part: slice, speed: float, acceleration: float, u: Floats) -> _Parameters:
+    """Return bounds of speed and acceleration of some coordinates, as the lengths of vectors."""
+    first, second = (derivative[:, part] for derivative in leg.at(u)[2:])
+    size = np.linalg.norm(first, axis=1)
+    along = (first * second).sum(axis=1) / np.maximum(size, _STILL)
+    across = np.sqrt(np.maximum((second**2).sum(axis=1) - along**2, 0))
+    angles = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
+    sides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    most = np.full((u.size, _CORNERS), acceleration * np.cos(np.pi / _CORNERS))
+    fastest = np.minimum(speed / np.maximum(size, _STILL), _FASTEST) ** 2
+    return _Parameters(np.stack([size, 0 * size], axis=1), np.stack([along, across], axis=1),
+                       np.zeros((u.size, 2)), np.repeat(sides[None], u.size, axis=0), most, None,
+                       np.stack([0 * fastest, fastest], axis=1))
+
+
+def _bounds(bearing: Bearing, u: Floats) -> _Parameters:
+    """Return the bounds of a Bearing."""
+    slopes, bends, most = (make_interp_spline(bearing.parameters, known, k=1)(
+        np.clip(u, *bearing.parameters[[0, -1]]))
+        for known in (bearing.slopes, bearing.bends, bearing.most))
+    both = np.eye(slopes.shape[1])
+    sides = np.repeat(np.vstack([both, -both])[None], u.size, axis=0)
+    return _Parameters(slopes, bends, 0 * slopes, sides, np.hstack([most, most]))

@@ -51,6 +51,8 @@ def test_callable_natural_strains():
      'natural_curvature(0) = nan'),
     ({'point_masses': ((2.0, 1.0),)}, 'point_masses s = 2.0'),
     ({'damping': (1.0, -0.1)}, 'damping'),
+    ({'hardening': 1.0}, 'hardening'), ({'section_model': 'oval'}, 'section_model'),
+    ({'section_model': 'fibers'}, 'section_model'),
 ])
 def test_bad_values_are_named(change, named):
     good = {'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 1.0,

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
-from dlo_planner import DloPlannerError, Infeasible, InvalidTask, Pose
+from dlo_planner import Infeasible, InvalidTask, Pose
 from dlo_planner.ros.arm import ArmOutput, _current
 from dlo_planner.ros.lifecycle import LATCHED, LifecycleNode
 from dlo_planner.ros.node import declare
@@ -151,14 +151,6 @@ def test_joint_states_in_parts_are_put_together_and_bad_ones_refused(cell):
     assert known == {'finger': 0.5, **dict(zip(ur5().joints, UR5_READY, strict=True))}
 
 
-def test_old_joint_states_do_not_count(cell, monkeypatch):
-    cell = cell(('arm.tool_link', 'tool0'))
-    cell.robot_is(ur5(), UR5_READY)
-    monkeypatch.setattr('dlo_planner.ros.arm._STALE', 0.0)
-    with pytest.raises(InvalidTask, match='no position of shoulder_pan_joint, .* in the last 0 s'):
-        cell.output.on_proof(timed(way(ur5().pose(UR5_READY), (0, 0.1, 0))), TOOL, STAMP)
-
-
 def test_positions_count_for_a_second():
     arm = ur5()
     known = {name: (value, 5.0) for name, value in zip(arm.joints, UR5_READY, strict=True)}
@@ -187,17 +179,3 @@ def test_a_semantic_description_says_what_is_looked_at(cell):
     cell.until(lambda: cell.output._semantic)
     trajectory = timed(way(ur5().pose(UR5_READY), (0.0, 0.05, 0.0)))
     assert cell.output.on_proof(trajectory, Pose.identity(), STAMP).self_clearance == np.inf
-
-
-@pytest.mark.parametrize('name, value', [
-    ('arm.joints', 'elbow_joint'), ('arm.joints', [1.0]), ('arm.self_clearance', 'wide'),
-    ('arm.base.position', ['a', 'b', 'c']), ('arm.tool_link', 3)])
-def test_parameters_of_a_wrong_type_are_refused_at_the_start(cell, name, value):
-    with pytest.raises(DloPlannerError, match=f'parameter {name} = '):
-        cell((name, value))
-
-
-def test_whole_numbers_are_doubles(cell):
-    cell = cell(('arm.base.position', [1, 2, 3]), ('arm.deadline', 5))
-    assert list(cell.node.get_parameter('arm.base.position').value) == [1.0, 2.0, 3.0]
-    assert cell.node.get_parameter('arm.deadline').value == 5.0

@@ -220,9 +220,10 @@ def test_what_streams_is_what_was_proved_until_it_is_canceled_and_decelerates(cl
 
 def test_obstacles_that_change_void_the_plan_and_end_its_execution(client, begun):
     assert client.proof(begun)['report'] == 'held'
-    drain(client.executions)
+    for messages in (client.executions, client.commands):
+        drain(messages)
     assert client.trigger('execute').success
-    time.sleep(1.0)
+    assert until(lambda: client.commands.qsize() > 50)
     box = cube(1.0, 7)
     box.pose = pose_msg(poses_from_path(begun)[-1])
     client.send_obstacles([box])

@@ -271,31 +271,14 @@ def least_penalty(simulator: DirectSimulator, task: Minimize, start: Pose,
     if initial is not None and initial.far_end is not None:
         raise InvalidTask('initial is held at its far end: expected a Shape whose far end is free, '
                           'as it is in the search')
-    _check_lengths(task.penalties, simulator.rod.length)
+    for penalty in task.penalties:  # arc lengths are on the DLO
+        for name in getattr(penalty, 'ARC_LENGTHS', ()):
+            number(f'{type(penalty).__name__}.{name}', getattr(penalty, name), minimum=0,
+                   maximum=simulator.rod.length)
     most = task.max_iterations
     function = PenaltyFunction(simulator, list(task.penalties), start, initial, progress, most)
     found = (_least_squares if function.squares_only else _least_number)(function, most)
     return found if found.shape.stability >= stability else replace(found, converged=False)
-
-
-def judged_penalties(penalties: object) -> list[Penalty]:
-    """Return one penalty or several as a list; raise InvalidTask for what is none."""
-    judged: list[Any] = list(penalties) if isinstance(penalties, list | tuple) else [penalties]
-    if not judged:
-        raise InvalidTask('penalties = []: expected one at least, something to minimize')
-    for penalty in judged:
-        if not callable(penalty) and not hasattr(penalty, 'residuals'):
-            raise InvalidTask(f'penalties: {shown(penalty)} is neither a function nor has '
-                              'residuals')
-    return judged
-
-
-def _check_lengths(penalties: Sequence[Penalty], length: float) -> None:
-    """Raise InvalidTask where an arc length of a penalty is beyond the DLO."""
-    for penalty in penalties:
-        for name in getattr(penalty, 'ARC_LENGTHS', ()):
-            number(f'{type(penalty).__name__}.{name}', getattr(penalty, name), minimum=0,
-                   maximum=length)
 
 
 def _least_squares(function: PenaltyFunction, most: int) -> PenaltyResult:
@@ -359,7 +342,15 @@ class Minimize(Task):
                      max_iterations: int = 200) -> None: ...
 
     def __post_init__(self) -> None:
-        put(self, penalties=tuple(judged_penalties(self.penalties)),
+        several = isinstance(self.penalties, list | tuple)
+        penalties: tuple[Any, ...] = tuple(self.penalties) if several else (self.penalties,)
+        if not penalties:
+            raise InvalidTask('penalties = []: expected one at least, something to minimize')
+        for penalty in penalties:
+            if not callable(penalty) and not hasattr(penalty, 'residuals'):
+                raise InvalidTask(f'penalties: {shown(penalty)} is neither a function nor has '
+                                  'residuals')
+        put(self, penalties=penalties,
             max_iterations=integer('max_iterations', self.max_iterations, minimum=1,
                                    maximum=1_000_000))
         super().__post_init__()

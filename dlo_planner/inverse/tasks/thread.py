@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.continuation import (
@@ -43,13 +42,13 @@ from dlo_planner.inverse.equilibria import (
 from dlo_planner.inverse.route import (
     NO_WAY,
     Route,
+    Threading,
     find_route,
     gets_there,
     grid_nodes,
     plan_family,
     quick_simulator,
     sweep,
-    thinned,
     with_certificate,
 )
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
@@ -59,9 +58,8 @@ from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder, kept_between
-from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.plan import Plan, PlanStatus, truncate
-from dlo_planner.plan.waypoint import Holes, Waypoint, waypoint_of
+from dlo_planner.plan.waypoint import Waypoint, waypoint_of
 
 _FIRM = (1e3, 1e2, 1e1, 1.0)  # how much smoothness counts: features of 35 to 6 waypoints go
 _NO_ROLL = 1e-3     # rad between two waypoints
@@ -72,29 +70,6 @@ _STARTS = 80, 24    # shapes looked at: set down in the natural shape, brought f
 _AHEAD = 0.0, 0.15  # of the length: other smoothings of a route
 _PREFERENCE = 0.01  # for a start without a turn, per rad^2, against rad^2 of motion on the way
 _HALVINGS = 6       # of the depth between the last waypoint that is reached and the next one
-
-
-@dataclass(frozen=True)
-class Threading:
-    """What a threading through cut-outs is asked for, on its way through a search."""
-
-    cutouts: tuple[CutOut, ...]
-    depths: Floats  # (n,) depths in the first one, m
-    start: Pose | None  # whose roll is kept as far as possible
-    demands: Judge
-    initial: Shape | None = None  # before. If None, the DLO is set down in its natural shape
-    method: str = 'coupled'  # or 'nested', for waypoints
-
-    def at_most(self, most: int) -> Threading:
-        """Return a quick one: `most` of the depths, unreported; itself if there are no more."""
-        if len(self.depths) <= most:
-            return self
-        return replace(self, depths=thinned(self.depths, most), demands=self.demands.silent(),
-                       method='coupled')
-
-    def holes(self, length: float) -> Holes:
-        """Return the Holes that a DLO of this length (m) passes."""
-        return Holes(self.cutouts, length, self.demands.obstacles, self.demands.surface)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,8 +146,7 @@ def thread(simulator: DirectSimulator, task: Threading) -> Plan:
     task = replace(task, demands=task.demands.made_with(simulator))
     quick = quick_simulator(simulator)
     own = quick is simulator
-    trial = task if own else replace(task, demands=task.demands.silent().made_with(quick),
-                                     method='coupled')
+    trial = task if own else task.tried_with(quick)
     candidates = start_candidates(quick, task.cutouts[0].normal, task.start)
     first: tuple[Candidate, Rolls | None] = next(candidates), None
 

@@ -19,9 +19,9 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import Family, Follower, Passing, continue_family
 from dlo_planner.inverse.equilibria import is_axisymmetric
-from dlo_planner.inverse.route import quick_simulator, thinned
+from dlo_planner.inverse.route import Threading, quick_simulator
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
-from dlo_planner.inverse.tasks.thread import Thread, Threading, thread
+from dlo_planner.inverse.tasks.thread import Thread, thread
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
 from dlo_planner.inverse.waypoint_newton import nearest_goals
 from dlo_planner.model.arrays import Floats
@@ -134,8 +134,7 @@ def thread_sequence(simulator: DirectSimulator, task: Threading, weights: Floats
     quick = quick_simulator(simulator)
     if quick is simulator and is_axisymmetric(simulator.rod):
         return _thread(simulator, task, weights)  # all rolls are alike
-    few = replace(task, depths=thinned(task.depths, _COMPARED),
-                  demands=task.demands.silent().made_with(quick))
+    few = task.tried_with(quick).at_most(_COMPARED)
     best: Threading | None = None
     least, refused = np.inf, None
     for start in _rolled(simulator, task):

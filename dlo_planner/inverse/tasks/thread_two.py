@@ -37,6 +37,7 @@ from dlo_planner.inverse.equilibria import (
 )
 from dlo_planner.inverse.route import (
     Route,
+    Threading,
     gets_there,
     grid_nodes,
     motion,
@@ -47,7 +48,7 @@ from dlo_planner.inverse.route import (
     with_certificate,
 )
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
-from dlo_planner.inverse.tasks.thread import Threading, first_choice
+from dlo_planner.inverse.tasks.thread import first_choice
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.checks import instance
 from dlo_planner.model.cutout import CutOut
@@ -92,7 +93,7 @@ def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
         raise InvalidTask('second: expected another center than the first cut-out\'s')
     quick = quick_simulator(simulator)
     own = quick is simulator
-    trial = task if own else replace(task, demands=task.demands.silent().made_with(quick))
+    trial = task if own else task.tried_with(quick)
     shapes = cache(lambda: hanging_shapes(quick.surroundings, grid_nodes(quick)))
 
     def others(refused: Infeasible | None) -> Iterator[Change]:
