@@ -189,14 +189,18 @@ class Chain:
             _limits(self.model, name, joint) for name, joint in zip(
                 self.names, moved, strict=True)]).T
 
-    def reduced(self, shapes: Any) -> Any:
-        """Return the GeometryModel of the chain's model, from that of the whole robot."""
-        return pinocchio().buildReducedModel(self._named, shapes, self._others, self._standing)[1]
-
-    def shapes(self, urdf: str) -> Any:
-        """Return the GeometryModel of the collision elements of the whole robot."""
+    def hulls(self, urdf: str) -> Any:
+        """Return the GeometryModel of the collision elements, meshes as their convex hulls."""
         pin = pinocchio()
-        return pin.buildGeomFromUrdfString(self._full, urdf, pin.GeometryType.COLLISION)
+        try:
+            shapes = pin.buildGeomFromUrdfString(self._full, urdf, pin.GeometryType.COLLISION)
+        except Exception as error:  # Boost.Python: any may come
+            raise InvalidTask(f'urdf: a collision shape cannot be read; {error}') from None
+        for shape in shapes.geometryObjects:
+            if hasattr(shape.geometry, 'buildConvexHull'):
+                shape.geometry.buildConvexHull(True, 'Qt')
+                shape.geometry = shape.geometry.convex
+        return pin.buildReducedModel(self._named, shapes, self._others, self._standing)[1]
 
     def configuration(self, positions: Floats) -> Floats:
         """Return Pinocchio's configuration for joint positions (m,)."""
@@ -242,7 +246,7 @@ class SelfCollision:
         root = parsed('urdf', urdf)
         self._chain = chain
         self.missing = tuple(_resolve_meshes(root, packages))
-        self._shapes = _hulls(chain, ElementTree.tostring(root, encoding='unicode'))
+        self._shapes = chain.hulls(ElementTree.tostring(root, encoding='unicode'))
         self._shapes.addAllCollisionPairs()  # but those of one body
         if not len(self._shapes.geometryObjects):
             self.missing = (*self.missing, 'no collision elements in the URDF')
@@ -369,19 +373,6 @@ def _limits(model: Any, name: str, joint: Any) -> tuple[float, float, float]:
         raise InvalidTask(f'urdf: the joint {name!r} has the velocity limit {speed:g}: expected '
                           'more than 0')
     return lower, upper, speed
-
-
-def _hulls(chain: Chain, urdf: str) -> Any:
-    """Return the GeometryModel of a Chain's collision elements, meshes as their convex hulls."""
-    try:
-        shapes = chain.shapes(urdf)
-    except Exception as error:  # Boost.Python: any may come
-        raise InvalidTask(f'urdf: a collision shape cannot be read; {error}') from None
-    for shape in shapes.geometryObjects:
-        if hasattr(shape.geometry, 'buildConvexHull'):
-            shape.geometry.buildConvexHull(True, 'Qt')
-            shape.geometry = shape.geometry.convex
-    return chain.reduced(shapes)
 
 
 def _levers(chain: Chain, shapes: Any) -> Floats:

@@ -11,16 +11,16 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from time import thread_time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
-from dlo_planner.extras import extra
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import depths_on, depths_or_none
 from dlo_planner.model.arrays import Floats
@@ -40,7 +40,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.value import Value, brief, parts_of, put
 from dlo_planner.parallel.pool import CachedPayload, Pool, Workers, checked
 from dlo_planner.parallel.shapes import as_it_is
-from dlo_planner.pictured import Answer
+from dlo_planner.pictured import BACKEND, Answer
 from dlo_planner.plan.plan import Plan
 from dlo_planner.progress import OnProgress, Progress
 
@@ -61,8 +61,6 @@ COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
     'outcome': (f'<U{LONGEST}', ()), 'amount': (float, ()), 'fraction': (float, ()),
     'clearance': (float, ()), 'stability': (float, ()), 'roll': (float, ()), 'start': (int, ()),
     'gripper': (float, (7,)), 'seconds': (float, ())}
-_SLICES = 12      # that are drawn
-_ALIKE = 1e-6   # m: positions in one slice
 _TASK, _PART = 'task.npz', 'part-{:07d}.npz'
 QUANTITIES = {'share': 'part of directions and radii that can be threaded',
               'clearance': 'largest clearance [m]', 'stability': 'largest stability',
@@ -222,37 +220,8 @@ class CapabilityMap(Answer):
         """
         across = 'xyz'.index(choice('axis', axis, ('x', 'y', 'z')))
         choice('quantity', quantity, tuple(QUANTITIES))
-        first, second = (k for k in range(3) if k != across)
-        places = self.grid.positions
-        levels = np.unique(np.round(places[:, across] / _ALIKE)) * _ALIKE
-        levels = levels[np.unique(np.linspace(
-            0, levels.size - 1, min(levels.size, _SLICES)).astype(int))]
-        values, known = _best(self, quantity), (self.outcome != '').any(axis=(1, 2))
-        low, high = 0.0, 1.0
-        if quantity != 'share' and np.isfinite(values).any():
-            low, high = np.nanmin(values), np.nanmax(values)
-        columns = min(levels.size, 4)
-        figure: Figure = extra('matplotlib.figure', 'figures', 'pictures').Figure(
-            figsize=(1.5 + 3.2 * columns, 1.5 + 3.0 * -(-levels.size // columns)),
-            layout='constrained')
-        axes = figure.subplots(-(-levels.size // columns), columns, squeeze=False, sharex=True,
-                               sharey=True).ravel()
-        for axis_, level in zip(axes, levels, strict=False):
-            in_slice = np.abs(places[:, across] - level) <= _ALIKE
-            some = in_slice & np.isfinite(values)
-            drawn = axis_.scatter(*places[some][:, [first, second]].T, c=values[some], s=60,
-                                  vmin=low, vmax=max(high, low + 1e-12), cmap='viridis', marker='s')
-            empty, unknown = in_slice & known & ~some, in_slice & ~known
-            axis_.plot(*places[empty][:, [first, second]].T, 'x', color='tab:red', ms=5)
-            axis_.plot(*places[unknown][:, [first, second]].T, '.', color='0.7', ms=3)
-            axis_.set(title=f'{axis} = {level:.3g} m', aspect='equal', xlabel=f'{"xyz"[first]} [m]',
-                      ylabel=f'{"xyz"[second]} [m]')
-            axis_.grid(alpha=0.3)
-        for axis_ in axes[levels.size:]:
-            axis_.set_visible(False)
-        figure.colorbar(drawn, ax=list(axes[:levels.size]), label=QUANTITIES[quantity])
-        figure.suptitle(repr(self), fontsize=10)
-        return figure
+        figure = import_module(BACKEND).plot_map(self, across, quantity, QUANTITIES[quantity])
+        return cast('Figure', figure)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> CapabilityMap:
@@ -363,18 +332,6 @@ def _joined(grid: CellGrid, chunk: int,
 
 
 _EMPTY: dict[str, Any] = {'start': -1, 'outcome': ''}  # else nan
-
-
-def _best(capability: CapabilityMap, quantity: str) -> Floats:
-    """Return (P,) the quantity of a picture at each position; nan where nothing can be threaded."""
-    threaded = capability.threaded
-    some = threaded.any(axis=(1, 2))
-    if quantity == 'share':
-        return np.where(some, threaded.mean(axis=(1, 2)), np.nan)
-    if quantity == 'radius':
-        return np.where(some, capability.least_radius.min(axis=1), np.nan)
-    values = np.where(threaded, getattr(capability, quantity), -np.inf).max(axis=(1, 2))
-    return np.where(some, values, np.nan)
 
 
 # Whether one cut-out can be threaded, from where, and with what margin: what workers do.

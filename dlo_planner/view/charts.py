@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures beside what they may be: reports, fits, estimates, robustness, motions, many shapes."""
+"""Figures beside what they may be: reports, fits, estimates, robustness, motions, shapes, maps."""
 
 from __future__ import annotations
 
@@ -37,6 +37,8 @@ _LEAST = 1e-3   # mm, where the scale begins
 _INSTANTS = 400
 _REPORT_SIZE, _SIZE = (8.0, 6.2), (8.0, 4.0)  # inches
 _MOST = 25      # shapes that are drawn
+_SLICES = 12    # of a map
+_ALIKE = 1e-6   # m: positions in one slice
 
 
 def plot_report(report: ValidationReport, ax: Axes | None = None) -> Figure:
@@ -209,3 +211,50 @@ def _figure(axes: Any) -> Figure:
 def _said(number: float, deviation: float) -> str:
     return (f'{figure(number)} +- {deviation:.2g}' if np.isfinite(deviation)
             else f'{figure(number)}, not told by the observations')
+
+
+def plot_map(capability: Any, across: int, quantity: str, label: str) -> Figure:
+    """Return the Figure of a CapabilityMap, see `CapabilityMap.plot`; `across`: which axis."""
+    first, second = (k for k in range(3) if k != across)
+    places = capability.grid.positions
+    levels = np.unique(np.round(places[:, across] / _ALIKE)) * _ALIKE
+    levels = levels[np.unique(np.linspace(
+        0, levels.size - 1, min(levels.size, _SLICES)).astype(int))]
+    values, known = _best(capability, quantity), (capability.outcome != '').any(axis=(1, 2))
+    low, high = 0.0, 1.0
+    if quantity != 'share' and np.isfinite(values).any():
+        low, high = np.nanmin(values), np.nanmax(values)
+    columns = min(levels.size, 4)
+    figure: Figure = matplotlib('.figure').Figure(
+        figsize=(1.5 + 3.2 * columns, 1.5 + 3.0 * -(-levels.size // columns)),
+        layout='constrained')
+    axes = figure.subplots(-(-levels.size // columns), columns, squeeze=False, sharex=True,
+                           sharey=True).ravel()
+    for axis_, level in zip(axes, levels, strict=False):
+        in_slice = np.abs(places[:, across] - level) <= _ALIKE
+        some = in_slice & np.isfinite(values)
+        drawn = axis_.scatter(*places[some][:, [first, second]].T, c=values[some], s=60,
+                              vmin=low, vmax=max(high, low + 1e-12), cmap='viridis', marker='s')
+        empty, unknown = in_slice & known & ~some, in_slice & ~known
+        axis_.plot(*places[empty][:, [first, second]].T, 'x', color='tab:red', ms=5)
+        axis_.plot(*places[unknown][:, [first, second]].T, '.', color='0.7', ms=3)
+        axis_.set(title=f'{"xyz"[across]} = {level:.3g} m', aspect='equal',
+                  xlabel=f'{"xyz"[first]} [m]', ylabel=f'{"xyz"[second]} [m]')
+        axis_.grid(alpha=0.3)
+    for axis_ in axes[levels.size:]:
+        axis_.set_visible(False)
+    figure.colorbar(drawn, ax=list(axes[:levels.size]), label=label)
+    figure.suptitle(repr(capability), fontsize=10)
+    return figure
+
+
+def _best(capability: Any, quantity: str) -> Floats:
+    """Return (P,) the quantity of a picture at each position; nan where nothing can be threaded."""
+    threaded = capability.threaded
+    some = threaded.any(axis=(1, 2))
+    if quantity == 'share':
+        return np.where(some, threaded.mean(axis=(1, 2)), np.nan)
+    if quantity == 'radius':
+        return np.where(some, capability.least_radius.min(axis=1), np.nan)
+    values = np.where(threaded, getattr(capability, quantity), -np.inf).max(axis=(1, 2))
+    return np.where(some, values, np.nan)
