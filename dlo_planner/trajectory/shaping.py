@@ -287,7 +287,8 @@ def _rates(task: LegTask) -> Iterator[tuple[Floats, Floats]]:
     for _ in range(_BOUNDS):
         deviation *= _CLOSER
         try:
-            slower = fastest_rates(task.leg, task.limits, response.bearing(deviation, task.sizes))
+            slower = fastest_rates(task.leg, task.limits,
+                                   response.deviation_bound(deviation, task.sizes))
         except InvalidTask:  # so slow that toppra loses its digits: no slower ones
             return
         yield slower
