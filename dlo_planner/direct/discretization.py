@@ -93,10 +93,7 @@ class Discretization(Value):
         rod, around, s = self.surroundings.rod, self.surroundings, self.s
         lengths = s[1:] - s[:-1]
         stiffness = rod.mean_stiffnesses(s)
-        if self.basis == 'local':
-            scale = 1 / np.sqrt(stiffness * lengths[:, None])
-        else:  # series describe moments, which do not jump where the stiffness does
-            scale = np.sqrt(rod.stiffness) / stiffness
+        scale = unknown_scale(self.basis, stiffness, lengths, rod.stiffness)
         pull = -node_masses(rod, s)[:, None] * around.gravity - node_forces(around, s)
         weight = np.sqrt(np.einsum('ki,ki->k', pull, pull)).sum()
         bend = min(rod.stiffness[1:]) / rod.length**2
@@ -378,6 +375,16 @@ class Discretization(Value):
             s = np.concatenate([[0.0], np.cumsum(fields['lengths'])])
         return Discretization(self.surroundings, s, self.basis, self.n_terms, FrozenDict(fields),
                               self)
+
+
+def unknown_scale(basis: str, stiffness: Floats, lengths: Floats, mean: Floats) -> Floats:
+    """Return (..., N, 3) strain per unknown, so that the elastic energy is half their square sum.
+
+    Shapes: stiffness (..., N, 3), lengths (..., N), the rod's mean stiffness (..., 3).
+    """
+    if basis == 'local':
+        return 1 / np.sqrt(stiffness * lengths[..., None])
+    return np.sqrt(mean) / stiffness  # moments, which do not jump where the stiffness does
 
 
 @kernel

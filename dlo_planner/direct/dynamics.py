@@ -330,22 +330,22 @@ def simulate(stepper: Stepper, begun: InitialConditions, plan: IntegrationOption
 
 def run(stepper: Stepper, first: TimePoint, plan: IntegrationOptions, progress: Progress) -> Run:
     """Return the Run that begins with the TimePoint `first`."""
-    pace, reached = _StepControl(stepper, first, plan), [first]
+    control, reached = _StepControl(stepper, first, plan), [first]
     while len(reached) < plan.instants:
-        batch = pace.go_on(progress)
+        batch = control.advance(progress)
         progress.check()
         for instant in batch.kept:
             reached.append(instant)
             progress.done(len(reached), plan.instants)
         after = batch.refused
-        if pace.stuck and after is not None:
+        if control.stuck and after is not None:
             status = 'energy' if after.converged else 'unsolved'
             end = replace(after, given=replace(after.shape, converged=False))
             if status == 'energy':  # what has made energy is no instant of this DLO
-                end = pace.now
-            return pace.run(reached if end.place == reached[-1].place else [*reached, end], status,
-                            _reason(status, stepper, pace.now, after.place))
-    return pace.run(reached)
+                end = control.now
+            return control.run(reached if end.place == reached[-1].place else [*reached, end],
+                               status, _reason(status, stepper, control.now, after.place))
+    return control.run(reached)
 
 
 class _StepControl:
@@ -358,7 +358,9 @@ class _StepControl:
         self.now, self.stuck = first, False
         self._stepper, self._plan = stepper, plan
         self._fixed = plan.integrator == 'paper'
-        self._past = _before(first.row.nodes, stepper.dt)
+        place, speed, acceleration, _ = first.row.nodes  # as if it had moved evenly till now
+        self._past = [(-dt, place - dt * speed + 0.5 * dt**2 * acceleration)
+                      for dt in (2 * stepper.dt, stepper.dt)]
         self._at = self._level = self._calm = 0  # time in the shortest steps; halvings; steps
         self._steps: list[int] = []
         self._errors: list[float] = []
@@ -375,7 +377,7 @@ class _StepControl:
         return Run(reached, self._steps, float(sum(self._errors)), status, message,
                    np.concatenate(self._samples) if self._samples else None)
 
-    def go_on(self, progress: Progress) -> StepBatch:
+    def advance(self, progress: Progress) -> StepBatch:
         """Return the StepBatch of the next steps, which are entered here."""
         level = self._level
         last_try = level == HALVINGS or self._fixed
@@ -383,7 +385,7 @@ class _StepControl:
         if (batch.refused is not None and last_try and not self._fixed
                 and self._stepper.discretization.surroundings.obstacles):
             batch = (batch._replace(refused=None) if len(batch.errors)
-                     else self._longer(batch, progress))
+                     else self._try_longer_steps(batch, progress))
         if batch.refused is not None:
             self.stuck = last_try
             self._level, self._calm = min(level + 1, HALVINGS), 0
@@ -391,7 +393,7 @@ class _StepControl:
             self._level, self._calm = level - 1, 0
         return batch
 
-    def _longer(self, batch: StepBatch, progress: Progress) -> StepBatch:
+    def _try_longer_steps(self, batch: StepBatch, progress: Progress) -> StepBatch:
         """Return a StepBatch of a step that is good though the shortest is not, or `batch` of that.
 
         The shorter a step over obstacles is, the larger are the forces of what is pressed in, and
@@ -445,13 +447,6 @@ class _StepControl:
             return most
         calm = max(_CALM - self._calm, 1)
         return min(most, calm + (self._at // size + calm) % 2)
-
-
-def _before(nodes: Floats, dt: float) -> list[tuple[float, Floats]]:
-    """Return two times with node positions, dt apart, as if they had moved on evenly till now."""
-    position, velocity, acceleration, _ = nodes
-    return [(-k * dt, position - k * dt * velocity + 0.5 * (k * dt) ** 2 * acceleration)
-            for k in (2, 1)]
 
 
 def _reason(status: str, stepper: Stepper, now: TimePoint, place: float) -> str:

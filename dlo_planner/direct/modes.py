@@ -29,13 +29,12 @@ import scipy
 from dlo_planner.blas import one_thread
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.memory import Memory
-from dlo_planner.direct.search import KEPT, Search, hinge_unknowns, minimum, with_hinge
+from dlo_planner.direct.search import KEPT, Search, evaluated, hinge_unknowns, minimum, with_hinge
 from dlo_planner.energy.elastic import purely_elastic
 from dlo_planner.energy.inertia import InertiaTerm
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.plastic import PlasticSection
-from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.problem import Configuration, Problem, new_configuration
+from dlo_planner.energy.problem import Configuration, Problem
 from dlo_planner.errors import InvalidTask
 from dlo_planner.minimize.contact_solver import stiffen_penalty
 from dlo_planner.minimize.convergence import CONVERGED, residual_of
@@ -86,7 +85,7 @@ class Linearized:
         """The Vibration about the equilibrium; raises InvalidTask where it is none."""
         system = self._system(self.mesh, self.held)
         q = self.mesh.unknowns(self.strains)
-        residual = residual_of(system, _state(system, q))
+        residual = residual_of(system, evaluated(system, q))
         if residual > _AT_REST:
             raise InvalidTask(f'{self.name}: expected one in equilibrium, not in motion; at rest '
                               f'its residual would be {residual:.2g}')
@@ -120,16 +119,9 @@ class Linearized:
         return mesh.system(self.gripper.rotation, self.gripper.position, past, self.far_end)
 
 
-def _state(system: Problem, q: Floats) -> Configuration:
-    state: Configuration = new_configuration(system)
-    state.q[:] = q
-    evaluate(system, state)
-    return state
-
-
 def linearize(system: Problem, q: Floats) -> tuple[Problem, Configuration, Floats, Hessian]:
     """Return a Problem at its equilibrium q (m, 3), contacts stiff, and its `gripper_answers`."""
-    system = stiffen_penalty(system, _state(system, q))
+    system = stiffen_penalty(system, evaluated(system, q))
     return system, *gripper_answers(system, q)
 
 

@@ -80,6 +80,14 @@ def minimum(mesh: Discretization, system: Problem, gripper: Pose, q: Floats,
     return solved(system, q)
 
 
+def evaluated(system: Problem, q: Floats) -> Configuration:
+    """Return the Configuration of a Problem at unknowns q (m, 3)."""
+    state: Configuration = new_configuration(system)
+    state.q[:] = q
+    evaluate(system, state)
+    return state
+
+
 # ------------------------------------------------------------------------------------------------
 # A gripper that holds the DLO's beginning like a ball joint: its position, not its rotation.
 #
@@ -104,9 +112,7 @@ def pinned_newton(system: Problem, q: Floats, tolerance: float, most: int, check
     found = constrained_newton(with_hinge(system), hinge_unknowns(system, q), tolerance, most,
                                check, exact, before)
     clamped = without_hinge(system, found.system, np.array(found.state.rotations[1]))
-    final = new_configuration(clamped)
-    final.q[:] = own_unknowns(system, found.state.q)
-    evaluate(clamped, final)
+    final = evaluated(clamped, own_unknowns(system, found.state.q))
     return found._replace(state=final, system=clamped)
 
 
@@ -179,9 +185,7 @@ def _balanced(solved: Callable[[Problem, Floats], Minimum], system: Problem, q: 
     The fixed point of frames -> shape -> frames is sought by Anderson's acceleration.
     """
     unit = np.abs(moments).sum()
-    state = new_configuration(system)
-    state.q[:] = q
-    evaluate(system, state)
+    state = evaluated(system, q)
     known = _couples(system.lengths, state.strains, state.rotations, moments) / unit
     strains, iterations = state.strains, 0
     tried: list[Floats] = []

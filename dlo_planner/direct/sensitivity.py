@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dlo_planner.direct.modes import linearize
+from dlo_planner.direct.search import evaluated
 from dlo_planner.direct.shape import Shape
-from dlo_planner.energy.potential import evaluate
-from dlo_planner.energy.problem import new_configuration
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import forward_kinematics
 from dlo_planner.minimize.response import (
@@ -96,10 +95,8 @@ class Sensitivity:
         """
         # one unknown strain an element: these strains, whatever the basis
         system = self._system._replace(basis=np.zeros((self._system.lengths.size, 0)), **fields)
-        state = new_configuration(system)
-        state.q[:] = (self._state.strains + more - system.natural) / system.scale
-        evaluate(system, state)
-        return state.gradient / system.scale
+        q = (self._state.strains + more - system.natural) / system.scale
+        return evaluated(system, q).gradient / system.scale
 
     def moved(self, twist: ArrayLike) -> Shape:
         """Return the Shape predicted for a gripper moved by a small `twist` (6,).

@@ -271,7 +271,7 @@ class Shape(Pictured):
             dissipated=dissipated, parts=parts, state=state)
         if getattr(state, 'mesh', None) is None:  # else a simulator made it
             self._judge()
-        for name in ('s', *_ARRAYS):
+        for name in _ARRAYS:
             array = self.__dict__[name]
             if array.flags.writeable or isinstance(array.base, np.ndarray):  # not its own
                 put(self, **{name: owned(array)})
@@ -750,16 +750,15 @@ def _linearized(shape: Shape, name: str = 'shape') -> Linearized:
                       shape.residual, state.before, state.held)
 
 
-_ARRAYS = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
+_ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
 _PAST = 'past_'
-_FILED_ARRAYS = ('s', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'far_wrench')
-_FILED_NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
+_NUMBERS = ('energy', 'elastic_energy', 'residual', 'stability', 'iterations', 'converged',
             'jumped', 'evaluations', 'violation', 'dissipated')
 
 
 def pack(shape: Shape) -> dict[str, Any]:
     """Return a tree (see `direct.storage`) of all of a Shape but the rod and its surroundings."""
-    packed = {name: getattr(shape, name) for name in _FILED_ARRAYS + _FILED_NUMBERS}
+    packed = {name: getattr(shape, name) for name in _ARRAYS + _NUMBERS}
     packed['gripper'] = pose_row(shape.gripper)
     packed['error_estimate'] = shape.error_estimate
     if shape.far_end is not None:
@@ -780,8 +779,8 @@ def unpack(stored: Mapping[str, Any]) -> Shape:
     past = {name.removeprefix(_PAST): array for name, array in stored.items()
             if name.startswith(_PAST)}
     history = Memory.unpacked(past, float(stored['s'][-1])) if past else None
-    values = {name: stored[name] for name in _FILED_ARRAYS}
-    values |= {name: stored[name].item() for name in _FILED_NUMBERS}
+    values = {name: stored[name] for name in _ARRAYS}
+    values |= {name: stored[name].item() for name in _NUMBERS}
     return Shape(gripper=pose_of_row(stored['gripper']), contacts=contacts, far_end=far_end,
                  state=State(history=history, estimate=Constant(float(stored['error_estimate']))),
                  **values)

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.batch import (
+from dlo_planner.direct.free_loop import (
     even,
-    hanging_rods,
-    hanging_shapes,
-    hangs_in_a_loop,
+    free_rods,
+    free_shapes,
+    has_free_loop,
     scaled_nodes,
 )
 from dlo_planner.direct.simulator import DirectSimulator
@@ -131,7 +131,7 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
                           f'{len(rods)} rods, or one for all')
     instance('simulator', simulator, DirectSimulator)
     # one loop fills the arrays of all, where nothing is long
-    chunk = _LOOP if simulator.mesh.hangs and hangs_in_a_loop(simulator) else _AT_ONCE
+    chunk = _LOOP if simulator.mesh.hangs and has_free_loop(simulator) else _AT_ONCE
     shapes = map(simulator, grippers, rods=rods, chunk=chunk, progress=progress, deadline=deadline)
     assert isinstance(shapes, Shapes)  # there are no motions in it
     return shapes
@@ -140,7 +140,7 @@ def solve_many(simulator: DirectSimulator, grippers: Iterable[Pose] | Pose, *,
 def _chunk(simulator: DirectSimulator, chunk: int | None, each_alone: bool) -> int:
     """Return how many poses are in one piece of work."""
     if chunk is None:
-        quick = each_alone and simulator.mesh.hangs and hangs_in_a_loop(simulator)
+        quick = each_alone and simulator.mesh.hangs and has_free_loop(simulator)
         return _QUICK if quick else _AT_ONCE
     return integer('chunk', chunk, minimum=1, maximum=_MOST)
 
@@ -258,7 +258,7 @@ def columns_of(piece: Piece) -> Columns:
     simulator = piece.simulator.content
     if piece.rods is not None:
         return _each_rod(simulator, piece)
-    if not piece.followed and hangs_in_a_loop(simulator):
+    if not piece.followed and has_free_loop(simulator):
         return _each_alone(simulator, piece)
     grippers = [_pose(*both) for both in zip(piece.positions, piece.rotations, strict=True)]
     steps = Progress(deadline=piece.seconds)
@@ -270,7 +270,7 @@ def columns_of(piece: Piece) -> Columns:
 def _each_alone(simulator: DirectSimulator, piece: Piece) -> Columns:
     """Return `columns` in each gripper, by the compiled loop where the DLO hangs freely."""
     steps = Progress(deadline=piece.seconds)
-    rows, good = hanging_shapes(simulator, piece.positions, piece.rotations)
+    rows, good = free_shapes(simulator, piece.positions, piece.rotations)
     touching = [_NO_CONTACTS]
     for k in np.flatnonzero(~good):
         shape = simulator.solve(_pose(piece.positions[k], piece.rotations[k]))
@@ -290,7 +290,7 @@ def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
     parts: dict[int, Columns] = {}
     loop = np.array([k for k, rod in enumerate(rods) if even(simulator, rod)], dtype=np.int64)
     if loop.size:
-        rows, good = hanging_rods(simulator, [rods[k] for k in loop],
+        rows, good = free_rods(simulator, [rods[k] for k in loop],
                                   piece.positions[loop], piece.rotations[loop])
         rows['contact_table'] = _NO_CONTACTS
         if loop.size == n and good.all():

@@ -29,8 +29,8 @@ from dlo_planner import (
 from dlo_planner.cell.tasks import draw_task
 from dlo_planner.execute import judge, loop_motions
 from dlo_planner.execute.causes import Cause
-from dlo_planner.execute.guards import Guards, Heard
-from dlo_planner.execute.judge import aimed_anew
+from dlo_planner.execute.correction_checks import aimed_anew
+from dlo_planner.execute.guards import Feedback, Guards
 from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.execute.loop_motions import LoopTask, way_back, way_to_standoff
 from dlo_planner.execute.task_loop import TaskLoop
@@ -112,7 +112,7 @@ class Cell:
 
     def step(self):
         """Go on by one period."""
-        self.loop.gripper(Heard(self.here, self.time, stamp=self.time))
+        self.loop.gripper(Feedback(self.here, self.time, stamp=self.time))
         self.here = self.loop.tick(self.time) or self.here
         if self.loop.waits and self.plans and self.loop.phase is Phase.PLAN:
             self.loop.finish(self.loop.work, self.plans.pop(0))
@@ -261,7 +261,7 @@ def test_a_robot_that_does_not_follow_ends_it(ways):
     cell = Cell(ways, guards=Guards(path_position=0.01, incoming_command_timeout=0.5))
     cell.until(lambda: cell.loop.execution)
     for _ in range(40):
-        cell.loop.gripper(Heard(START, cell.time, stamp=cell.time))
+        cell.loop.gripper(Feedback(START, cell.time, stamp=cell.time))
         cell.loop.tick(cell.time)
         cell.time += PERIOD
     assert (cell.loop.phase, cell.loop.cause) == (Phase.STOP, Cause.PATH_TOLERANCE)

@@ -19,7 +19,7 @@ from dlo_planner import (
     parallel,
     solve_many,
 )
-from dlo_planner.direct.batch import hanging_rods
+from dlo_planner.direct.free_loop import free_rods
 from dlo_planner.results import Shapes
 
 FIGURES = ('positions', 'frames', 'element_strains', 'gripper_wrench', 'energy', 'elastic_energy',
@@ -146,7 +146,7 @@ def test_each_rod_is_judged_by_its_own_twist():
     rods = [replace(base, natural_twist=twist) for twist in twists]
     for rod in (base, rods[1]):  # whichever rod the simulator has
         simulator = DirectSimulator(rod, accuracy=0.05)
-        _, sure = hanging_rods(simulator, rods, np.zeros((6, 3)), np.tile(np.eye(3), (6, 1, 1)))
+        _, sure = free_rods(simulator, rods, np.zeros((6, 3)), np.tile(np.eye(3), (6, 1, 1)))
         np.testing.assert_array_equal(sure, np.abs(twists) < np.pi)
 
 

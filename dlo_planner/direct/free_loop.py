@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from dlo_planner.direct.accuracy import hanging_surely_within
-from dlo_planner.direct.discretization import Discretization
+from dlo_planner.direct.discretization import Discretization, unknown_scale
 from dlo_planner.direct.search import MAX_ITERATIONS, TOLERANCE
 from dlo_planner.direct.statics import acts_at, hangs_still
 from dlo_planner.energy.loads import node_masses
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dlo_planner.direct.simulator import DirectSimulator
 
 
-def hangs_in_a_loop(simulator: DirectSimulator) -> bool:
+def has_free_loop(simulator: DirectSimulator) -> bool:
     """Return whether shapes of a DirectSimulator come from the compiled loop."""
     mesh, newton = simulator.mesh, simulator.method == 'newton'
     return newton and (mesh.hangs or simulator.history is None and mesh.may_hang)
@@ -36,7 +36,7 @@ def hangs_in_a_loop(simulator: DirectSimulator) -> bool:
 Columns: TypeAlias = dict[str, Any]  # arrays by the names of the attributes of `Shape`
 
 
-def hanging_shapes(simulator: DirectSimulator, positions: Floats,
+def free_shapes(simulator: DirectSimulator, positions: Floats,
                    rotations: Floats) -> tuple[Columns, Bools]:
     """Return what `DirectSimulator.solve` finds in many grippers, and (n,) where that is so.
 
@@ -83,13 +83,13 @@ def _filled(system: Problem, rods: RodTable, rod_of: Ints, positions: Floats,
 
 
 def even(simulator: DirectSimulator, rod: Rod) -> bool:
-    """Return whether a Rod hangs freely and all is the same along it, as `hanging_rods` asks."""
+    """Return whether a Rod hangs freely and all is the same along it, as `free_rods` asks."""
     around = simulator.surroundings
     return not (around.obstacles or around.pinned or around.point_loads or callable(around.load)
                 or rod.yields or rod.varies or rod.nodes or simulator.method != 'newton')
 
 
-def hanging_rods(simulator: DirectSimulator, rods: Sequence[Rod],
+def free_rods(simulator: DirectSimulator, rods: Sequence[Rod],
                  positions: Floats, rotations: Floats,
                  ) -> tuple[Columns, Bools]:
     """Return what `simulator.with_rod(rod).solve` finds for n rods, and (n,) where that is so."""
@@ -116,10 +116,7 @@ def _table(mesh: Discretization, s: Floats, rods: Sequence[Rod]) -> RodTable:
     natural = np.array([(rod.natural_twist, *rod.natural_curvature) for rod in even_rods])
     elements, strains = (np.repeat(one[:, None], h.shape[1], axis=1)
                          for one in (stiffness, natural))
-    if mesh.basis == 'local':
-        scale = 1 / np.sqrt(elements * h[mesh_of][:, :, None])
-    else:
-        scale = np.sqrt(stiffness)[:, None] / elements
+    scale = unknown_scale(mesh.basis, elements, h[mesh_of], stiffness[:, None])
     basis = np.array([orthonormal_basis(mesh.basis, mesh.n_terms, one) for one in nodes])
     return RodTable(mesh_of, h, basis, strains, elements, scale,
                     _pulls(mesh.surroundings, rods, nodes[mesh_of]))
