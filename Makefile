@@ -5,7 +5,7 @@
 # make figures  all figures of the paper, a few minutes; figures_output/ (docs/reproduction.md)
 # make validation  what docs/validation.md says, measured again; below ten minutes
 # make bench-check  fails where a ratio to that loop has grown by 30 %
-# make cell   20 tasks in a physics engine; table and film in cell_output/
+# make cell   20 tasks in a physics engine; runs and a film in cell_output/
 # make soak   a node under odd messages, load and faults for 10 minutes; report in soak_output/
 # make oldest  tests of the core, installed beside the oldest versions that setup.py allows
 # make newest  the same with today's versions; PYTHON=python3.13 says for which Python

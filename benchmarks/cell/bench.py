@@ -6,12 +6,9 @@ python -m benchmarks.cell --tasks 20 --output cell_output
 """
 
 import argparse
-import csv
-import sys
+import json
 from argparse import ArgumentParser
-from collections.abc import Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
-from functools import partial
+from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from os import PathLike
 from pathlib import Path
@@ -20,20 +17,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.cell.drivers import Driver, Looking, OpenLoop, planned
-from benchmarks.cell.run import Outcome, run
+from benchmarks.cell.drivers import Looking, OpenLoop, planned
+from benchmarks.cell.run import run
+from benchmarks.cell_trust import said, table
 from dlo_planner.cell.cases import UNKNOWNS
 from dlo_planner.cell.plant import STEP, Plant
 from dlo_planner.cell.tasks import RODS, Task, draw_task
-from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import callback, items
-from dlo_planner.progress import OnProgress
 from dlo_planner.view.plots import checked_path, write_film
-
-HEAD = ('task', 'hole radius [mm]', 'room [mm]', 'threaded', 'depth [m]', 'of [m]',
-        'largest miss [mm]', 'promised [mm]', 'chain [mm]', 'touched', 'largest force [N]',
-        'time [s]', 'refused')
 
 _POINTS = 81     # on the DLO
 _EVERY = 0.1     # s between two pictures
@@ -56,11 +47,14 @@ def main(args: list[str] | None = None) -> int:
     driver = OpenLoop(planned) if open_loop else Looking.knowing(unknowns, camera)
     # a fresh start: a fork could take over locks of threads that it has not
     with ProcessPoolExecutor(options.workers, get_context('spawn')) as executor:
-        outcomes = bench(tasks, driver, executor=executor, progress=partial(_progress, 'tasks'),
-                         **settings)
-    print(table(tasks, outcomes))
-    print(summary(outcomes))
-    write_csv(options.output / 'cell.csv', tasks, outcomes)
+        works = [executor.submit(run, task, driver, seed=seed, **settings)
+                 for seed, task in enumerate(tasks)]
+        outcomes = [work.result() for work in works]
+    found = [{'case': task.name, 'seed': seed, 'happened': False, 'cpu_s': 0.0, 'error': '',
+              **said(outcome)} for seed, (task, outcome) in enumerate(
+                  zip(tasks, outcomes, strict=True))]
+    print(table(found))
+    (options.output / 'cell.jsonl').write_text(''.join(json.dumps(one) + '\n' for one in found))
     shown = max((k for k, one in enumerate(outcomes) if not one.refused), default=None,
                 key=lambda k: outcomes[k].threaded)
     if shown is not None and options.film:
@@ -91,82 +85,6 @@ def _parser() -> ArgumentParser:
     parser.add_argument('--output', type=Path, default=Path('cell_output'),
                         help='folder (default: %(default)s)')
     return parser
-
-
-def _progress(what: str, done: int, total: int) -> None:
-    """Show how far it is: on one line at a terminal, else line by line."""
-    end = '\r' if sys.stdout.isatty() and done < total else '\n'
-    print(f'  {what}: {done}/{total}', end=end, flush=True)
-
-
-def bench(tasks: Sequence[Task], driver: Driver, *, executor: Executor | None = None,
-          progress: OnProgress = None, **options: Any) -> list[Outcome]:
-    """Return the Outcomes of Tasks, in their order; the k-th is run with the seed k.
-
-    `options` are those of `run`.
-    """
-    tasks, report = items('tasks', tasks, Task), callback('progress', progress)
-    if executor is None:
-        outcomes = []
-        for seed, task in enumerate(tasks):
-            outcomes.append(run(task, driver, seed=seed, **options))
-            if report is not None:
-                report(len(outcomes), len(tasks))
-        return outcomes
-    futures = [executor.submit(run, task, driver, seed=seed, **options)
-               for seed, task in enumerate(tasks)]
-    for done, _ in enumerate(as_completed(futures), 1):
-        if report is not None:
-            report(done, len(tasks))
-    return [future.result() for future in futures]
-
-
-def rows(tasks: Sequence[Task], outcomes: Sequence[Outcome]) -> list[tuple[Any, ...]]:
-    """Return the rows of the table, with the columns HEAD."""
-    if len(tasks) != len(outcomes):
-        raise InvalidTask(f'outcomes: expected one for each of {len(tasks)} tasks, got '
-                          f'{len(outcomes)}')
-    return [(task.name, _round(1e3 * task.radius), _round(1e3 * task.room),
-             _answer(outcome.threaded), _round(outcome.depth), _round(task.depth),
-             _round(1e3 * outcome.miss), _round(1e3 * outcome.promised),
-             _round(1e3 * outcome.chain_error), _answer(outcome.touched), _round(outcome.force),
-             _round(outcome.time), outcome.refused)
-            for task, outcome in zip(tasks, outcomes, strict=True)]
-
-
-def table(tasks: Sequence[Task], outcomes: Sequence[Outcome], longest: int = 60) -> str:
-    """Return the table as text; every entry is cut to `longest` characters."""
-    lines = [HEAD] + [tuple(str(value).replace('nan', '-')[:longest] for value in row)
-                      for row in rows(tasks, outcomes)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(HEAD))]
-    return '\n'.join('  '.join(value.ljust(width) for value, width in zip(
-        line, widths, strict=True)).rstrip() for line in lines)
-
-
-def summary(outcomes: Sequence[Outcome]) -> str:
-    """Return the totals of all Outcomes in a sentence."""
-    refused = sum(bool(one.refused) for one in outcomes)
-    clean = sum(one.threaded and not one.touched for one in outcomes)
-    return (f'{len(outcomes)} tasks: {refused} refused, '
-            f'{sum(one.threaded for one in outcomes)} threaded, {clean} of them without a touch; '
-            f'largest force {max((one.force for one in outcomes), default=0.0):.3g} N')
-
-
-def write_csv(path: str | PathLike[str], tasks: Sequence[Task],
-              outcomes: Sequence[Outcome]) -> None:
-    """Write the table to a CSV file."""
-    with open(path, 'w', newline='', encoding='utf-8') as file:
-        writer = csv.writer(file)
-        writer.writerow(HEAD)
-        writer.writerows(rows(tasks, outcomes))
-
-
-def _answer(yes: bool) -> str:
-    return 'yes' if yes else 'no'
-
-
-def _round(value: float) -> float:
-    return float(f'{value:.4g}') if np.isfinite(value) else value
 
 
 class Film:

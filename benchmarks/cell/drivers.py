@@ -31,7 +31,7 @@ from dlo_planner.cell.truth import Unknowns
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, Infeasible, InvalidTask
 from dlo_planner.execute.execution import Execution
-from dlo_planner.execute.guards import Guards, Heard
+from dlo_planner.execute.guards import Feedback, Guards
 from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
@@ -167,7 +167,7 @@ class _Looking:
     def __call__(self, images: Sequence[Image], time: float, gripper: Pose) -> Pose | None:
         loop, self.busy, self.ahead = self._loop, 0.0, None
         self._observing.gripper(time, gripper)
-        loop.gripper(Heard(gripper, time, 0.0, self._observing.off, time))
+        loop.gripper(Feedback(gripper, time, 0.0, self._observing.off, time))
         self._coming.extend((time + _LOOKING, image) for image in images)
         while self._coming and self._coming[0][0] <= time:
             self._look(self._coming.popleft()[1])

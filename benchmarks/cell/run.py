@@ -66,9 +66,6 @@ class Outcome(Value):
     # the largest miss that the driver expected when the DLO first came into the plane of the hole,
     # or at the end if it never did, m; nan if it did not say
     promised: float = np.nan
-    # by how much the extrapolation moved the DLO in the hole, m: the error of the plant's chain
-    # there; nan with a camera
-    chain_error: float = np.nan
     phase: str = ''  # what the driver was at in the end; empty if it does not say
     stays: tuple[Stay, ...] = ()  # the times in the hole
 
@@ -86,12 +83,6 @@ class Outcome(Value):
     def clean(self) -> bool:
         """Whether the DLO was threaded without a touch."""
         return self.threaded and not self.touched
-
-    @property
-    def covered(self) -> bool | None:
-        """Whether each stay missed by at most what was promised; None if either is unknown."""
-        judged = [stay for stay in self.stays if not np.isnan(stay.promised)]
-        return all(stay.miss <= stay.promised for stay in judged) if judged else None
 
 
 def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHING_UNKNOWN,
@@ -127,10 +118,9 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
     except _REFUSALS as error:
         return Outcome(seed, _reason(error))
     driven = _drive(plant, command, task, viewer, watch, disturbances.lag)
-    moved = np.nan
     if viewer is None and not driven.refused:
-        again = _drive(hung(round(CELLS / _FINER)), _Again(driven.poses), task, None, None, 0.0)
-        driven, moved = _extrapolated(driven, again)
+        driven = _extrapolated(driven, _drive(hung(round(CELLS / _FINER)), _Again(driven.poses),
+                                              task, None, None, 0.0))
     depth, miss = plant.passage(task.cutout).depth, driven.miss
     threaded = (depth > task.depth - _SHORT * task.rod.length
                 and miss < task.radius and not driven.refused)
@@ -138,7 +128,7 @@ def run(task: Task, driver: Driver, *, seed: int = 0, unknowns: Unknowns = NOTHI
         miss, depth = task.off(plant.points([task.rod.length - task.depth])), task.depth
         threaded = bool(plant.forces.any()) and miss < task.radius and not driven.refused
     return Outcome(seed, driven.refused, bool(threaded), depth, miss, driven.force,
-                   plant.time, driven.promised, moved, str(getattr(command, 'phase', '')),
+                   plant.time, driven.promised, str(getattr(command, 'phase', '')),
                    tuple(driven.stays))
 
 
@@ -185,15 +175,12 @@ class _Again:
         return next(self._poses, None)
 
 
-def _extrapolated(fine: _Driven, coarse: _Driven) -> tuple[_Driven, float]:
-    """Return what would happen with endless cells, and how far that is from `fine` at most, m."""
-    both = sorted(fine.crossings.keys() & coarse.crossings.keys())
-    moved = {k: (fine.crossings[k] - coarse.crossings[k]) / (_FINER**2 - 1) for k in both}
-    crossings = {k: at + moved.get(k, 0.0) for k, at in fine.crossings.items()}
-    if fine.crossings and not both:
-        return fine, np.nan
-    return (replace(fine, crossings=crossings),
-            float(max(map(np.linalg.norm, moved.values()), default=np.nan)))
+def _extrapolated(fine: _Driven, coarse: _Driven) -> _Driven:
+    """Return what would happen with endless cells."""
+    both = fine.crossings.keys() & coarse.crossings.keys()
+    return replace(fine, crossings={
+        k: at + (at - coarse.crossings[k]) / (_FINER**2 - 1) if k in both else at
+        for k, at in fine.crossings.items()})
 
 
 def _drive(plant: Plant, command: Command, task: Task, viewer: Viewer | None,

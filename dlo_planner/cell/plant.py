@@ -52,7 +52,6 @@ _STILL_HELD = 1e-5  # the same of one whose far end is held
 _LED = 400        # steps in which that is led there
 _DRAG = 0.05      # part of all velocities that is taken away in each step while it settles
 _LONGEST = 20_000  # steps until it is at rest
-_MOVED = 1e-4     # rad, largest angle in a displacement by a mode
 # solref, solimp of the engine: as stiff as a step of time allows, penetration well below 0.1 mm
 _STIFF_CONTACT = (2e-4, 1.0), (0.95, 0.99, 1e-4, 0.5, 2.0)
 _ROUNDING = 1e-9  # of a number of steps
@@ -189,19 +188,17 @@ class Plant:
         s = np.linspace(0, self._chain.length, _FINE * len(self._chain.masses) + 1)
         return passage_of(cutout, s, self._curve(s) - self.truth.hole_shift)
 
-    def modes(self, count: int = 3) -> tuple[Floats, Floats]:
-        """Return frequencies (count,) in Hz and shapes (count, n + 1, 3) of small vibrations.
+    def natural_frequencies(self, count: int = 3) -> Floats:
+        """Return frequencies (count,) in Hz of small vibrations, the gripper at rest.
 
-        About the present shape, the gripper at rest, without contacts. The stiffness matrix is a
-        difference quotient of the joints' forces. The largest displacement of a shape is 1; its
-        n + 1 points are evenly spaced along the DLO.
+        About the present shape, without contacts.
         """
         count = integer('count', count, minimum=1, maximum=self._model.nv - 6)
-        data, here = mujoco.MjData(self._model), self._data.qpos
-        data.qpos[:] = here
-        squares, vectors = eigh(*linear(self._model, data), subset_by_index=(0, count - 1))
-        shapes = np.array([self._displacement(data, here, vector) for vector in vectors.T])
-        return np.sqrt(np.maximum(squares, 0)) / (2 * np.pi), shapes
+        data = mujoco.MjData(self._model)
+        data.qpos[:] = self._data.qpos
+        squares, _ = eigh(*linear(self._model, data), subset_by_index=(0, count - 1))
+        frequencies: Floats = np.sqrt(np.maximum(squares, 0)) / (2 * np.pi)
+        return frequencies
 
     def _build(self, obstacles: Sequence[Obstacle], gravity: Floats,
                far_end: FarEnd | None) -> None:
@@ -286,7 +283,7 @@ class Plant:
 
     def _damp(self, ratio: float) -> None:
         """Find the damping that the stiffness brings along: ratios, and s (`Rod.damping`)."""
-        self.frequencies = self.modes(3)[0]  # (3,) Hz, about the shape at the beginning
+        self.frequencies = self.natural_frequencies()  # (3,) Hz, about the shape at the beginning
         rate = np.pi * self.frequencies[0]
         self.least_damping = rate * 0.5 * self._step
         self.damping = max(ratio, self.least_damping)
@@ -369,18 +366,6 @@ class Plant:
         """Return places (n, 3) at arc lengths (n,), cubic between the nodes."""
         return between(*self._nodes(self._data), np.asarray(s) / self._chain.cell,
                        self._chain.cell)
-
-    def _displacement(self, data: Any, rest: Floats, vector: Floats) -> Floats:
-        """Return how the nodes (n + 1, 3) move with a vector of the joints, 1 at most."""
-        small = _MOVED / np.abs(vector).max()
-        ends = []
-        for sign in (1, -1):
-            data.qpos[:] = rest
-            data.qpos[7:] += sign * small * vector
-            ends.append(self._nodes(data)[0])
-        moved = ends[0] - ends[1]
-        result: Floats = moved / np.linalg.norm(moved, axis=1).max()
-        return result
 
 
 def passage_of(cutout: CutOut, s: Floats, places: Floats) -> Passage:

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import InvalidTask
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.guards import Enabled, Guards, Heard
+from dlo_planner.execute.guards import Enabled, Feedback, Guards
 from dlo_planner.execute.limiter import Limiter, Rising, accelerate, decelerate, used
 from dlo_planner.identify.online_trajectory import NARROWEST, WIDEST, Change, Steered
 from dlo_planner.model.arrays import Floats
@@ -74,10 +74,11 @@ def places_ahead(execution: 'Execution') -> Floats:
     way, period, done = execution.way, execution.period, execution.done
     if execution.phase == 'stopping':
         return np.array([done, *execution.places(len(execution.pace))])
-    steps = max(int(np.ceil((execution.sent - done) / period - 1e-9)), 0)
+    steps = max(int(np.ceil((execution.published_until - done) / period - 1e-9)), 0)
     places = np.array([done, *execution.places(steps)])
-    if execution.sent < way.duration:
-        places = np.append(places, decelerate(way, execution.sent, execution.kept, period))
+    if execution.published_until < way.duration:
+        places = np.append(places, decelerate(way, execution.published_until, execution.kept,
+                                              period))
     return places
 
 
@@ -132,18 +133,17 @@ class Execution:
     since: float = 0.0        # s since the end, by ticks: one that is late counts a period
     last: float | None = None  # time of the last tick
     beat: float | None = None  # time at which the last command was due
-    heard: Heard | None = None
-    silent: float = np.inf    # s, age of `heard`; in ticks that were late a period counts
+    feedback: Feedback | None = None
+    feedback_age: float = np.inf  # s; in ticks that were late a period counts
     enabled: Enabled | None = None
     stamp: float | None = None  # s on the clock of the stamps, at which `done` is reached
     past: tuple[tuple[float, float], ...] = ()  # (`stamp`, `done`) of the last ticks
     trail: tuple[float, ...] = ()  # `done` of the last commands, whose jerk the next one tells
     single: 'Execution | None' = None  # with a horizon: the same motion without one
-    sent: float = 0.0         # s of the way that a robot was told, with a horizon
-    told: float = -np.inf     # stamp at which it was told last
-    told_of: str = ''         # phase of which it was told then
-    tellings: int = 0         # how often it was told
-    shaken: float = 0.0       # m by which late commands have moved the gripper against its motion
+    published_until: float = 0.0  # s of the way that a robot was told, with a horizon
+    last_published: float = -np.inf  # stamp at which it was told last
+    published_phase: str = ''  # that it was told of then
+    stall_displacement: float = 0.0  # m that late commands moved the gripper against its motion
     samples: 'Samples' = field(default=None, compare=False)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -195,13 +195,13 @@ class Execution:
     def ends_at_once(self) -> bool:
         """Whether a robot that was told the coming time has to be told that there is none."""
         canceled = self.phase == 'stopped' and self.cause == Cause.CANCELED
-        return canceled and not self.pace and self.sent > self.done
+        return canceled and not self.pace and self.published_until > self.done
 
     def canceled(self) -> 'Execution':
         """Return the execution after `cancel`."""
         return self.stop(Cause.CANCELED, 'canceled', not self.guards.decelerate_on_cancel)
 
-    def tick(self, now: float, heard: Heard | None = None, stamp: float | None = None,
+    def tick(self, now: float, feedback: Feedback | None = None, stamp: float | None = None,
              enabled: Enabled | None = None) -> 'Execution':
         """Return the execution with its next command.
 
@@ -219,8 +219,8 @@ class Execution:
         if paused:
             return replace(self, phase='stopped', last=now, sending=None,
                            cause=self.cause or Cause.PAUSED, reason=self.reason or paused)
-        timed = replace(timed, last=now, heard=heard, enabled=enabled, sending=None,
-                        silent=self._silence(heard, now, min(waited, self.period)))
+        timed = replace(timed, last=now, feedback=feedback, enabled=enabled, sending=None,
+                        feedback_age=self._feedback_age(feedback, now, min(waited, self.period)))
         fault = timed.fault(stamp)
         next_one = timed.stop(*fault) if fault else timed
         if not self.horizon and waited > max(_LATE, 2.5 * self.period):
@@ -229,7 +229,7 @@ class Execution:
         if steps or self.stamp is None or turned_back:
             due = timed.beat if self.horizon else None
             next_one = next_one._remembered(stamp if due is None else due)
-        return next_one._told(turned_back)._sent(now)
+        return next_one._published(turned_back)._sent(now)
 
     def _due(self, clock: float) -> tuple['Execution', int, bool]:
         """Return how many commands are due at a time (s), and whether time was turned back.
@@ -247,7 +247,8 @@ class Execution:
             return replace(self, beat=self.beat + steps * self.period), steps, False
         beat = max(self.beat + self.period, clock - self.period)
         lost = beat - self.beat - self.period
-        return replace(self, beat=beat, shaken=self.shaken + self._moves(lost)), 1, False
+        stalled = self.stall_displacement + self._moves(lost)
+        return replace(self, beat=beat, stall_displacement=stalled), 1, False
 
     def _from_rest(self) -> 'Execution':
         """Return the execution of a gripper that has come to rest, because no command came."""
@@ -263,8 +264,8 @@ class Execution:
         """Return in words why the rest is another motion after so many s, '' if it is not."""
         limit, name = self.guards.longest_pause, 'longest_pause'
         if self.horizon:
-            knows_all = self.phase != 'running' or self.sent >= self.way.duration
-            limit, name = 0.0 if knows_all else self.sent - self.done, 'horizon'
+            knows_all = self.phase != 'running' or self.published_until >= self.way.duration
+            limit, name = 0.0 if knows_all else self.published_until - self.done, 'horizon'
         if not limit or passed <= limit + 1e-9:
             return ''
         return (f'no command was sent for {passed:.3g} s: expected execute.{name} = {limit:g} s at '
@@ -276,23 +277,24 @@ class Execution:
             return 0.0
         return lost * float(np.linalg.norm(self.way.at([self.done])[1][0, :3]))
 
-    def _told(self, anew: bool) -> 'Execution':
+    def _published(self, anew: bool) -> 'Execution':
         """Return the execution of which the robot is told more, if it is time to, or anew."""
         if not self.horizon or self.phase not in ('running', 'stopping') or self.stamp is None:
             return self
-        news = anew or self.phase != self.told_of
-        if self.stamp - self.told < _OFTEN * self.horizon and not news:
+        news = anew or self.phase != self.published_phase
+        if self.stamp - self.last_published < _OFTEN * self.horizon and not news:
             return self
-        told = replace(self, told=self.stamp, told_of=self.phase, tellings=self.tellings + 1)
+        told = replace(self, last_published=self.stamp, published_phase=self.phase)
         if self.phase == 'running':
             steps = int(np.ceil(self.horizon / self.period - 1e-9))
-            told = replace(told, sent=min(self.done + steps * self.period, self.way.duration))
+            told = replace(told, published_until=min(self.done + steps * self.period,
+                                                     self.way.duration))
         before = len(self.trail[:-1])
         frames = self.way.frames([*self.trail[:-1], *places_ahead(told)])
         if used(frames, self.kept, self.period) <= EXACT:
             return replace(told, ahead=Ahead.of(self, *(part[before:] for part in frames)))
         if self.phase == 'running':  # what the robot was told before ends at rest
-            return self.stop(Cause.LIMITS, 'the coming motion exceeds its limits')._told(True)
+            return self.stop(Cause.LIMITS, 'the coming motion exceeds its limits')._published(True)
         return replace(self, phase='stopped')
 
     def _sent(self, now: float) -> 'Execution':
@@ -372,12 +374,13 @@ class Execution:
     @property
     def free(self) -> float:
         """From which time of its way on the motion may be changed, s."""
-        return max(self.done, self.sent)
+        return max(self.done, self.published_until)
 
     def advanced(self, steps: int) -> 'Execution':
         """Return the execution so many commands later."""
         if self.command is None:
-            first = replace(self, limiter=Limiter(self.kept, self.period), sent=self.done)
+            first = replace(self, limiter=Limiter(self.kept, self.period),
+                            published_until=self.done)
             return first._commanded([self.done]).settled()
         if self.phase == 'settling':
             # where this machine is late the gripper may be, or what is heard of it
@@ -426,7 +429,7 @@ class Execution:
         if not (guards.goal_position or guards.goal_angle):
             return replace(self, phase='succeeded') if alone else self
         away = self._off(guards.goal_position, guards.goal_angle, 'constraints.goal')
-        if away is None and self.heard is not None and alone:
+        if away is None and self.feedback is not None and alone:
             return replace(self, phase='succeeded')
         if self.since > guards.patience:
             late = f'{guards.patience:g} s after the end of the motion {away or "no pose came"}'
@@ -436,68 +439,68 @@ class Execution:
     def _pose(self, done: float) -> Pose:
         return self.samples.pose(done).compose(self.back)
 
-    def _silence(self, heard: Heard | None, now: float, step: float) -> float:
+    def _feedback_age(self, feedback: Feedback | None, now: float, step: float) -> float:
         """Return the age of a gripper pose, s.
 
         Where this machine is late, poses may be as late to be heard: a tick adds a period at most.
         """
-        if heard is None:
+        if feedback is None:
             return np.inf
-        if heard is not self.heard:
-            return heard.age + min(max(now - heard.arrived, 0.0), self.period)
-        return self.silent + step
+        if feedback is not self.feedback:
+            return feedback.age + min(max(now - feedback.arrived, 0.0), self.period)
+        return self.feedback_age + step
 
     def fault(self, stamp: float) -> tuple[Cause, str] | None:
         """Return the cause and the reason to stop at a time (s) of the stamps' clock, or None."""
-        guards, heard, age = self.guards, self.heard, self.silent
+        guards, feedback, age = self.guards, self.feedback, self.feedback_age
         limit = guards.incoming_command_timeout
         if limit and not age <= limit:
-            came = 'none came' if heard is None else f'the last one is {age:.3g} s old'
+            came = 'none came' if feedback is None else f'the last one is {age:.3g} s old'
             return (Cause.GRIPPER_POSE_LOST, f'gripper_pose: {came}: expected '
                     f'incoming_command_timeout = {limit:g} s at most, by its stamp')
         barred = guards.barred(self.enabled, self.last or 0.0)
         if barred:
             return Cause.NOT_ENABLED, barred
-        if self.phase != 'running' or heard is None or self.command is None:
+        if self.phase != 'running' or feedback is None or self.command is None:
             return None
         away = None
         if guards.path_position or guards.path_angle:
             away = self._off(guards.path_position, guards.path_angle, 'constraints.path',
-                             self._then(heard, stamp))
+                             self._then(feedback, stamp))
         if away is not None:
             return Cause.PATH_TOLERANCE, away
-        if guards.path_shape and heard.deviation > guards.path_shape:
-            return (Cause.SHAPE_TOLERANCE, f'the DLO is {heard.deviation:.3g} m from its plan: '
+        if guards.path_shape and feedback.deviation > guards.path_shape:
+            return (Cause.SHAPE_TOLERANCE, f'the DLO is {feedback.deviation:.3g} m from its plan: '
                     f'expected constraints.path.shape = {guards.path_shape:g} m at most')
         return None
 
-    def _then(self, heard: Heard, now: float) -> Pose | None:
+    def _then(self, feedback: Feedback, now: float) -> Pose | None:
         """Return the command of the time at which the gripper was where it was heard.
 
         So a message that is late is not taken for a robot that is. Without a horizon the last
         command stands; it counts as far back as `incoming_command_timeout` lets poses be old, and
         not at all without that guard.
         """
-        if heard.stamp is None or self.stamp is None or now < self.stamp:
+        if feedback.stamp is None or self.stamp is None or now < self.stamp:
             return self.command
         if not self.horizon:
             oldest = self.stamp - self.guards.incoming_command_timeout
-            return self._pose(self.done_at(max(heard.stamp, oldest)))
-        since = min(heard.stamp, now) - self.stamp  # a robot that knows the coming time went on
-        return self._pose(min(self.done + since, max(self.sent, self.done)) if since > 0
-                          else self.done_at(heard.stamp))
+            return self._pose(self.done_at(max(feedback.stamp, oldest)))
+        since = min(feedback.stamp, now) - self.stamp  # a robot that knows the coming time went on
+        return self._pose(min(self.done + since, max(self.published_until, self.done)) if since > 0
+                          else self.done_at(feedback.stamp))
 
     def _off(self, position: float, angle: float, name: str,
              command: Pose | None = None) -> str | None:
         """Return in words how the gripper is off the command; None: it is within tolerances."""
-        heard, command = self.heard, command or self.command
-        if heard is None or command is None:
+        feedback, command = self.feedback, command or self.command
+        if feedback is None or command is None:
             return None
-        away = float(np.linalg.norm(heard.pose.position - command.position))
+        away = float(np.linalg.norm(feedback.pose.position - command.position))
         if position and away > position:
             return (f'the gripper is {away:.3g} m from its command: expected {name}.position = '
                     f'{position:g} m at most')
-        turned = angle_between(heard.pose.rotation, command.rotation)
+        turned = angle_between(feedback.pose.rotation, command.rotation)
         if angle and turned > angle:
             return (f'the gripper is turned by {turned:.3g} rad from its command: expected '
                     f'{name}.angle = {angle:g} rad at most')

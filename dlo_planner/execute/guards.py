@@ -46,7 +46,7 @@ class Guards:
 
 
 @dataclass(frozen=True)
-class Heard:
+class Feedback:
     """A gripper pose that came."""
 
     pose: Pose                # of the tool frame

@@ -18,7 +18,7 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.execute.judge import bound_of, obstacles_around
+from dlo_planner.execute.correction_checks import miss_bound, obstacles_around
 from dlo_planner.execute.limiter import used
 from dlo_planner.identify.estimate import Estimate, way_between
 from dlo_planner.identify.estimator import Swing
@@ -258,7 +258,7 @@ def way_in(task: LoopTask, estimate: Estimate, here: Pose, most: float, lag: flo
 
     def bound_in(way: Steered, lag: float = lag) -> float:
         reached = way.reached(whole.times[-len(through):])
-        return bound_of(estimate, commanded, way, reached, 0.0, lag)
+        return miss_bound(estimate, commanded, way, reached, 0.0, lag)
 
     tried = []
     for part in _SLOWER if np.isfinite(lag) else _SLOWER[:1]:  # slower is corrected the better

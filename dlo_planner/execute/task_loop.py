@@ -20,16 +20,16 @@ from typing import Any
 import numpy as np
 
 from dlo_planner.execute.causes import Cause, cause_of
-from dlo_planner.execute.execution import Execution
-from dlo_planner.execute.guards import Enabled, Guards, Heard
-from dlo_planner.execute.judge import (
+from dlo_planner.execute.correction_checks import (
     Aimed,
     aimed_anew,
-    in_motion,
     lag_of,
+    misfit_reason,
+    motion_bound,
     obstacles_around,
-    unexplained,
 )
+from dlo_planner.execute.execution import Execution
+from dlo_planner.execute.guards import Enabled, Feedback, Guards
 from dlo_planner.execute.loop_motions import (
     FARTHEST,
     LEAST_FOR_MOTION,
@@ -91,7 +91,7 @@ class TaskLoop:
             Execution, limits=limits or task.limits, back=self._tool.inverse(), frame_id=frame_id,
             period=period, horizon=horizon, guards=self._guards)
         self._lag = lag_of(observing.seeing, horizon)
-        self._heard: Heard | None = None
+        self._feedback: Feedback | None = None
         self._enabled: Enabled | None = None
         self.execution: Execution | None = None  # the motion under way; None: the gripper stands
         self.last: Execution | None = None  # the last motion, which may have ended
@@ -126,14 +126,14 @@ class TaskLoop:
         """How often looks came to disagree, or the miss to exceed the room, so far."""
         return self._loop.tries
 
-    def gripper(self, heard: Heard) -> None:
+    def gripper(self, feedback: Feedback) -> None:
         """Take in where the tool frame was measured; `observing` has to be told as well."""
-        self._heard = heard
+        self._feedback = feedback
         self._here = self._led()
 
     @property
     def _measured(self) -> Pose:
-        return self._here if self._heard is None else self._heard.pose.compose(self._tool)
+        return self._here if self._feedback is None else self._feedback.pose.compose(self._tool)
 
     def _led(self) -> Pose:
         """Return where the gripper was led to: measured before the first command, no leap after."""
@@ -195,7 +195,7 @@ class TaskLoop:
         if barred:
             self._end(Cause.NOT_ENABLED, barred, time)
             return
-        if self._heard is None:
+        if self._feedback is None:
             return
         here, (position, angle) = self._measured, _ASIDE
         away = float(np.linalg.norm(here.position - self._stands.position))
@@ -333,7 +333,7 @@ class TaskLoop:
         if self.phase in (Phase.GO, Phase.ENTER):
             self._watch(time)
         assert self.execution is not None  # it was begun
-        execution = self.execution.tick(now, self._heard, time, self._enabled)
+        execution = self.execution.tick(now, self._feedback, time, self._enabled)
         self.execution = self.last = execution
         self._here = self._led()
         if execution.phase == 'stopped':
@@ -464,7 +464,7 @@ class TaskLoop:
             self.aimed, self.refusal = aimed, refusal
             if self._to_entry(execution) <= 0:
                 return None
-            bound = self._left + in_motion(execution) - entry.planned + (
+            bound = self._left + motion_bound(execution) - entry.planned + (
                 aimed.bound if corrected.way is not way else aimed.bound_before)
             self.promised = max(self.promised, bound)
             return bound
@@ -478,5 +478,5 @@ class TaskLoop:
                     aimed_anew, self._task.inverse, observing.estimate, entry.commanded, way,
                     execution.free, entry.reached, self._correction,
                     observing.seeing.largest_correction, self._lag,
-                    unexplained(observing, self._task.limits.linear_speed))
+                    misfit_reason(observing, self._task.limits.linear_speed))
         return None

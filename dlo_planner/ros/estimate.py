@@ -16,7 +16,12 @@ from std_srvs.srv import Trigger
 
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.judge import disagreement, expected_miss, kept_out, unexplained
+from dlo_planner.execute.correction_checks import (
+    disagreement,
+    expected_miss,
+    misfit_reason,
+    stop_before_entry,
+)
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.estimator import DloEstimator, Swing, deviation
 from dlo_planner.model.arrays import Floats
@@ -189,7 +194,7 @@ class Estimator(Part):
         miss, left = expected_miss(estimate, made.plan, execution)
         if left > 0:
             self.statistics.note({MISS_EXPECTED: miss})
-        barred = kept_out(miss, task.room, left)
+        barred = stop_before_entry(miss, task.room, left)
         if barred:
             self.store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
 
@@ -206,7 +211,7 @@ class Estimator(Part):
             if observing is None or estimate is None or not estimate.looks:
                 raise Refused(Cause.NOTHING_SEEN, 'nothing of the DLO was seen since ~/reset: '
                               'expected points on ~/observed_points, and spread.* above 0')
-            wrong = unexplained(observing)
+            wrong = misfit_reason(observing)
             if wrong:
                 raise Refused(Cause.INVALID_POINTS, f'{wrong}; let the DLO hang freely, and call '
                               '~/reset')

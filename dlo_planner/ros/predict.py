@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.guards import Heard
+from dlo_planner.execute.guards import Feedback
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.supports import GRIPS, FarEnd
 from dlo_planner.progress import Latest
@@ -106,9 +106,9 @@ class ShapePredictor(Part):
             if state.gripper is not None and (last is None or arrived - last.arrived > _STANDS):
                 self._look(state.gripper, msg.header.stamp, arrived)
 
-    def _heard(self, pose: Pose, stamp: Time, arrived: float, off: float) -> Heard:
+    def _heard(self, pose: Pose, stamp: Time, arrived: float, off: float) -> Feedback:
         age = 1e-9 * (self.node.get_clock().now().nanoseconds - stamp.nanosec) - stamp.sec
-        return Heard(pose, arrived, age, off, seconds_of(stamp))
+        return Feedback(pose, arrived, age, off, seconds_of(stamp))
 
     def _look(self, gripper: Pose, stamp: Time, arrived: float) -> None:
         self._newest.submit(partial(self._predict, gripper, stamp, arrived))

@@ -15,7 +15,7 @@ from builtin_interfaces.msg import Time
 from dlo_planner.direct.shape import Shape
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import EXACT, Execution, blend_from_current_pose
-from dlo_planner.execute.guards import Enabled, Heard
+from dlo_planner.execute.guards import Enabled, Feedback
 from dlo_planner.execute.limiter import used
 from dlo_planner.inverse.task import Task
 from dlo_planner.model.pose import Pose, angle_between
@@ -95,8 +95,8 @@ class State:
     shape: Shape | None = None  # the last one, None: the DLO begins with its natural one
     resets: int = 0             # how often the shape was forgotten
     pose: Pose | None = None    # of the tool frame, the last one that came
-    feedback: Heard | None = None  # the last one that was not too old when it came
-    far_end: Heard | None = None   # the last pose of the far end's grip
+    feedback: Feedback | None = None  # the last one that was not too old when it came
+    far_end: Feedback | None = None   # the last pose of the far end's grip
     # the last task of each type that came on ~/task, as `open_task` returns it, the newest last
     tasks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     task: Task | None = None    # the last one that a plan was asked for
@@ -138,7 +138,7 @@ class State:
 
     # ---- shapes -----------------------------------------------------------------------------
 
-    def with_feedback(self, heard: Heard) -> State:
+    def with_feedback(self, heard: Feedback) -> State:
         """Return the State after a gripper pose; one that is too old is no news of the gripper."""
         limit = self.scene.guards.incoming_command_timeout
         fresh = not limit or abs(heard.age) <= limit

@@ -129,7 +129,8 @@ class ClosedLoopDrive:
     def begun(self, state: State) -> State:
         """Return the State in which it waits for the first look."""
         assert state.execution is not None  # it was started
-        self._known = replace(state.execution, phase='waiting', sent=state.execution.done)
+        self._known = replace(state.execution, phase='waiting',
+                              published_until=state.execution.done)
         return replace(state, execution=self._known, looking=Looking())
 
     def tick(self, store: Store, statistics: Statistics, now: float,

@@ -1,10 +1,8 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Tasks, drivers, runs, the table and the film."""
+"""Tasks, drivers, runs and the film."""
 
-import csv
 import pickle
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -12,16 +10,7 @@ import pytest
 
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
-from benchmarks.cell.bench import (  # noqa: E402
-    HEAD,
-    Film,  # noqa: E402
-    bench,
-    main,  # noqa: E402
-    rows,
-    summary,
-    table,
-    write_csv,
-)
+from benchmarks.cell.bench import Film, main  # noqa: E402
 from benchmarks.cell.drivers import PERIOD, OpenLoop, planned, sampled  # noqa: E402
 from benchmarks.cell.run import run  # noqa: E402
 from dlo_planner import CutOut, Infeasible, InvalidTask, Limits, Pose, Rod  # noqa: E402
@@ -104,30 +93,10 @@ def test_a_closed_loop_sees_and_moves():
     assert [image.stamp for image in seen] == pytest.approx(0.05 * np.arange(9), abs=2 * PERIOD)
 
 
-@pytest.mark.sweep
-def test_bench_on_an_executor_and_without(tmp_path):
-    tasks, done = [bar_task(), bar_task(0.03)], []
-    alone = bench(tasks, OpenLoop(pushed), progress=lambda *at: done.append(at))
-    with ThreadPoolExecutor(2) as executor:
-        assert bench(tasks, OpenLoop(pushed), executor=executor) == alone
-    assert done == [(1, 2), (2, 2)]
-    assert summary(alone) == ('2 tasks: 0 refused, 1 threaded, 1 of them without a touch; largest '
-                              f'force {alone[1].force:.3g} N')
-    write_csv(tmp_path / 'table.csv', tasks, alone)
-    with open(tmp_path / 'table.csv', encoding='utf-8') as file:
-        read = list(csv.reader(file))
-    assert tuple(read[0]) == HEAD
-    assert [line[3] for line in read[1:]] == ['yes', 'no']
-    assert len(table(tasks, alone).splitlines()) == 3
-
-
 def test_a_refusal_is_an_outcome():
-    outcome, = bench([bar_task()], refuses)
+    outcome = run(bar_task(), refuses)
     assert outcome.refused == 'Infeasible: nothing is possible'
     assert not outcome.threaded
-    assert rows([bar_task()], [outcome])[0][-1] == outcome.refused
-    with pytest.raises(InvalidTask, match='outcomes'):
-        rows([bar_task()], [])
 
 
 def test_a_driver_that_gives_up_on_the_way():
@@ -182,8 +151,8 @@ def test_nothing_to_run(tmp_path, capsys):
     (lambda: draw_task(-1), 'seed'), (lambda: replace(bar_task(), depth=0.5), 'Task.depth'),
     (lambda: replace(bar_task(), cutout=CutOut(HOLE.pose)), 'Task.cutout'),
     (lambda: draw_task(0, 'rope'), 'name'), (lambda: draw_task(0, radius=5e-4), 'radius'),
-    (lambda: run(1, refuses), 'task'), (lambda: run(bar_task(), OpenLoop(pushed), damping=-1.0),
-                                        'damping'), (lambda: bench([1], refuses), r'tasks\[0\]')])
+    (lambda: run(1, refuses), 'task'),
+    (lambda: run(bar_task(), OpenLoop(pushed), damping=-1.0), 'damping')])
 def test_what_makes_no_sense_is_refused(make, named):
     with pytest.raises(InvalidTask, match=named):
         make()

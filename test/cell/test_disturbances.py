@@ -13,6 +13,7 @@ pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
 from benchmarks.cell.drivers import PERIOD, OpenLoop  # noqa: E402
 from benchmarks.cell.run import SEEN_CELLS, Outcome, Stay, run  # noqa: E402
+from benchmarks.cell_trust import said  # noqa: E402
 from dlo_planner import CutOut, InvalidTask, Pose, Rod  # noqa: E402  mujoco may be missing
 from dlo_planner.cell.camera import Camera  # noqa: E402
 from dlo_planner.cell.cases import strikes_inside  # noqa: E402
@@ -276,7 +277,7 @@ def test_the_promise_is_the_one_before_the_hole():
     through = seen(replace(TASK, start=Pose((-0.45, 2e-3, 1.0), (0, 0, 0, 1))), driver)
     assert through.threaded
     assert through.promised == 1e-3
-    assert through.covered is False
+    assert said(through)['covered'] is False
 
 
 def test_each_stay_in_the_hole_has_its_promise():
@@ -292,7 +293,7 @@ def test_each_stay_in_the_hole_has_its_promise():
     assert 0 < first.begin < first.end < second.begin < second.end
     assert [stay.promised for stay in outcome.stays] == [1e-3, 1.0]
     assert outcome.miss == max(first.miss, second.miss)
-    assert (outcome.promised, outcome.covered) == (1e-3, False)
+    assert (outcome.promised, said(outcome)['covered']) == (1e-3, False)
 
 
 def test_a_wild_motion_is_no_refusal():
@@ -325,9 +326,9 @@ def test_what_is_clean_rammed_and_covered():
     assert not outcome(threaded=False).clean
     assert not outcome(force=0.2).clean
     assert [outcome(force=force).rammed for force in (0.9, 1.1, np.inf)] == [False, True, True]
-    assert outcome().covered
-    assert outcome(miss=2.1e-3).covered is False
-    assert outcome(miss=np.nan).covered is outcome(promised=np.nan).covered is None
+    assert [said(one)['covered'] for one in (
+        outcome(), outcome(miss=2.1e-3), outcome(miss=np.nan), outcome(promised=np.nan))] == [
+            True, False, None, None]
 
 
 def test_what_the_driver_says_of_itself():

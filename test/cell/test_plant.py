@@ -85,13 +85,12 @@ def test_shape_of_a_rod_with_everything(curly):
 
 def test_frequencies_of_a_cantilever():
     plant = Plant(beam(), at(), gravity=FLOATING)
-    frequencies, shapes = plant.modes(6)
+    frequencies = plant.natural_frequencies(6)
     roots = [brentq(lambda x: np.cos(x) * np.cosh(x) + 1, *ends) for ends in
              ((1, 3), (4, 5.5), (7, 8.5))]
     expected = np.repeat(np.square(roots) * np.sqrt(1 / 0.1) / (2 * np.pi), 2)
     assert frequencies == pytest.approx(expected, rel=2e-3)
     assert frequencies[0] == pytest.approx(expected[0], rel=3e-4)
-    assert np.linalg.norm(shapes, axis=2).max(axis=1) == pytest.approx(1)
     assert plant.frequencies == pytest.approx(frequencies[:3])
 
 

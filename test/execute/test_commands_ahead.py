@@ -12,7 +12,7 @@ from dlo_planner import Limits, Pose, Trajectory
 from dlo_planner.cell.robot import Robot, Timetable
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.execution import Ahead, Execution, places_ahead
-from dlo_planner.execute.guards import Guards, Heard
+from dlo_planner.execute.guards import Feedback, Guards
 from dlo_planner.identify.online_trajectory import Change, Steered
 from msg_helpers.trajectories import poses_ahead, stamped_poses
 
@@ -61,8 +61,8 @@ class Line:
         if not execution.active:
             return
         there = self.table.at(stamp) or self.there
-        self.execution = execution.tick(now, Heard(there, now, stamp=stamp), stamp)
-        ahead = self.execution.tellings, self.execution.phase
+        self.execution = execution.tick(now, Feedback(there, now, stamp=stamp), stamp)
+        ahead = self.execution.last_published, self.execution.phase
         if self.execution.active and ahead != self.told:
             self.told = ahead
             msg = poses_ahead(*coming(self.execution), 'world', self.execution.stamp)
@@ -92,7 +92,7 @@ def test_a_machine_that_is_late_delays_nothing():
     times = np.arange(len(places)) * STEP
     assert np.linalg.norm(places - on_the_way(times), axis=1)[10:].max() < CLOSE
     assert line.execution.phase in ('settling', 'succeeded')
-    assert line.execution.shaken == 0
+    assert line.execution.stall_displacement == 0
 
 
 def test_without_a_horizon_what_is_late_shakes_the_dlo():
@@ -100,11 +100,11 @@ def test_without_a_horizon_what_is_late_shakes_the_dlo():
     lost, way = 0.3, 0.0
     for k in range(200):
         now = k * PERIOD + lost * (k > 150)
-        execution = execution.tick(now, Heard(execution.command or PLAN.grippers[0], now))
+        execution = execution.tick(now, Feedback(execution.command or PLAN.grippers[0], now))
         if k == 150:
             way = np.linalg.norm(WAY.at([execution.done])[1][0, :3]) * lost
     assert way > 0.01
-    assert execution.shaken == pytest.approx(way, rel=0.1)
+    assert execution.stall_displacement == pytest.approx(way, rel=0.1)
 
 
 def test_a_robot_that_hears_no_more_comes_to_rest_within_its_limits():
@@ -175,7 +175,7 @@ def test_who_is_canceled_at_once_has_to_be_told():
     assert not running.ends_at_once and not running.canceled().ends_at_once
     at_once = replace(running, guards=Guards(decelerate_on_cancel=False)).canceled()
     assert (at_once.phase, at_once.ends_at_once) == ('stopped', True)
-    assert not replace(at_once, horizon=0.0, sent=0.0).ends_at_once
+    assert not replace(at_once, horizon=0.0, published_until=0.0).ends_at_once
 
 
 def test_a_clock_that_leaps_ahead_ends_it_and_one_that_is_set_back_does_not():
@@ -202,7 +202,7 @@ def tolerated(age, horizon, timeout=0.5, times=REGULAR, stands_at=np.inf):
         by_itself = np.interp(then, times[:k], done) if k else 0.0
         place = max(then, 0.0) if horizon else by_itself
         there = WAY.at([place])[0][0].compose(TOOL.inverse())
-        execution = execution.tick(now, Heard(there, now, age, stamp=now - age))
+        execution = execution.tick(now, Feedback(there, now, age, stamp=now - age))
         done = np.append(done, execution.done)
         if execution.phase != 'running':
             assert execution.cause == Cause.PATH_TOLERANCE

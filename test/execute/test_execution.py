@@ -7,7 +7,7 @@ import pytest
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, Trajectory
 from dlo_planner.execute.causes import Cause
-from dlo_planner.execute.execution import Execution, Guards, Heard
+from dlo_planner.execute.execution import Execution, Feedback, Guards
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 PLAN = InverseSimulator(DirectSimulator(WIRE)).thread(
@@ -36,7 +36,7 @@ class Robot:
 
     def heard(self, now, **more):
         there = [pose for time, pose in self.sent if time <= now - self.lag]
-        return Heard(there[-1], now, **more)
+        return Feedback(there[-1], now, **more)
 
 
 def run(execution, times, heard=None, at=None):
@@ -118,7 +118,7 @@ def test_no_lateness_makes_a_leap(name):
 def test_a_pause_while_it_stops_does_not_hide_why_it_stops():
     execution = run(begun(), np.arange(100) * PERIOD)[0].canceled()
     assert execution.phase == 'stopping'
-    paused = execution.tick(execution.last + 4.0, execution.heard)
+    paused = execution.tick(execution.last + 4.0, execution.feedback)
     assert (paused.phase, paused.cause) == ('stopped', Cause.CANCELED)
     assert paused.reason == 'canceled'
 
@@ -182,9 +182,9 @@ def off(meters=0.0, radians=0.0, after=2.0, **more):
     def heard(robot, now):
         there = robot.heard(now, **more)
         if now < after:
-            return Heard(there.pose, now)
+            return Feedback(there.pose, now)
         away = Pose((0, 0, meters), (np.sin(radians / 2), 0, 0, np.cos(radians / 2)))
-        return Heard(there.pose.compose(away), now, **more)
+        return Feedback(there.pose.compose(away), now, **more)
     return heard
 
 
@@ -229,12 +229,12 @@ def test_a_robot_that_stands_still_is_noticed():
 
 def short_of_the_goal(robot, now):
     there = robot.heard(now)
-    return Heard(Pose(there.pose.position + (0, 0.015, 0), there.pose.quaternion), now)
+    return Feedback(Pose(there.pose.position + (0, 0.015, 0), there.pose.quaternion), now)
 
 
 def turned_at_the_goal(robot, now):
     heard = Robot.heard(robot, now)
-    return Heard(heard.pose.compose(Pose((0, 0, 0), (0, 0, 0.04, np.sqrt(1 - 0.04**2)))), now)
+    return Feedback(heard.pose.compose(Pose((0, 0, 0), (0, 0, 0.04, np.sqrt(1 - 0.04**2)))), now)
 
 
 @pytest.mark.parametrize(('position', 'angle', 'phase'), [
@@ -275,8 +275,8 @@ def test_without_poses_the_goal_is_not_reached():
 @pytest.mark.parametrize(('age', 'phase'), [(0.075, 'running'), (0.085, 'stopping')])
 def test_a_pose_that_waits_to_be_heard_ages_by_a_period_at_most(age, phase):
     there = WAY.at([0.0])[0][0].compose(TOOL.inverse())
-    execution = begun().tick(0.0, Heard(there, 0.0))
-    execution = execution.tick(PERIOD, Heard(there, PERIOD - 0.5, age=age))
+    execution = begun().tick(0.0, Feedback(there, 0.0))
+    execution = execution.tick(PERIOD, Feedback(there, PERIOD - 0.5, age=age))
     assert execution.phase == phase
 
 
@@ -314,7 +314,7 @@ def test_late_ticks_do_not_take_the_time_that_the_gripper_has_to_come_there():
     now = 100.0
     while execution.active and now < 200 + WAY.duration:
         there = execution.command if len(settling) > 15 else first
-        execution = execution.tick(now, Heard(there, now))
+        execution = execution.tick(now, Feedback(there, now))
         if execution.phase == 'settling' and execution.alone:
             settling.append(now)
         now += 0.5 if settling else PERIOD

@@ -13,7 +13,7 @@ from wires import threaded
 from dlo_planner import Limits, Pose, Trajectory
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.execute.execution import Execution, blend_from_current_pose
-from dlo_planner.execute.guards import Enabled, Guards, Heard
+from dlo_planner.execute.guards import Enabled, Feedback, Guards
 from dlo_planner.execute.limiter import Limiter, frames_of, shortest_stop, used
 from dlo_planner.identify.online_trajectory import Change, Steered
 from dlo_planner.ros.scene import Scene
@@ -48,7 +48,7 @@ class Robot:
             if not self.execution.active:
                 break
             there = self.execution.command or self.execution.way.at([0.0])[0][0]
-            self.execution = self.execution.tick(now, Heard(there, now, stamp=now), now)
+            self.execution = self.execution.tick(now, Feedback(there, now, stamp=now), now)
             if self.execution.sending is not None:
                 self.commands.append(self.execution.sending)
             self.hear(self.execution.ahead)
@@ -365,7 +365,7 @@ def test_who_does_not_enable_it_any_more_stops_it_within_the_limits(heard, named
         if not execution.active:
             break
         enabled = Enabled(True, now) if now < 2.5 else heard
-        execution = execution.tick(now, Heard(WIRE.grippers[0], now), now, enabled)
+        execution = execution.tick(now, Feedback(WIRE.grippers[0], now), now, enabled)
         if execution.sending is not None:
             commands.append(execution.sending)
     assert (execution.phase, execution.cause) == ('stopped', Cause.NOT_ENABLED)

@@ -66,7 +66,7 @@ def test_frequency_and_amplitude_are_those_of_the_engine():
     cell.pass_by(1.0)
     seen = cell.seen()
     assert seen.amplitude == pytest.approx(cell.amplitude, rel=0.1)
-    truly = 2 * np.pi * cell.plant.modes(2)[0]
+    truly = 2 * np.pi * cell.plant.natural_frequencies(2)
     assert seen.rates[:2] == pytest.approx(truly, rel=4 * seen.factor[1])
     assert seen.factor[1] < 0.01
     # where it is half a period later, before damping and errors of the frequency count

@@ -22,7 +22,7 @@ from dlo_planner import (
     replay,
 )
 from dlo_planner.execute.causes import Cause
-from dlo_planner.execute.guards import Enabled, Heard
+from dlo_planner.execute.guards import Enabled, Feedback
 from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.penalties import Through
@@ -68,7 +68,7 @@ def proved():
     state = state.with_plan(PlanResult(state.scene, plan, before, None, task, None))
     proof = list(proofs(replay, state.scene, plan, before))[-1]
     assert proof.safe
-    return state.with_proof(proof).with_feedback(Heard(START, 0.0))
+    return state.with_proof(proof).with_feedback(Feedback(START, 0.0))
 
 
 class Cell:
@@ -89,7 +89,7 @@ class Cell:
 
     def step(self):
         """Go on by one period; return the Execution."""
-        state = self.store.change(lambda now: now.with_feedback(Heard(
+        state = self.store.change(lambda now: now.with_feedback(Feedback(
             self.here, self.time, 0.0, self.observing.off, self.time)))
         self.observing.gripper(self.time, self.here)
         if self.observing.due(self.time):

@@ -25,7 +25,7 @@ from wires import threaded
 
 from dlo_planner import Limits, Pose, Trajectory
 from dlo_planner.execute.causes import Cause
-from dlo_planner.execute.execution import Execution, Guards, Heard
+from dlo_planner.execute.execution import Execution, Feedback, Guards
 from dlo_planner.ros.lifecycle import CHANGES, LATCHED
 from msg_helpers.poses import pose_from_msg, pose_msg, pose_stamped_msg
 
@@ -183,7 +183,7 @@ def test_a_motion_comes_to_rest_before_it_is_inactive(monkeypatch, context, witn
     with planner_here(monkeypatch, context) as node:
         commands = witness.hear(PoseStamped, f'{NAME}/gripper_command', CHANGES)
         assert witness.wait_for(lambda: node.count_subscribers(f'{NAME}/gripper_command'))
-        heard = Heard(plan.grippers[0], time.monotonic())
+        heard = Feedback(plan.grippers[0], time.monotonic())
         node.shared.store.change(lambda now: replace(now, execution=execution, feedback=heard))
         node.streamer._finished = False
         node.streamer._timer.reset()

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner import Pose, Sphere, replay
 from dlo_planner.execute.causes import Cause, Refused
-from dlo_planner.execute.execution import Heard
+from dlo_planner.execute.execution import Feedback
 from dlo_planner.execute.guards import Enabled, Guards
 from dlo_planner.identify.estimator import EstimatorConfig
 from dlo_planner.plan.plan import PlanStatus, truncate
@@ -50,12 +50,12 @@ def proved():
     proof = list(proofs(replay, state.scene,
                         plan, before))[-1]
     assert proof.safe and proof.cause == Cause.DONE
-    return state.with_plan(made).with_proof(proof).with_feedback(Heard(plan.grippers[0], 10.0))
+    return state.with_plan(made).with_proof(proof).with_feedback(Feedback(plan.grippers[0], 10.0))
 
 
 def hanging(state):
     shape = state.scene.direct.solve(HERE)
-    return replace(state, shape=shape).with_feedback(Heard(HERE, 0.0))
+    return replace(state, shape=shape).with_feedback(Feedback(HERE, 0.0))
 
 
 def changed(state, bodies=None, **parts):
@@ -131,7 +131,7 @@ def test_an_execution_begins_where_the_gripper_is(proved):
     turn = Rotation.from_rotvec([0, 0.03, 0])
     here = Pose.from_rotation(pose.position + (0.0, 0.012, -0.005),
                               turn.as_matrix() @ pose.rotation)
-    execution = proved.with_feedback(Heard(here, 10.0)).started(10.02).execution
+    execution = proved.with_feedback(Feedback(here, 10.0)).started(10.02).execution
     way, planned, begin = execution.way, proved.proof.report.trajectory, execution.begin
     assert execution.done == begin < 0
     first = way.at([begin])[0][0]
@@ -150,7 +150,7 @@ def test_an_execution_begins_where_the_gripper_is(proved):
 
 def test_what_a_robot_makes_up_for_is_not_blended(proved):
     here = Pose(proved.pose.position + (0.0, 0.0, 0.9e-3), proved.pose.quaternion)
-    way = proved.with_feedback(Heard(here, 10.0)).started(10.02).execution.way
+    way = proved.with_feedback(Feedback(here, 10.0)).started(10.02).execution.way
     assert way is proved.proof.report.trajectory
 
 
@@ -170,12 +170,12 @@ def test_cancel_ends_a_proof(proved):
      Cause.NOT_CALM, 'it swings'),
     (lambda s: replace(s, pose=None, feedback=None), Cause.NO_GRIPPER_POSE, 'gripper_pose'),
     (lambda s: replace(s, feedback=None), Cause.OLD_GRIPPER_POSE, 'incoming_command_timeout = 0.1'),
-    (lambda s: s.with_feedback(Heard(s.pose, 9.9, 0.0)), Cause.OLD_GRIPPER_POSE, '0.15 s old'),
-    (lambda s: s.with_feedback(Heard(s.pose, 10.0, 0.08)), Cause.OLD_GRIPPER_POSE, '0.13 s old'),
-    (lambda s: s.with_feedback(Heard(Pose(s.pose.position + (0, 0.03, 0), s.pose.quaternion),
+    (lambda s: s.with_feedback(Feedback(s.pose, 9.9, 0.0)), Cause.OLD_GRIPPER_POSE, '0.15 s old'),
+    (lambda s: s.with_feedback(Feedback(s.pose, 10.0, 0.08)), Cause.OLD_GRIPPER_POSE, '0.13 s old'),
+    (lambda s: s.with_feedback(Feedback(Pose(s.pose.position + (0, 0.03, 0), s.pose.quaternion),
                                      10.0)),
      Cause.NOT_AT_START, 'execute.start_distance = 0.02'),
-    (lambda s: s.with_feedback(Heard(Pose(s.pose.position, (0, 0, 0, 1)), 10.0)),
+    (lambda s: s.with_feedback(Feedback(Pose(s.pose.position, (0, 0, 0, 1)), 10.0)),
      Cause.NOT_AT_START, 'execute.start_angle = 0.1')])
 def test_what_is_missing_is_named(proved, spoil, cause, named):
     assert ready(proved, 10.05) is proved.proof.report.trajectory
@@ -219,9 +219,9 @@ def test_a_motion_beyond_its_limits_is_not_executed(proved):
 
 @pytest.mark.parametrize('age', [0.2, 5.0, -0.2, -60.0, 1.7e9])
 def test_a_pose_that_is_too_old_or_from_the_future_is_no_news_of_the_gripper(proved, age):
-    after = proved.with_feedback(Heard(HERE, 10.04, age))
+    after = proved.with_feedback(Feedback(HERE, 10.04, age))
     assert after.pose is HERE and after.feedback is proved.feedback
-    assert proved.with_feedback(Heard(HERE, 10.04, np.sign(age) * 0.05)).feedback.pose is HERE
+    assert proved.with_feedback(Feedback(HERE, 10.04, np.sign(age) * 0.05)).feedback.pose is HERE
 
 
 def test_what_changes_the_scene_voids_the_plan_and_stops_what_runs(proved):
@@ -307,10 +307,10 @@ def test_the_gripper_is_at_the_start_where_its_tool_frame_is(proved):
     turned = replace(proved.scene, tool=tool)
     state = replace(proved, scene=turned, planned=replace(proved.planned, scene=turned))
     there = proved.planned.plan.grippers[0].compose(tool.inverse())
-    assert ready(state.with_feedback(Heard(there, 10.0)), 10.0) is proved.proof.report.trajectory
+    assert ready(state.with_feedback(Feedback(there, 10.0)), 10.0) is proved.proof.report.trajectory
     for wrong in (proved.planned.plan.grippers[0], proved.planned.plan.grippers[0].compose(tool)):
         with pytest.raises(Refused) as refused:
-            ready(state.with_feedback(Heard(wrong, 10.0)), 10.0)
+            ready(state.with_feedback(Feedback(wrong, 10.0)), 10.0)
         assert refused.value.cause == Cause.NOT_AT_START
 
 

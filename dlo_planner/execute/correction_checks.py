@@ -39,7 +39,7 @@ def disagreement(observing: DloEstimator) -> str:
             '~/identify, and plan again')
 
 
-def unexplained(observing: DloEstimator, speed: float = 0.0) -> str:
+def misfit_reason(observing: DloEstimator, speed: float = 0.0) -> str:
     """Return in words why an Estimate is not of the DLO that is seen, '' if it may be.
 
     It tells of a DLO that hangs freely; one that touches something, or is held elsewhere, is none.
@@ -58,7 +58,7 @@ def unexplained(observing: DloEstimator, speed: float = 0.0) -> str:
     return ''
 
 
-def doubts(correction: Correction, largest: float) -> str:
+def rejection_reason(correction: Correction, largest: float) -> str:
     """Return in words why a Correction must not be executed, '' if it may; see `correct`."""
     if not correction.converged:
         return 'a waypoint has no stable shape for the DLO as it is estimated'
@@ -89,11 +89,11 @@ def expected_miss(estimate: Estimate, plan: Plan, execution: Execution) -> tuple
     reached = steered.reached(plan.times)
     entry = next((float(time) for time, passes in zip(reached, plan.via_points, strict=True)
                   if passes), -np.inf)
-    return (bound_of(estimate, plan, steered, reached, execution.free, np.inf)
-            + in_motion(execution), entry - execution.done)
+    return (miss_bound(estimate, plan, steered, reached, execution.free, np.inf)
+            + motion_bound(execution), entry - execution.done)
 
 
-def kept_out(miss: float, room: float, left: float) -> str:
+def stop_before_entry(miss: float, room: float, left: float) -> str:
     """Return in words why a motion has to stop before the cut-out, '' if it may go on.
 
     It goes in if the DLO is inside the cut-out with 95 %. Whether it is, is judged when the stop
@@ -104,7 +104,7 @@ def kept_out(miss: float, room: float, left: float) -> str:
         f'{room:.3g} m; let it hang at rest before the camera, call ~/identify, and plan again')
 
 
-def in_motion(execution: Execution) -> float:
+def motion_bound(execution: Execution) -> float:
     """Return by how much motion displaces the DLO of an Execution in a cut-out at most, m.
 
     By what was simulated for the proof, and by what late commands did. A DLO that is displaced by a
@@ -113,7 +113,7 @@ def in_motion(execution: Execution) -> float:
     way = execution.way.trajectory if isinstance(execution.way, Steered) else execution.way
     simulated = way.motion if isinstance(way, Trajectory) else None
     bound = 0.0 if simulated is None else float(np.nan_to_num(simulated.bound, posinf=np.inf))
-    return bound + _ANSWER * execution.shaken
+    return bound + _ANSWER * execution.stall_displacement
 
 
 def looked_at(plan: Plan) -> Ints:
@@ -128,7 +128,7 @@ def looked_at(plan: Plan) -> Ints:
     return chosen
 
 
-def bound_of(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now: float,
+def miss_bound(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now: float,
              lag: float) -> float:
     """Return within how many m the DLO passes the center with 95 %, in what is commanded.
 
@@ -167,8 +167,8 @@ def aimed_anew(inverse: InverseSimulator, estimate: Estimate, plan: Plan, way: S
     first = int(np.searchsorted(reached, free))
     known = before if before is not None and before.converged else None
     found = correct(estimate, plan, first, known, inverse=inverse)
-    return Aimed(found, against or doubts(found, largest), *(
-        bound_of(estimate, plan, one, reached, free, lag)
+    return Aimed(found, against or rejection_reason(found, largest), *(
+        miss_bound(estimate, plan, one, reached, free, lag)
         for one in (way.corrected(free, found, reached[first:]), way)))
 
 

@@ -19,16 +19,16 @@ from dlo_planner import (
     Sheet,
     Trajectory,
 )
-from dlo_planner.execute.execution import Execution
-from dlo_planner.execute.judge import (
-    bound_of,
-    doubts,
+from dlo_planner.execute.correction_checks import (
     expected_miss,
-    in_motion,
-    kept_out,
     looked_at,
-    unexplained,
+    misfit_reason,
+    miss_bound,
+    motion_bound,
+    rejection_reason,
+    stop_before_entry,
 )
+from dlo_planner.execute.execution import Execution
 from dlo_planner.execute.loop_motions import commanded_of
 from dlo_planner.identify import Steered, correct
 from dlo_planner.identify.estimator import DloEstimator, EstimatorConfig
@@ -68,9 +68,9 @@ def observing():
 
 
 def test_a_dlo_that_hangs_freely_is_explained(observing):
-    assert unexplained(observing) == ''
+    assert misfit_reason(observing) == ''
     aimed = correct(observing.estimate, PLAN, inverse=scene().inverse)
-    assert doubts(aimed, LARGEST) == ''
+    assert rejection_reason(aimed, LARGEST) == ''
 
 
 def test_a_dlo_that_does_not_hang_freely_is_not_explained():
@@ -83,7 +83,7 @@ def test_a_dlo_that_does_not_hang_freely_is_not_explained():
         return points + NOISE * rng.normal(size=points.shape)
 
     observing = looked(lifted)
-    said = unexplained(observing)
+    said = misfit_reason(observing)
     assert 'none of the DLO as it is estimated: expected at most 30%' in said
 
 
@@ -99,30 +99,30 @@ def seen(observing, **changes):
 def test_an_estimate_of_something_else_is_not_explained(observing, changes, outliers, said):
     estimate = replace(observing.estimate, outliers=outliers)
     wrong = seen(observing, estimate=estimate, **changes)
-    assert said in unexplained(wrong)
+    assert said in misfit_reason(wrong)
     careless = seen(wrong, seeing=replace(SEEING, noise=0.1, outliers=0.8))
-    assert unexplained(careless) == ''
+    assert misfit_reason(careless) == ''
 
 
 def test_stamps_excuse_what_the_gripper_moves_meanwhile_and_no_more(observing):
     wrong = seen(observing, off=0.26, seeing=replace(SEEING, stamps=0.05))
-    assert 'the points are 0.26 m off' in unexplained(wrong)
-    assert 'the points are 0.26 m off' in unexplained(wrong, 0.1)
-    assert unexplained(wrong, 6.0) == ''
+    assert 'the points are 0.26 m off' in misfit_reason(wrong)
+    assert 'the points are 0.26 m off' in misfit_reason(wrong, 0.1)
+    assert misfit_reason(wrong, 6.0) == ''
 
 
 def test_sway_excuses_five_of_its_deviations_and_no_more(observing):
     little, enough = (seen(observing, off=0.26, seeing=replace(SEEING, sway=sway))
                       for sway in (0.05, 0.053))
-    assert 'the points are 0.26 m off' in unexplained(little)
-    assert unexplained(enough) == ''
+    assert 'the points are 0.26 m off' in misfit_reason(little)
+    assert misfit_reason(enough) == ''
 
 
 def test_the_cameras_bias_excuses_points_along_two_axes_and_no_more(observing):
     little, enough = (seen(observing, off=0.26, seeing=replace(SEEING, bias=bias))
                       for bias in (0.036, 0.038))
-    assert 'the points are 0.26 m off' in unexplained(little)
-    assert unexplained(enough) == ''
+    assert 'the points are 0.26 m off' in misfit_reason(little)
+    assert misfit_reason(enough) == ''
 
 
 def test_what_the_motion_and_late_commands_displace_is_expected():
@@ -131,8 +131,9 @@ def test_what_the_motion_and_late_commands_displace_is_expected():
     way, moved = restored(way.path, way.laws, way.limits, np.inf, seen, np.nan, ''), 3e-3
     for one in (way, Steered(way, np.array([0.5, 0.5, 0.1]))):
         execution = Execution(one, Pose.identity(), 'world')
-        assert in_motion(execution) == moved
-        assert in_motion(replace(execution, shaken=0.01)) == pytest.approx(moved + 0.02)
+        assert motion_bound(execution) == moved
+        stalled = replace(execution, stall_displacement=0.01)
+        assert motion_bound(stalled) == pytest.approx(moved + 0.02)
 
 
 def test_a_look_in_motion_with_outliers_and_wrong_stamps_is_explained():
@@ -143,7 +144,7 @@ def test_a_look_in_motion_with_outliers_and_wrong_stamps_is_explained():
         out.gripper(time, Pose(START.position + (0.1 * (time - 1.0), 0, 0), START.quaternion))
     out.look(1.0, truth.seen(rng, START, outliers=0.4, shape=shape).points)
     assert out.surprise < 1
-    assert unexplained(out, 0.1) == ''
+    assert misfit_reason(out, 0.1) == ''
 
 
 def test_a_correction_keeps_workspace_and_obstacles(observing):
@@ -151,7 +152,7 @@ def test_a_correction_keeps_workspace_and_obstacles(observing):
     correction = correct(estimate, PLAN)
 
     def said(inverse):
-        return doubts(correct(estimate, PLAN, inverse=inverse), LARGEST)
+        return rejection_reason(correct(estimate, PLAN, inverse=inverse), LARGEST)
 
     first = correction.grippers[0].position
     low = scene(workspace__upper=[*(first[:2] + 1), float(first[2]) - 1e-3])
@@ -161,13 +162,13 @@ def test_a_correction_keeps_workspace_and_obstacles(observing):
     filled = scene(Box(Pose(tip, (0, 0, 0, 1)), (0.02, 0.02, 0.02)))
     assert 'm in Box 0' in said(filled.inverse)
     far = replace(correction, offsets=correction.offsets + 0.1)
-    assert 'observe.largest_correction = 0.05 m' in doubts(far, LARGEST)
+    assert 'observe.largest_correction = 0.05 m' in rejection_reason(far, LARGEST)
     lost = replace(correction, converged=False)
-    assert 'no stable shape' in doubts(lost, LARGEST)
+    assert 'no stable shape' in rejection_reason(lost, LARGEST)
     assert said(InverseSimulator(scene().direct)) == ''  # no workspace
     # the best aim is taken though it is not sure: of what the poses were before is known still less
     unsure = replace(correction, miss=replace(correction.miss, bound=10 + correction.miss.bound))
-    assert doubts(unsure, LARGEST) == ''
+    assert rejection_reason(unsure, LARGEST) == ''
 
 
 def test_the_way_in_is_not_corrected_for_a_cutout_that_was_seen_before_it_was_planned():
@@ -192,14 +193,14 @@ def test_it_stops_before_a_cutout_that_it_may_miss(observing):
     at_rest = observing.estimate.miss(PLAN, chosen, [motion.way.poses([motion.free])[0]] * len(
         chosen)).together
     assert sure[0] == pytest.approx(at_rest, rel=1e-6) and sure[0] < 0.9 * unsure[0]
-    shaken = expected_miss(observing.estimate, PLAN, replace(motion, shaken=0.01))[0]
+    shaken = expected_miss(observing.estimate, PLAN, replace(motion, stall_displacement=0.01))[0]
     assert shaken == pytest.approx(sure[0] + 0.02)
     room = 0.95 * unsure[0]
-    said = kept_out(unsure[0], room, 2.0)
+    said = stop_before_entry(unsure[0], room, 2.0)
     assert 'may miss the cut-out by' in said and f'the room of {room:.3g} m' in said
-    assert kept_out(sure[0], room, 2.0) == ''
+    assert stop_before_entry(sure[0], room, 2.0) == ''
     for left in (3.1, 0.0, -2.0):  # there is time left, or it is too late
-        assert kept_out(unsure[0], room, left) == ''
+        assert stop_before_entry(unsure[0], room, left) == ''
 
 
 def test_what_is_not_blended_in_at_the_entry_counts(observing):
@@ -210,7 +211,7 @@ def test_what_is_not_blended_in_at_the_entry_counts(observing):
     entry = reached[looked_at(PLAN)[0]]
 
     def bound(way, plan=PLAN):
-        return bound_of(estimate, plan, way, reached, entry - 3.0, 1.0)
+        return miss_bound(estimate, plan, way, reached, entry - 3.0, 1.0)
 
     # aimed at, with looks on the way there, a second and half the windows before
     chosen = looked_at(PLAN)
