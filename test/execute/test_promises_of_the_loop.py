@@ -27,7 +27,7 @@ from dlo_planner import (
     Workspace,
 )
 from dlo_planner.cell.tasks import draw_task
-from dlo_planner.execute import judge, loop_motions
+from dlo_planner.execute import correction_checks, loop_motions
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.correction_checks import aimed_anew
 from dlo_planner.execute.guards import Feedback, Guards
@@ -289,8 +289,8 @@ def test_a_correction_keeps_workspace_obstacles_and_its_largest_size(ways, monke
     tip = found.correction.shapes[-1].positions[-1]
     box = Box(Pose(tip, (0, 0, 0, 1)), (0.02, 0.02, 0.02))
     assert 'm in Box 0' in aimed(ways, obstacles=[box]).doubts
-    correct = judge.correct
-    monkeypatch.setattr(judge, 'correct', lambda *given, **more: replace(
+    correct = correction_checks.correct
+    monkeypatch.setattr(correction_checks, 'correct', lambda *given, **more: replace(
         one := correct(*given, **more), offsets=one.offsets + 0.02))
     assert 'it moves the gripper by' in aimed(ways, most=0.03).doubts
     assert aimed(ways, most=0.05).doubts == ''
@@ -415,7 +415,7 @@ def test_other_tasks_have_an_entry_before_which_they_are_looked_at(kind):
     whole = concatenate(replace(way, stops=()), through)
     np.testing.assert_allclose(whole.grippers[0].matrix, begin.matrix, atol=1e-12)
     assert not entry.contacts and entry.far_end is None
-    looked = judge.looked_at(through)
+    looked = correction_checks.looked_at(through)
     assert 0 in looked
     if kind == 'two':
         assert len(looked) == len(through)
