@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple, TypeAlias
+from functools import partial
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from dlo_planner.inverse.continuation import (
     Step,
     continue_family,
 )
-from dlo_planner.inverse.route import quick_simulator
+from dlo_planner.inverse.route import first_feasible, quick_simulator
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.move_to import SHARPEST, interpolated
 from dlo_planner.model.arrays import Floats
@@ -53,46 +54,30 @@ _STRAIGHT = None      # instead of backing off: translation and rotation at once
 _Station: TypeAlias = tuple[Pose, float]
 
 
-class _Request(NamedTuple):
-    """An approach: cut-out, Pose of the gripper now, standoff in m, Shape now or None."""
-
-    cutout: CutOut
-    start: Pose
-    standoff: float
-    initial: Shape | None
-
-
 def approach(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
              demands: Judge) -> Plan:
     """Return the Plan from `start` to `first`, where a threading begins."""
+    behind = float((task.cutout.center - start.position) @ task.cutout.normal)
+    back = max(0.0, (1 + _MARGIN) * simulator.rod.length + demands.surface.bound - behind)
+    demands, quick = demands.made_with(simulator), quick_simulator(simulator)
+    trial, end = demands, task.first
+    if quick is not simulator:
+        trial, end = demands.silent().made_with(quick), quick.solve(end.gripper, end)
+
+    def planned(away: float | None) -> Plan:
+        plan = _from_behind(quick, replace(task, first=end), start, initial, trial, away)
+        return plan if quick is simulator else _from_behind(simulator, task, start, initial,
+                                                            demands, away)
+
+    return first_feasible(partial(planned, share if share is _STRAIGHT else share * back)
+                          for share in (_STRAIGHT, *(_SHARES if back else (0.0,))))
+
+
+def _from_behind(simulator: DirectSimulator, task: Approach, start: Pose, initial: Shape | None,
+                 demands: Judge, back: float | None) -> Plan:
+    """Return the Plan to `first` that goes `back` (m) before it turns, or _STRAIGHT."""
     cutout, first, standoff = task.cutout, task.first, task.standoff
     assert standoff is not None  # the task chooses one
-    behind = float((cutout.center - start.position) @ cutout.normal)
-    back = max(0.0, (1 + _MARGIN) * simulator.rod.length + demands.surface.bound - behind)
-    quick = quick_simulator(simulator)
-    own = quick is simulator
-    demands = demands.made_with(simulator)
-    end = first if own else quick.solve(first.gripper, first)
-    refused: Infeasible | None = None
-    trial = demands if own else demands.silent().made_with(quick)
-    request = _Request(cutout, start, standoff, initial)
-    for share in (_STRAIGHT, *(_SHARES if back else (0.0,))):
-        away = share if share is _STRAIGHT else share * back
-        try:
-            plan = _from_behind(quick, end, request, trial, away)
-        except Infeasible as error:
-            if refused is None or error.waypoint >= refused.waypoint:
-                refused = error
-            continue
-        return plan if own else _from_behind(simulator, first, request, demands, away)
-    assert refused is not None  # one is tried at least
-    raise refused
-
-
-def _from_behind(simulator: DirectSimulator, first: Shape, request: _Request,
-                 demands: Judge, back: float | None) -> Plan:
-    """Return the Plan to the Shape `first` that goes `back` (m) before it turns, or _STRAIGHT."""
-    cutout, start, standoff, initial = request
     normal, length, radius = cutout.normal, simulator.rod.length, demands.surface.bound
     entering = _entering(first.gripper, normal, standoff, length)
     before = entering[0]
