@@ -165,7 +165,8 @@ _TABLE: dict[str, tuple[Any, ...]] = {
                                      'along each axis where looks come to disagree, m.', 0.0, 1.0),
     'observe.slip_rotation': (0.05, 'The same about each axis, rad.', 0.0, 3.2),
     'observe.period': (0.2, 'Seconds between two clouds that are looked at.', 0.0, 60.0),
-    'observe.correct': (True, 'Whether what is executed is corrected by what is seen.'),
+    'observe.correct': (True, 'Whether what is seen counts for what is executed: by a closed '
+                              'loop, or by a stop before a cut-out that the DLO may miss.'),
     'observe.correction_period': (0.5, 'Seconds between two corrections.', 0.0, 60.0),
     'observe.largest_correction': (0.02, 'A correction that moves the gripper farther is not '
                                          'executed, m.', 0.0, 10.0),
