@@ -124,12 +124,12 @@ def joint_trajectory(trajectory: TimedPath, arm: Arm, tool: Pose | None = None, 
     path = _ToolPath.of(trajectory, arm, (tool or Pose.identity()).inverse())
     rolls = _rolls() if flag('free_roll', free_roll) else [0.0]
     check = Progress(None, deadline).check
-    best: IKFailure | None = None
+    failures: list[IKFailure] = []
     for rolled in map(path.rolled, rolls):
-        found, best = _first(rolled, current, check, best)
+        found = _first(rolled, current, check, failures)
         if found is not None:
             return found
-    assert best is not None  # nothing was found, so something failed
+    best = max(failures, key=lambda failure: failure.rank)
     if best.attempt is not None:  # what is known of it comes from coarse steps
         try:
             return _checked(best.attempt, check)
@@ -148,24 +148,25 @@ class _Attempt(NamedTuple):
 
 
 def _first(path: '_ToolPath', current: Floats | None, check: Callable[[], object],
-           best: IKFailure | None) -> tuple[JointTrajectory | None, IKFailure | None]:
-    """Return the first JointTrajectory that is found, or None; and the best failure until then."""
+           failures: list[IKFailure]) -> JointTrajectory | None:
+    """Return the first JointTrajectory that is found, or None; failures are added."""
     try:
         begin = initial_configurations(path.arm, path.targets([0.0])[0], current,
                                        _ROLLED[1] if path.roll else _SEEDS)
     except IKFailure as failure:
-        return None, _better(best, failure)
+        failures.append(failure)
+        return None
     attempts = [_Attempt(path, *chosen)
                 for chosen in product(begin, centerings(path.arm.chain))]
     for attempt in attempts[:_ROLLED[0]] if path.roll else attempts:
         check()
         try:
             _check_coarsely(attempt, check)
-            return _checked(attempt, check), best
+            return _checked(attempt, check)
         except IKFailure as failure:
             failure.attempt = attempt
-            best = _better(best, failure)
-    return None, best
+            failures.append(failure)
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,10 +359,6 @@ def _rolls() -> list[float]:
     """Return the angles to be tried, the least ones first."""
     angles = np.arange(1 - _ROLLS // 2, _ROLLS // 2 + 1) * (2 * np.pi / _ROLLS)
     return sorted(angles.tolist(), key=lambda angle: (abs(angle), angle < 0))
-
-
-def _better(best: IKFailure | None, failure: IKFailure) -> IKFailure:
-    return failure if best is None or failure.rank > best.rank else best
 
 
 def _refusal(trajectory: TimedPath, failure: IKFailure, rolled: bool) -> Infeasible:

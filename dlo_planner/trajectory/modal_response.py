@@ -32,7 +32,7 @@ from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.plan.path import Leg
 from dlo_planner.trajectory.time_law import TimeLaw
-from dlo_planner.trajectory.topp import Bearing
+from dlo_planner.trajectory.topp import DeviationBound
 
 _GAUSS = np.polynomial.legendre.leggauss(16)
 _LIGHTEST = 1e-12  # kg: a DLO without mass has some period, too
@@ -159,13 +159,13 @@ class Response:
         result: Floats = np.linalg.norm(self.displacements, axis=3).max(axis=2)
         return result
 
-    def bearing(self, deviation: float, sizes: Floats) -> Bearing:
-        """Return the Bearing that keeps the slowly built-up deviation of each mode below, m.
+    def deviation_bound(self, deviation: float, sizes: Floats) -> DeviationBound:
+        """Return the DeviationBound that keeps the slowly built-up deviation of each mode below, m.
 
         Shapes: sizes (n, m).
         """
         stiff = sizes / self.rates**2
-        return Bearing(self.parameters, self.slopes * stiff, self.bends * stiff,
+        return DeviationBound(self.parameters, self.slopes * stiff, self.bends * stiff,
                        np.full(self.slopes.shape, deviation))
 
     def faster(self, factor: float) -> Response:

@@ -180,8 +180,7 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
     """Return the quickest TimeLaw found that keeps `tolerance` (m) according to the response.
 
     The one that comes nearest to that, if none does. `begins` are the states of the cases at the
-    beginning, None: at rest. `check` is called before each step of a
-    trial; it may raise.
+    beginning, None: at rest. `check` is called before each step of a trial; it may raise.
     """
     begins = task.rest if begins is None else begins
     candidates = sorted(_candidates(task, tolerance, begins, check),
@@ -288,7 +287,8 @@ def _rates(task: LegTask) -> Iterator[tuple[Floats, Floats]]:
     for _ in range(_BOUNDS):
         deviation *= _CLOSER
         try:
-            slower = fastest_rates(task.leg, task.limits, response.bearing(deviation, task.sizes))
+            slower = fastest_rates(task.leg, task.limits,
+                                   response.deviation_bound(deviation, task.sizes))
         except InvalidTask:  # so slow that toppra loses its digits: no slower ones
             return
         yield slower

@@ -4,7 +4,7 @@
 
 toppra (Pham and Pham, IEEE Transactions on Robotics 34, 2018) finds the largest rate at each place.
 Its constraints here are limits of the lengths of vectors, not of single coordinates, and bounds of
-the DLO's quasi-static deviation (`Bearing`).
+the DLO's quasi-static deviation.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _STILL = 1e-12    # length of a derivative below which its direction has no mean
 
 
 @dataclass(frozen=True)
-class Bearing:
+class DeviationBound:
     """The bounds |slopes u'' + bends u'^2| <= most at each of n parameters, for m quantities."""
 
     parameters: Floats  # (n,)
@@ -56,13 +56,13 @@ class _Parameters(NamedTuple):
 
 
 def fastest_rates(leg: Leg, limits: Limits,
-                  bearing: Bearing | None = None) -> tuple[Floats, Floats]:
+                  bound: DeviationBound | None = None) -> tuple[Floats, Floats]:
     """Return parameters (m,) and the largest rates du/dt (m,) there, from rest to rest."""
     import toppra  # noqa: PLC0415  (it imports matplotlib: only where it is used)
     from toppra.algorithm import TOPPRA  # noqa: PLC0415
 
     logging.getLogger('toppra').setLevel(logging.ERROR)
-    kept, path = _constraints(toppra, leg, limits, bearing), _path(toppra, leg)
+    kept, path = _constraints(toppra, leg, limits, bound), _path(toppra, leg)
     pieces = max(_PER_PIECE, -(-_PLACES // (leg.knots.size - 1)))
     places = np.append(leg.pieces(pieces)[0], leg.knots[-1])
     _, rates, _ = TOPPRA(kept, path, gridpoints=places).compute_parameterization(0, 0)
@@ -89,8 +89,8 @@ def _path(toppra: Any, leg: Leg) -> Any:
 
 
 def _constraints(toppra: ModuleType, leg: Leg, limits: Limits,
-                 bearing: Bearing | None) -> list[Any]:
-    """Return toppra's constraints for the Limits and, if there is one, for a Bearing."""
+                 bound: DeviationBound | None) -> list[Any]:
+    """Return toppra's constraints for the Limits and, if there is one, for a DeviationBound."""
 
     class Constraint(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
         """A function of the parameters u (n,) that returns _Parameters."""
@@ -108,7 +108,7 @@ def _constraints(toppra: ModuleType, leg: Leg, limits: Limits,
     finite = np.minimum(limits.sizes, _ENDLESS)
     kept = [Constraint(partial(_sizes, leg, slice(0, 3), *finite[:2, 0])),
             Constraint(partial(_sizes, leg, slice(3, 6), *finite[:2, 1]))]
-    return kept if bearing is None else [*kept, Constraint(partial(_bounds, bearing))]
+    return kept if bound is None else [*kept, Constraint(partial(_bounds, bound))]
 
 
 def _sizes(leg: Leg, part: slice, speed: float, acceleration: float, u: Floats) -> _Parameters:
@@ -126,11 +126,11 @@ def _sizes(leg: Leg, part: slice, speed: float, acceleration: float, u: Floats) 
                        np.stack([0 * fastest, fastest], axis=1))
 
 
-def _bounds(bearing: Bearing, u: Floats) -> _Parameters:
-    """Return the bounds of a Bearing."""
-    slopes, bends, most = (make_interp_spline(bearing.parameters, known, k=1)(
-        np.clip(u, *bearing.parameters[[0, -1]]))
-        for known in (bearing.slopes, bearing.bends, bearing.most))
+def _bounds(bound: DeviationBound, u: Floats) -> _Parameters:
+    """Return the bounds of a DeviationBound."""
+    slopes, bends, most = (make_interp_spline(bound.parameters, known, k=1)(
+        np.clip(u, *bound.parameters[[0, -1]]))
+        for known in (bound.slopes, bound.bends, bound.most))
     both = np.eye(slopes.shape[1])
     sides = np.repeat(np.vstack([both, -both])[None], u.size, axis=0)
     return _Parameters(slopes, bends, 0 * slopes, sides, np.hstack([most, most]))

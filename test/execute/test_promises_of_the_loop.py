@@ -27,7 +27,7 @@ from dlo_planner import (
     Workspace,
 )
 from dlo_planner.cell.tasks import draw_task
-from dlo_planner.execute import judge, loop_motions
+from dlo_planner.execute import correction_checks, loop_motions
 from dlo_planner.execute.causes import Cause
 from dlo_planner.execute.correction_checks import aimed_anew
 from dlo_planner.execute.guards import Feedback, Guards
@@ -132,6 +132,20 @@ class Cell:
 
 def test_what_motion_and_the_standoff_add_is_promised(ways):
     assert Cell(ways).entering().loop.promised == pytest.approx(1e-3 + 3e-4 + 4e-4)
+
+
+def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refused(ways):
+    cell = Cell(ways)
+    way, entry = cell.plans
+    soft = replace(entry, whole=replace(entry.whole, position_error=np.full(
+        len(entry.whole), 2e-4)))
+    cell.plans = [way, soft]
+    assert cell.entering().loop.promised == pytest.approx(1e-3 + 3e-4 + 4e-4 - 2e-4)
+    cell = Cell(ways)
+    cell.plans = [way, *[replace(soft, bound=1e-2, motion=None)] * 3]
+    cell.until(lambda: cell.loop.phase is Phase.STOP)
+    assert cell.loop.cause is Cause.MISS_EXPECTED
+    assert 'as planned it misses by 0.0002 m' in cell.loop.reason
 
 
 def test_a_swing_that_is_seen_delays_and_is_promised(ways):
@@ -289,8 +303,8 @@ def test_a_correction_keeps_workspace_obstacles_and_its_largest_size(ways, monke
     tip = found.correction.shapes[-1].positions[-1]
     box = Box(Pose(tip, (0, 0, 0, 1)), (0.02, 0.02, 0.02))
     assert 'm in Box 0' in aimed(ways, obstacles=[box]).doubts
-    correct = judge.correct
-    monkeypatch.setattr(judge, 'correct', lambda *given, **more: replace(
+    correct = correction_checks.correct
+    monkeypatch.setattr(correction_checks, 'correct', lambda *given, **more: replace(
         one := correct(*given, **more), offsets=one.offsets + 0.02))
     assert 'it moves the gripper by' in aimed(ways, most=0.03).doubts
     assert aimed(ways, most=0.05).doubts == ''
@@ -415,7 +429,7 @@ def test_other_tasks_have_an_entry_before_which_they_are_looked_at(kind):
     whole = concatenate(replace(way, stops=()), through)
     np.testing.assert_allclose(whole.grippers[0].matrix, begin.matrix, atol=1e-12)
     assert not entry.contacts and entry.far_end is None
-    looked = judge.looked_at(through)
+    looked = correction_checks.looked_at(through)
     assert 0 in looked
     if kind == 'two':
         assert len(looked) == len(through)

@@ -13,7 +13,7 @@ from dlo_planner import InvalidTask, Limits, Pose
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.trajectory.time_law import DEGREE, Shift, TimeLaw
 from dlo_planner.trajectory.timed_path import _bounds, _jerks, _sizes, _slopes, most_used, smoothed
-from dlo_planner.trajectory.topp import Bearing, fastest_rates
+from dlo_planner.trajectory.topp import DeviationBound, fastest_rates
 
 PARAMETERS, RATES = np.array([0.5, 1.1, 2.9, 4.0]), np.array([0.0, 0.8, 0.5, 0.0])
 WINDOWS = [[0.4], [0.9, 0.31], [0.5, 0.5], [1.3, 0.2, 0.77, 0.9], [8.0, 0.01]]
@@ -329,30 +329,31 @@ def test_on_a_circle_the_centripetal_acceleration_limits_the_speed():
 
 
 @pytest.mark.parametrize('sign', [1, -1])
-def test_a_bearing_of_the_acceleration_that_binds(sign):
+def test_a_bound_of_the_acceleration_that_binds(sign):
     limits = Limits(0.3, linear_acceleration=0.5, **FREE)
     places = np.array([0.0, 0.4, 1.0])
     slopes, none = np.full((3, 2), sign * np.array([2.0, 1e-3])), np.zeros((3, 2))
-    bearing = Bearing(places, slopes, none, np.full((3, 2), 0.5))
-    u, rates = fastest_rates(STRAIGHT, limits, bearing)
+    bound = DeviationBound(places, slopes, none, np.full((3, 2), 0.5))
+    u, rates = fastest_rates(STRAIGHT, limits, bound)
     seconds, _ = trapezoid_of(0.3, 0.25 * LONG, LONG)  # |2 u''| <= 0.5
     assert duration(u, rates) == pytest.approx(seconds, rel=0.01)
-    loose = Bearing(places, slopes, none, np.full((3, 2), 50.0))
+    loose = DeviationBound(places, slopes, none, np.full((3, 2), 50.0))
     assert duration(*fastest_rates(STRAIGHT, limits, loose)) == pytest.approx(
         duration(*fastest_rates(STRAIGHT, limits)))
 
 
 @pytest.mark.parametrize('sign', [1, -1])
-def test_a_bearing_of_the_squared_rate_that_binds(sign):
+def test_a_bound_of_the_squared_rate_that_binds(sign):
     places = np.array([0.0, 1.0])
     bends = sign * np.array([[4.0], [16.0]])
-    bearing = Bearing(places, np.zeros((2, 1)), bends, np.full((2, 1), 0.04))
-    u, rates = fastest_rates(STRAIGHT, Limits(0.3, linear_acceleration=5.0, **FREE), bearing)
+    bound = DeviationBound(places, np.zeros((2, 1)), bends, np.full((2, 1), 0.04))
+    u, rates = fastest_rates(STRAIGHT, Limits(0.3, linear_acceleration=5.0, **FREE), bound)
     middle = (u > 0.1) & (u < 0.9)
     np.testing.assert_allclose(rates[middle], np.sqrt(0.04 / (4 + 12 * u[middle])), rtol=1e-3)
 
 
-def test_a_way_that_cannot_be_borne_is_refused_by_name():
-    never = Bearing(np.array([0.0, 1.0]), np.ones((2, 1)), np.ones((2, 1)), np.full((2, 1), -1.0))
+def test_a_way_that_no_motion_keeps_is_refused_by_name():
+    one = np.ones((2, 1))
+    never = DeviationBound(np.array([0.0, 1.0]), one, one, -one)
     with pytest.raises(InvalidTask, match='limits: no motion'):
         fastest_rates(STRAIGHT, Limits(), never)
