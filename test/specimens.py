@@ -135,7 +135,6 @@ def arguments():
     plain = {name: getattr(shape, name) for name in (
         'positions', 'frames', 'element_strains', 'energy', 'elastic_energy', 'gripper_wrench',
         'residual', 'stability', 'iterations')}
-    capability = _capability(known['InverseSimulator'])
     return plain | {
         # what it is, where it is
         'rod': wire, 'length': 1.0, 'mass_per_length': 0.1, 'bending_stiffness': 1.0,
@@ -218,12 +217,12 @@ def arguments():
             's', 'positions', 'frames', 'element_strains', 'gripper_wrench', 'energy',
             'elastic_energy', 'dissipated', 'residual', 'stability', 'violation', 'iterations',
             'converged', 'jumped', 'contact_table')},
-        'grid': capability.grid, 'inverse': known['InverseSimulator'], 'starts': (),
+        'grid': capability().grid, 'inverse': known['InverseSimulator'], 'starts': (),
         'parallel.capability_map.folder': None, 'folder': 'map', 'patience': 2.0, 'axis': 'y',
         'quantity': 'share',
         'parallel.capability_map.depths': DEPTHS, 'directions': [[1, 0, 0]], 'radii': [0.2],
-        'parallel.CellGrid.positions': [[0.4, 0, 1]], 'capability': capability,
-        **{f'parallel.CapabilityMap.{name}': getattr(capability, name) for name in (
+        'parallel.CellGrid.positions': [[0.4, 0, 1]], 'capability': capability(),
+        **{f'parallel.CapabilityMap.{name}': getattr(capability(), name) for name in (
             'outcome', 'amount', 'fraction', 'clearance', 'stability', 'roll', 'start', 'gripper',
             'seconds')},
         'name': 'wire', 'hardware_id': 'wire', 'level': b'\x00', 'message': 'ok',
@@ -282,8 +281,11 @@ def _of_tasks(known):
         **{f'{name}.from_dict.content': known[name].to_dict() for name in names}}
 
 
-def _capability(inverse):
-    return capability_map(inverse, CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), depths=DEPTHS)
+@cache
+def capability():
+    """Return a CapabilityMap, which is no public type by itself."""
+    return capability_map(values()['InverseSimulator'],
+                          CellGrid([[0.4, 0, 1]], [[1, 0, 0]], [0.2]), depths=DEPTHS)
 
 
 def _back(plan):

@@ -89,7 +89,7 @@ def test_angles_between_orientations_are_exact_at_both_ends(angle):
 
 
 def test_quaternions_of_axes_are_those_of_scipy():
-    turns = np.concatenate([Rotation.random(200, rng=1).as_rotvec(), np.zeros((1, 3)),
+    turns = np.concatenate([Rotation.random(200, random_state=1).as_rotvec(), np.zeros((1, 3)),
                             np.pi * np.eye(3), (np.pi - 1e-9) * np.eye(3)])
     rotations = Rotation.from_rotvec(turns)
     for quaternion, matrix in zip(rotations.as_quat(), rotations.as_matrix(), strict=True):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.figure import Figure
-from specimens import arguments, values
+from specimens import capability, values
 
 from dlo_planner import InvalidTask
 
@@ -18,7 +18,7 @@ NAMES = ['Fit', 'Estimate', 'Robustness', 'Trajectory', 'CapabilityMap', 'Shapes
 
 
 def answer(name):
-    return arguments()['capability'] if name == 'CapabilityMap' else values()[name]
+    return capability() if name == 'CapabilityMap' else values()[name]
 
 
 @pytest.fixture(autouse=True)
@@ -58,7 +58,7 @@ def test_an_estimate_is_kept_for_records(tmp_path):
 
 
 def test_tables_say_what_the_answers_say():
-    fit, estimate, robust, trajectory, capability, shapes = map(answer, NAMES)
+    fit, estimate, robust, trajectory, mapped, shapes = map(answer, NAMES)
     deviation = np.ravel(fit.deviations['bending_stiffness'])[0]
     assert rows('Fit')[fit.names[0]].endswith(f'+- {deviation:.2g}')
     assert rows('Estimate')['looks'] == str(estimate.looks)
@@ -70,7 +70,7 @@ def test_tables_say_what_the_answers_say():
         ' of ')
     assert float(most) == pytest.approx(fastest, rel=1e-3)
     assert float(limit) == trajectory.limits.linear_speed
-    assert rows('CapabilityMap')['threaded'].split()[0] == str(capability.threaded.sum())
+    assert rows('CapabilityMap')['threaded'].split()[0] == str(mapped.threaded.sum())
     assert rows('Shapes')['shapes'] == str(len(shapes))
 
 
