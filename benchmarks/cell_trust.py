@@ -196,14 +196,14 @@ def all_driven(kinds: list[str], names: list[str], seeds: range,
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run what was asked for, or judge what was; return the exit code of `told`."""
+    """Run what was asked for, or judge what was; return the exit code of `summarize`."""
     options = _parser().parse_args(arguments)
     if options.judge:
         lines = [line for path in options.judge for line in path.read_text().splitlines()]
         found = [json.loads(line) for line in lines]
         if options.page:
             publish(options.page, lines, found)
-        return told(found)
+        return summarize(found)
     seeds, began, found = range(*map(int, options.seeds.split(':'))), perf_counter(), []
     total = len(seeds) * len(options.tasks) * len(options.cases)
     for one in all_driven(options.tasks, options.cases, seeds, options.jobs):
@@ -213,7 +213,7 @@ def main(arguments: list[str] | None = None) -> int:
         if options.output:
             with options.output.open('a') as file:
                 file.write(json.dumps(one, allow_nan=False) + '\n')
-    return told(found)
+    return summarize(found)
 
 
 def publish(folder: Path, lines: list[str], found: list[dict[str, Any]]) -> None:
@@ -225,7 +225,7 @@ def publish(folder: Path, lines: list[str], found: list[dict[str, Any]]) -> None
     page.write(folder)
 
 
-def told(found: list[dict[str, Any]]) -> int:
+def summarize(found: list[dict[str, Any]]) -> int:
     """Print the table and what it shows; return 1 if a claim is wrong, or a run was an error."""
     print(table(found))
     print(shown(found))

@@ -33,9 +33,10 @@ from dlo_planner import (
 )
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.energy.ccd import sweeps_through
-from dlo_planner.energy.gap import closest_point_in_element, signed_distance
+from dlo_planner.energy.gap import closest_point_in_element
 from dlo_planner.energy.plastic import return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
+from dlo_planner.energy.scene import signed_distance
 from dlo_planner.geometry.basis import equidistribute
 from dlo_planner.geometry.kinematics import frame_along, nearest_place
 from dlo_planner.identify import Observation, correct, parameters, residuals

@@ -400,7 +400,7 @@ def continued(before: Modes, linear: Linearized) -> Modes:
     weighted = _displacements_on(before, linear.mesh.s) * vibration.masses[:, None]
     like = np.einsum('mki,kic->mc', weighted, vibration.jacobian)  # products with the coordinates
     for one in _equal(squares):
-        found[:, one] = _turned(like, found[:, one])
+        found[:, one] = _aligned(like, found[:, one])
     product = like @ found
     _, places = scipy.optimize.linear_sum_assignment(-np.abs(product))
     likeness = product[np.arange(len(before)), places]
@@ -429,7 +429,7 @@ def _equal(squares: Floats) -> Iterator[slice]:
             yield slice(begin, end)
 
 
-def _turned(like: Floats, found: Floats) -> Floats:
+def _aligned(like: Floats, found: Floats) -> Floats:
     """Return modes (c, g) of equal frequency, combined to be most like g modes before.
 
     Orthogonal Procrustes: Golub and Van Loan, Matrix Computations, ch. 6.4.

@@ -16,13 +16,12 @@ import numpy as np
 from dlo_planner.energy.gap import (
     closest_point_in_element,
     gap_at,
-    in_plane,
     node_gap,
     node_range,
     radius_at_node,
     stretch,
 )
-from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, PLANE, SHEET, Scene
+from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, PLANE, SHEET, Scene, in_plane
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats

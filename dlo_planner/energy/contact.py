@@ -17,10 +17,9 @@ from dlo_planner.energy.gap import (
     next_touching,
     node_gap,
     radius_at_node,
-    signed_distance,
     sliding,
 )
-from dlo_planner.energy.scene import AXIS, NODE_FACE, SHEET, Scene
+from dlo_planner.energy.scene import AXIS, NODE_FACE, SHEET, Scene, signed_distance
 from dlo_planner.geometry.kinematics import point_inside, sort_points, spring_at
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel

@@ -60,9 +60,15 @@ def moved_grip(hold, target, axes, rows):
 
 @kernel
 def constraint_value(hold, rotation, position, miss):
-    """Fill miss (K,) with c in m, of a free end with rotation (3, 3) at position (3,)."""
+    """Fill miss (K,) with c in m, of a free end with rotation (3, 3) at position (3,).
+
+    Returns its size, by how much the grip is missed.
+    """
     if hold is None:
-        return
+        return 0.0
+    if miss.size == 0:
+        return 0.0
+    square = 0.0
     turned = np.zeros(3)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -74,14 +80,25 @@ def constraint_value(hold, rotation, position, miss):
         for i in range(3):
             miss[row] += (hold.rows[row, i] * turned[i]
                           + hold.rows[row, 3 + i] * (position[i] - hold.target[i]))
+        square += miss[row] * miss[row]
+    return np.sqrt(square)
 
 
 @kernel
-def constraint_violation(hold: GripConstraint, rotation: Floats, position: Floats) -> float:
+def constraint_violation(hold: GripConstraint | None, rotation: Floats, position: Floats) -> float:
     """Return by how much the grip is missed, m: the size of c (K,)."""
-    miss = np.empty(hold.multiplier.size)
-    constraint_value(hold, rotation, position, miss)
-    return np.sqrt(np.sum(miss * miss))
+    if hold is None:
+        return 0.0
+    return constraint_value(hold, rotation, position, np.empty(hold.multiplier.size))
+
+
+@kernel
+def move_multipliers(hold, part, reaction):
+    """Add a part of the reaction's change (K,) to the forces of a grip."""
+    if hold is None:
+        return
+    for row in range(reaction.size):
+        hold.multiplier[row] += part * reaction[row]
 
 
 @kernel

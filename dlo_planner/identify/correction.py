@@ -208,7 +208,9 @@ class _Aim:
         self.shift = estimate.center(np.zeros(3))
         self._meshes: dict[int, Discretization] = {}
         self._simulators: dict[int, DirectSimulator] = {}
-        self._twist = np.zeros(6)  # from the planned gripper, of the last waypoint in contact
+        # from the planned gripper: what is expected of a waypoint in contact, and was of the last
+        self._twist = np.zeros(6)
+        self._last: Floats | None = None
         length = estimate.uncertain.simulator.rod.length
         for shape in plan.shapes:
             s = shape.s[-1] / length - 1
@@ -288,7 +290,9 @@ class _Aim:
             step = np.linalg.lstsq(rows * scale, -missed, rcond=None)[0]
             shape = simulator.solve(displaced(shape.gripper, step * scale), shape)
             if np.abs(step).max() < _THERE:
-                self._twist = _offsets([planned.gripper], [shape.gripper])[0]
+                twist = _offsets([planned.gripper], [shape.gripper])[0]
+                before = twist if self._last is None else self._last
+                self._last, self._twist = twist, 2 * twist - before
                 return shape if shape.converged and shape.contacts else None
         return None
 

@@ -18,10 +18,10 @@ from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import equilibrium, shape_of
-from dlo_planner.energy.gap import along_the_dlo, signed_distance
+from dlo_planner.energy.gap import along_the_dlo
 from dlo_planner.energy.potential import configuration_at
 from dlo_planner.energy.problem import Configuration
-from dlo_planner.energy.scene import Scene
+from dlo_planner.energy.scene import Scene, signed_distance
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.inverse.equilibria import hanging

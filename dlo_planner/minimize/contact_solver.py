@@ -17,9 +17,8 @@ import numpy as np
 
 from dlo_planner.energy.contact import obstructed, trial_traction
 from dlo_planner.energy.gap import closest_point
-from dlo_planner.energy.grip import constraint_violation, holds
+from dlo_planner.energy.grip import holds
 from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
-from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import copy
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
@@ -273,7 +272,6 @@ def augmented_lagrangian(system, q, tolerance, exact, max_iterations, check, pre
         q = state.q
         system = with_contacts(system, contacts, system.effects.contact.scene)
         state, residual, table, violation = kkt_residual(system, q)
-        violation = max(violation, _off_its_grip(system, state))
         enough = residual < max(tolerance * (COARSER if steps else _STALLED),
                                 gradient_noise(system, state))
         good = violation < exact and enough
@@ -329,14 +327,6 @@ def _share(vain, held):
     """Return how far multipliers move after so many rounds in vain."""
     # a grip may need full steps again, once its reaction has changed
     return _SHARES[vain % len(_SHARES) if held else min(vain, len(_SHARES) - 1)]
-
-
-@kernel
-def _off_its_grip(system, state):
-    """Return how far, in m, the far end is from where it is held."""
-    if row_count(system.needs.border) == 0:
-        return 0.0
-    return constraint_violation(system.effects.hold, state.rotations[-1], state.positions[-1])
 
 
 @kernel

@@ -14,6 +14,7 @@ from dlo_planner.energy.gap import (
     next_touching,
     node_gap,
 )
+from dlo_planner.energy.grip import constraint_violation
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration
 from dlo_planner.energy.scene import Scene
@@ -114,14 +115,14 @@ def kkt_residual(system: Problem, q: Floats) -> tuple[Configuration, float, Touc
 
     The limits of friction are mu times the forces of this state, so that the residual is that of
     the law of Coulomb. What is violated: a contact that bears has no gap; a point that sticks has
-    not moved; one that slides has moved against its friction.
+    not moved; one that slides has moved against its friction; a held far end is in its grip.
     """
     state = new_configuration(system)
     state.q[:] = q
     evaluate(system, state)
     contacts = system.effects.contact.contacts
     table = touching(system.effects.contact.scene, contacts, system.lengths, state)
-    violation = 0.0
+    violation = constraint_violation(system.effects.hold, state.rotations[-1], state.positions[-1])
     for a in range(table.gap.size):
         violation = max(violation, abs(table.gap[a]))
         c = table.rubbing[a]

@@ -40,7 +40,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.energy.grip import constraint_value, constraint_violation, moved_grip
+from dlo_planner.energy.grip import (
+    constraint_value,
+    constraint_violation,
+    move_multipliers,
+    moved_grip,
+)
 from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.plastic import yields
 from dlo_planner.energy.potential import evaluate, unknowns_of, value_at
@@ -332,6 +337,7 @@ def newton_descent(system: Problem, q: Floats, options: Options,
     hold, border, miss, reaction = system.effects.hold, hessian.border, work.miss, work.reaction
     gtol, ctol, check = options.gtol, options.ctol, options.check
     bend, length, held = bending_energy(system), np.sum(system.lengths), is_held(system)
+    last = system.lengths.size
     near, drawn = options.reach < np.inf, options.gauss_newton
     kinks = may_forbid(system.effects) and has_inertia(system.effects.anchor)
     turns = not near and (drawn or held and _spins_freely(system))
@@ -347,7 +353,7 @@ def newton_descent(system: Problem, q: Floats, options: Options,
     told = np.inf  # the decrement, where it tells that nothing is left to go
     while True:
         # where is it? (1) is the end
-        missed = _constraint_value(hold, system, state, miss)
+        missed = constraint_value(hold, state.rotations[last], state.positions[last], miss)
         residual = min(relative(state, bend), told)
         noisy = gradient_noise(system, state) if held else 0.0
         converged = missed <= ctol and residual < max(gtol, noisy)
@@ -420,11 +426,11 @@ def newton_descent(system: Problem, q: Floats, options: Options,
         # (4) near its end it has to come much nearer at once, with the factorization there is
         if near:
             iterations, way, fresh, age = iterations + 1, way + turn, age == 0.0, age + turn
-            _move_multiplier(hold, 1.0, reaction)
+            move_multipliers(hold, 1.0, reaction)
             put_sum(state.q, 1.0, step, trial.q)
             evaluate(system, trial)
-            left = relative(trial, bend) + _constraint_value(hold, system, trial, miss) / length
-            contraction = left / (residual + missed / length)
+            left = constraint_value(hold, trial.rotations[last], trial.positions[last], miss)
+            contraction = (relative(trial, bend) + left / length) / (residual + missed / length)
             if contraction < _LESS and way < options.reach:
                 state, trial = trial, state
             elif not held and (residual < _ROUNDED * gtol or decrement < _SETTLED):
@@ -515,7 +521,8 @@ def _line_search(system, hessian, state, trial, step, energy, noise, slope, fart
         within_noise = abs(fraction * slope) < _UNTOLD * noise
         falls = new <= energy + 1e-4 * fraction * slope
         if held:
-            missed = _violation(system.effects.hold, system, trial)
+            missed = constraint_violation(system.effects.hold, trial.rotations[-1],
+                                          trial.positions[-1])
             if slope == np.inf:
                 falls = True
             elif slope >= 0.0:
@@ -625,27 +632,6 @@ def _definite_without_forces(system, state, hessian):
 
 
 @kernel
-def _constraint_value(hold, system, state, miss):
-    """Fill miss (K,), in m, by which a grip is missed; return its size."""
-    if hold is None:
-        return 0.0
-    if miss.size == 0:
-        return 0.0
-    last = system.lengths.size
-    constraint_value(hold, state.rotations[last], state.positions[last], miss)
-    return np.sqrt(np.sum(miss * miss))
-
-
-@kernel
-def _violation(hold, system, state):
-    """Return by how much a grip is missed, m."""
-    if hold is None:
-        return 0.0
-    last = system.lengths.size
-    return constraint_violation(hold, state.rotations[last], state.positions[last])
-
-
-@kernel
 def _most_give(hold, system, bend):
     """Return by how much a grip that is far from its target gives way, m/N."""
     if hold is None:
@@ -666,15 +652,6 @@ def _tension(hold):
         for row in range(hold.multiplier.size):
             pull -= hold.multiplier[row] * hold.rows[row, 3 + i] * hold.target[i]
     return max(pull, 0.0) / np.sqrt(square) if square > 0.0 else 0.0
-
-
-@kernel
-def _move_multiplier(hold, part, reaction):
-    """Add a part of the reaction's change (K,) to the forces of a grip."""
-    if hold is None:
-        return
-    for row in range(reaction.size):
-        hold.multiplier[row] += part * reaction[row]
 
 
 @kernel

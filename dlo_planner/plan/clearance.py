@@ -14,7 +14,6 @@ from dlo_planner.direct.shape import Shape, kernel_arrays
 from dlo_planner.energy.gap import (
     closest_point_in_element,
     gap_at,
-    in_plane,
     node_gap,
     node_range,
     radius_at,
@@ -22,7 +21,7 @@ from dlo_planner.energy.gap import (
     stretch,
     taper,
 )
-from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, Scene, build_scene
+from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE, Scene, build_scene, in_plane
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.so3 import inner
 from dlo_planner.kernels import kernel

@@ -386,16 +386,12 @@ class KeepTangent(Goal):
                               f'{self.begin:g}')
 
     def _residuals(self, shape: Shape) -> Floats:
-        off: Floats = np.ravel([shape.frame_at(s)[0][:, 0] - self.direction for s in self._points])
-        off /= np.sqrt(_POINTS)
-        return off
+        return np.concatenate([one.residuals(shape) for one in self._tangents])
 
     def _slopes(self, shape: Shape, sensitivity: Sensitivity) -> Floats:
-        rows: Floats = np.vstack([cross_matrix(shape.frame_at(s)[0][:, 0]) @ sensitivity.at(s)[:3]
-                                  for s in self._points])
-        rows /= np.sqrt(_POINTS)
-        return rows
+        return np.vstack([one.slopes(shape, sensitivity) for one in self._tangents])
 
     @property
-    def _points(self) -> Floats:
-        return np.linspace(self.begin, self.end, _POINTS)
+    def _tangents(self) -> list[DirectionAt]:
+        return [DirectionAt(s, self.direction, _POINTS**-0.5)
+                for s in np.linspace(self.begin, self.end, _POINTS)]

@@ -74,17 +74,17 @@ def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None,
     """
     axes, position = shape.frame_at(s) if known is None else known
     displacement = center - position
-    return _waypoint(carried(shape, displacement), axes, position + displacement, center, s, normal)
+    return waypoint_at(carried(shape, displacement), center, s, normal,
+                       (axes, position + displacement))
 
 
-def waypoint_at(shape: Shape, center: Floats, s: float, normal: Floats | None) -> Waypoint:
-    """Return the Waypoint of a Shape that should pass `center` at `s`, where it is."""
-    return _waypoint(shape, *shape.frame_at(s), center, s, normal)
+def waypoint_at(shape: Shape, center: Floats, s: float, normal: Floats | None,
+                known: tuple[Floats, Floats] | None = None) -> Waypoint:
+    """Return the Waypoint of a Shape that should pass `center` at `s`, where it is.
 
-
-def _waypoint(shape: Shape, axes: Floats, position: Floats, center: Floats, s: float,
-              normal: Floats | None) -> Waypoint:
-    """Return the Waypoint of a Shape with these `axes` (3, 3) and this `position` (3,) at `s`."""
+    `known`: its axes (3, 3) and position (3,), m, at `s`, if they are.
+    """
+    axes, position = shape.frame_at(s) if known is None else known
     angle = 0.0
     if normal is not None:
         along = axes[:, 0] @ normal

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.energy.gap import signed_distance
-from dlo_planner.energy.scene import SHEET, Scene, build_scene
+from dlo_planner.energy.scene import SHEET, Scene, build_scene, signed_distance
 from dlo_planner.errors import InvalidTask
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats

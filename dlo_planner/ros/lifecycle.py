@@ -46,11 +46,8 @@ _INACTIVE = 'the node is not active: expected its lifecycle state to be active'
 class PatientExecutor(MultiThreadedExecutor):
     """A MultiThreadedExecutor that lets a submitted callback start before it looks for the next.
 
-    The original submits a callback to its pool and returns at once to the wait, which finds the
-    same callback still not started and returns it again, and so on: a busy loop that starves the
-    very thread it waits for (ros2/rclpy issue 1452, in Jazzy's 7.1.6). A pause of 0.1 ms, in which
-    the interpreter is free, ends it. Measured on two cores: 4 ms instead of 11 ms from a pose to
-    its shape, and a plan that is made meanwhile takes 3 s instead of 18 s.
+    The original finds it not started again and again: a busy loop that starves the very thread it
+    waits for (ros2/rclpy issue 1452). Measured: a plan beside shapes takes 3 s instead of 18 s.
     """
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
@@ -72,10 +69,7 @@ class _Nobodys(MutuallyExclusiveCallbackGroup):
 
 
 class Once:
-    """A callback that lets each message through once, though two subscriptions hear it.
-
-    The copies of a message have the time at which it was sent in common, and its number.
-    """
+    """A callback that lets each message (by sending time and number) through once of two copies."""
 
     def __init__(self, callback: Callable[..., Any]) -> None:
         self._callback = callback
@@ -93,10 +87,9 @@ class Once:
 
 
 class Entities:
-    """Makes the publishers, subscriptions, services and timers of a Node, which it is mixed into.
+    """Makes a Node's publishers, subscriptions, services and timers, which act while it is open.
 
-    They act while it is open. While it is shut nothing is published, subscriptions and timers do
-    nothing, and a service refuses: the answer is empty, with the reason where it has a `message`.
+    While it is shut a service refuses: the answer is empty, with the reason where it can have one.
     """
 
     def __init__(self) -> None:
@@ -116,10 +109,9 @@ class Entities:
             kind, topic, self.counted(callback, always), qos, callback_group=group, **options))
 
     def add_newest(self: Any, kind: Any, topic: str, callback: Callable[[Any], Any]) -> None:
-        """Subscribe to the newest message, which is heard in a thread of its own.
+        """Subscribe to the newest message, in a thread of its own.
 
-        An executor looks at all that a node has for each message of it, which takes ten times as
-        long as the message; and no flood of these delays what an executor takes.
+        An executor takes ten times as long for it, and a flood would delay all else.
         """
         made = self.add_subscription(kind, topic, callback, LATEST, _Nobodys())
         Thread(target=self._take, args=(made,), name=topic, daemon=True).start()
@@ -128,9 +120,7 @@ class Entities:
                     qos: QoSProfile, group: Any) -> None:
         """Subscribe, always, so that latched and volatile publishers are heard, and none warns.
 
-        A volatile subscription hears no history, and one that asks for it no volatile publisher,
-        which then warns. So the second one is made when a publisher that latches is there, and
-        stays.
+        A subscription to history makes volatile publishers warn: it waits until one latches.
         """
         node: Any = self
         latched = QoSProfile(depth=qos.depth, reliability=qos.reliability,
@@ -230,9 +220,8 @@ def _inactive(_: Any, response: Any) -> Any:
 class LifecycleNode(Entities, LifecycleNodeMixin, Node):
     """Base of a managed node; `configure`, `activate`, `deactivate` and `clean_up` are its own.
 
-    The services of parameters and of the lifecycle are there after `show`, and not before: whoever
-    sees them is answered. An exception in one of the four is written to the log; the state is then
-    the one before (DloPlannerError), or unconfigured.
+    What one of them raises is logged: then the state is the one before (DloPlannerError), or
+    unconfigured. Services of parameters and of the lifecycle are there after `show`.
     """
 
     def __init__(self, name: str, **options: Any) -> None:

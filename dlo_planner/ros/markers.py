@@ -17,11 +17,9 @@ _LOOK = 0.1    # s between looks whether somebody looks
 
 
 class MarkerCache:
-    """Collects what is to be seen by parts, and publishes all of it when some part has changed.
+    """Collects what is to be seen by parts, from any thread; `flush` publishes all of the newest.
 
-    Parts are told at any rate by any thread, which costs next to nothing; markers are made when
-    `flush` is called, of the newest alone. Whatever was shown once and is not now is deleted in
-    each message, so it does not matter which ones a subscriber has missed.
+    Each message deletes whatever was shown before and is not now: subscribers may miss some.
     """
 
     def __init__(self, publish: Callable[[MarkerArray], object]) -> None:
@@ -45,10 +43,7 @@ class MarkerCache:
         self.show(part, '', Time(), tuple)
 
     def run(self, watched: Callable[[], bool], flush: Callable[[], object]) -> None:
-        """Call `flush` where something changed and somebody is `watched()` to look; until `close`.
-
-        With nobody there, changes wait: it costs nothing to show what nobody looks at.
-        """
+        """Call `flush` where something changed and somebody is `watched()`; until `close`."""
         while not self._closed:
             if self._changed.wait(_LOOK) and watched():
                 self._changed.clear()

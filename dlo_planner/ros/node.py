@@ -57,13 +57,7 @@ _LOOK = 0.02    # s between looks whether it has
 class PlannerNode(LifecycleNode):
     """Predicts the DLO's shape live and plans the gripper's trajectory; see docs/ros_interface.md.
 
-    Each part reads the State once when it is called; nobody changes that. Shapes and commands go on
-    while a plan is made.
-
-    Raises
-    ------
-    DloPlannerError, rclpy.exceptions.ParameterException
-        A parameter makes no sense.
+    A parameter that makes no sense raises DloPlannerError or rclpy's ParameterException.
     """
 
     def __init__(self, **options: Any) -> None:

@@ -53,9 +53,8 @@ class Worker:
                deadline: float | None = None, patience: float = 0.0) -> T | None:
         """Return what `call()` does there; blocks, but not the interpreter.
 
-        None if the Worker is closed meanwhile, or the result is not `wanted()` any more: the
-        computation ends between two of its steps, as by a deadline, and the process stays. Another
-        call waits until the one before is answered.
+        None if the Worker is closed meanwhile, or it is not `wanted()` any more: the computation
+        ends between two of its steps, and the process stays. One call after the other.
         """
         while not self._asking.acquire(timeout=_LOOK):
             if not wanted():

@@ -11,7 +11,7 @@ stiffness is wrong. Each leg takes over the vibration that the one before leaves
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -101,7 +101,6 @@ _WORSE = 2.0         # times the tolerance are allowed then, and with a wrong st
 _MOST_OFF, _TRIED = 0.3, 30  # part of the frequencies; how many such are tried
 _MUCH = 0.3          # of the tolerance: calmer laws are not looked for
 _FAR = 30.0          # times the tolerance: beyond help by a shift
-_TRIALS, _CALMER = 16, 6  # laws that are given a shift: the quickest, and ever calmer ones
 _ROUNDS = 4          # of slowing down to make room for a shift
 
 
@@ -183,18 +182,19 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
     beginning, None: at rest. `check` is called before each step of a trial; it may raise.
     """
     begins = task.rest if begins is None else begins
-    candidates = sorted(_candidates(task, tolerance, begins, check),
-                        key=lambda one: one[0].duration)
+    known = _candidates(task, tolerance, begins, check)
+    near = [one for one in known if one[1] <= _FAR * tolerance] or [
+        min(known, key=lambda one: one[1])]
     best, least = None, np.inf
-    for law, shifted in _trials(candidates, tolerance):
+    for law, off in sorted(near, key=lambda one: one[0].duration):
         check()
-        kept = _within_limits(task, law, begins, shifted, check)
+        kept = _within_limits(task, law, begins, off > tolerance, check)
         used = predicted(task, kept, begins, check)
         if best is None or used < least:
             best, least = kept, used
         if used <= tolerance:
             break
-    assert best is not None  # the first candidates are always tried
+    assert best is not None  # there is one candidate at least
     return best
 
 
@@ -209,26 +209,6 @@ def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
         if min(off for _, off in some) < _MUCH * tolerance:
             break
     return found
-
-
-def _trials(candidates: Iterable[tuple[TimeLaw, float]],
-            tolerance: float) -> Iterator[tuple[TimeLaw, bool]]:
-    """Yield laws that may be calm, by their durations, and whether with a shift.
-
-    At first the quickest, then ever calmer ones.
-    """
-    tried, calmer, least = 0, [], np.inf
-    for law, off in candidates:
-        if off <= tolerance:
-            yield law, False
-        elif off <= _FAR * tolerance and tried < _TRIALS:
-            tried += 1
-            yield law, True
-        elif off < least:
-            calmer.append(law)
-        least = min(least, off)
-    some = np.unique(np.linspace(0, len(calmer) - 1, min(len(calmer), _CALMER)).astype(int))
-    yield from ((calmer[k], True) for k in some)
 
 
 def _within_limits(task: LegTask, law: TimeLaw, begins: Sequence[Floats], shifted: bool,

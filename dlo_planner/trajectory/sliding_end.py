@@ -161,7 +161,9 @@ def pushed(feed: Feed, instants: Instants, start: Shape, velocity: Floats | None
         lifted = feed.lifted(u[k])
         mesh = feed.outside(feed.depth(u[k]), lifted)
         if k == 0 and velocity is None:
-            start = calm[-1] = shapes[-1] = _at_rest(feed, mesh, grippers[0], start)
+            strains = mesh.strains_from(start.s, start.element_strains)
+            start = calm[-1] = shapes[-1] = equilibrium(mesh, grippers[0], strains,
+                                                        far_end=FarEnd(feed.mouth, 'sleeve'))
         stepper, begun = _begun(feed, mesh, _Later(guide, k), u[k:k + count + 1], start, velocity)
         plan = IntegrationOptions(count + 1, 'generalized_alpha', _TOLERANCE * mesh.s[-1])
         made = run(stepper, begun, plan, progress)
@@ -203,12 +205,6 @@ def _instants(feed: Feed, u: Floats) -> int:
     far = depths - depths[0] > _PIECE * feed.simulator.rod.length
     far |= np.abs(lifted - lifted[0]) > _TAKEN_OVER * max(feed.carried.max(), 1e-300)
     return max(int(np.argmax(far)) - 1, 1) if far.any() else len(depths) - 1
-
-
-def _at_rest(feed: Feed, mesh: Discretization, gripper: Pose, start: Shape) -> Shape:
-    """Return the Shape in equilibrium at the mouth, next to `start`."""
-    strains = mesh.strains_from(start.s, start.element_strains)
-    return equilibrium(mesh, gripper, strains, far_end=FarEnd(feed.mouth, 'sleeve'))
 
 
 def _begun(feed: Feed, mesh: Discretization, guide: _Later, u: Floats, start: Shape,

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip('mujoco', reason='extra [cell] is not installed')
 
-from benchmarks.cell.bench import Film, main  # noqa: E402
+from benchmarks.cell.__main__ import Film, main  # noqa: E402
 from benchmarks.cell.drivers import PERIOD, OpenLoop, planned, sampled  # noqa: E402
 from benchmarks.cell.run import run  # noqa: E402
 from dlo_planner import CutOut, Infeasible, InvalidTask, Limits, Pose, Rod  # noqa: E402

@@ -27,11 +27,10 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.direct.shape import contacts_of, pack
-from dlo_planner.energy.gap import signed_distance
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.energy.potential import evaluate
 from dlo_planner.energy.problem import new_configuration
-from dlo_planner.energy.scene import build_scene
+from dlo_planner.energy.scene import build_scene, signed_distance
 from dlo_planner.minimize.solve import contact_rows
 from dlo_planner.rods import with_plug
 

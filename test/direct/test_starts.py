@@ -23,8 +23,7 @@ from dlo_planner import (
     Sphere,
 )
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.energy.gap import signed_distance
-from dlo_planner.energy.scene import build_scene
+from dlo_planner.energy.scene import build_scene, signed_distance
 from dlo_planner.rods import GraspedInside
 
 LEVEL = Pose((0, 0, 1), (0, 0, 0, 1))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dlo_planner import CutOut, DirectSimulator, Pose, Rod, Sheet
-from dlo_planner.energy.gap import signed_distance
-from dlo_planner.energy.scene import build_scene
+from dlo_planner.energy.scene import build_scene, signed_distance
 
 ROD = Rod(1.0, 0.03, 0.1, 0.08, radius=2e-3)
 WIDE, HIGH = 0.04, 0.03

@@ -18,8 +18,7 @@ from dlo_planner import (
     Sheet,
     Sphere,
 )
-from dlo_planner.energy.gap import signed_distance
-from dlo_planner.energy.scene import build_scene
+from dlo_planner.energy.scene import build_scene, signed_distance
 from dlo_planner.model.rod import Surface
 
 POSE = Pose((0.1, -0.2, 0.3), (0.2, -0.1, 0.4, 0.8))

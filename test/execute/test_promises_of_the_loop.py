@@ -134,6 +134,20 @@ def test_what_motion_and_the_standoff_add_is_promised(ways):
     assert Cell(ways).entering().loop.promised == pytest.approx(1e-3 + 3e-4 + 4e-4)
 
 
+def test_what_a_plan_misses_by_itself_is_promised_once_and_said_where_it_is_refused(ways):
+    cell = Cell(ways)
+    way, entry = cell.plans
+    soft = replace(entry, whole=replace(entry.whole, position_error=np.full(
+        len(entry.whole), 2e-4)))
+    cell.plans = [way, soft]
+    assert cell.entering().loop.promised == pytest.approx(1e-3 + 3e-4 + 4e-4 - 2e-4)
+    cell = Cell(ways)
+    cell.plans = [way, *[replace(soft, bound=1e-2, motion=None)] * 3]
+    cell.until(lambda: cell.loop.phase is Phase.STOP)
+    assert cell.loop.cause is Cause.MISS_EXPECTED
+    assert 'as planned it misses by 0.0002 m' in cell.loop.reason
+
+
 def test_a_swing_that_is_seen_delays_and_is_promised(ways):
     cell = Cell(ways)
     cell.seen.swing = 1.01 * task().tolerance
