@@ -302,11 +302,11 @@ class _Aim:
         if id(mesh) not in self._simulators:
             around = mesh.surroundings
             touching = DirectSimulator(
-                self.estimate.rod, obstacles=around.obstacles, gravity=around.gravity,
-                load=around.load, point_loads=around.point_loads, basis=mesh.basis,
-                n_elements=mesh.s.size - 1, n_terms=None if mesh.basis == 'local' else mesh.n_terms)
+                around.rod, obstacles=around.obstacles, gravity=around.gravity, load=around.load,
+                point_loads=around.point_loads, basis=mesh.basis, n_elements=mesh.s.size - 1,
+                n_terms=None if mesh.basis == 'local' else mesh.n_terms)
             # the steps of the search are no way along which anything rubs
-            self._simulators[id(mesh)] = touching.with_friction(0.0)
+            self._simulators[id(mesh)] = touching.with_rod(self.estimate.rod).with_friction(0.0)
         return self._simulators[id(mesh)]
 
     def commanded(self, gripper: Pose) -> Pose:

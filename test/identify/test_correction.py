@@ -17,6 +17,7 @@ from dlo_planner import (
     InvalidTask,
     InverseSimulator,
     Observer,
+    PointLoad,
     Pose,
     Sheet,
     Sphere,
@@ -175,6 +176,20 @@ def test_plans_of_all_tasks_are_aimed_anew(task, rng):
         assert missed[0] < 0.2 * missed[1]
         if plan.shapes[k].contacts:
             assert there.contacts and np.isnan(found.miss.bound).all()
+
+
+def test_a_load_at_the_end_in_contact_is_at_the_end_of_a_shorter_dlo():
+    found = []
+    for s in (None, WIRE.length):
+        simulator = DirectSimulator(WIRE, obstacles=[BAR], point_loads=[
+            PointLoad((0, 0, -0.02), s=s)])
+        estimate = Observer(simulator, SPREAD, noise=NOISE).begin()
+        shorter = type(estimate)(estimate.uncertain, -0.5 * OBSERVER.uncertain.deviations,
+                                 1e-6 * estimate.covariance)
+        assert shorter.rod.length < WIRE.length
+        found.append(correct(shorter, InverseSimulator(simulator).hold_contact(TOUCHED, 0.6)))
+    assert found[1].converged and np.abs(found[1].offsets).max() > 1e-3
+    np.testing.assert_allclose(found[1].offsets, found[0].offsets, atol=1e-9)
 
 
 def test_three_places_are_missed_as_little_as_can_be(rng):
