@@ -425,6 +425,7 @@ class TaskLoop:
                       'robot is elsewhere than it says', time)
         elif self._entry is not None:
             entry, moves, planned = self._entry, '', ''
+            place = 'the place that it touches' if self._task.touches else 'the center'
             bound = self.promised if self._misses else entry.bound
             if entry.motion is not None:
                 added = self._left + entry.moves
@@ -433,7 +434,7 @@ class TaskLoop:
             if entry.planned > _PLANNED:
                 planned = (f'; as planned it misses by {entry.planned:.3g} m, no pose of the '
                            'gripper leads it through all centers')
-            self._end(Cause.MISS_EXPECTED, f'the DLO may miss the center by {bound:.3g} m (95 %'
+            self._end(Cause.MISS_EXPECTED, f'the DLO may miss {place} by {bound:.3g} m (95 %'
                       f'{moves}): expected at most the room of {self._task.room:.3g} m{planned}',
                       time)
 
