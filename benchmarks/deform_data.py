@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of the DEFORM data set (see `deform_files`), and what holds the cable in them."""
+"""Recordings of the DEFORM data set (see `deform.recordings`), and what holds the cable in them."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

@@ -37,7 +37,7 @@ Columns: TypeAlias = dict[str, Any]  # arrays by the names of the attributes of 
 
 
 def free_shapes(simulator: DirectSimulator, positions: Floats,
-                   rotations: Floats) -> tuple[Columns, Bools]:
+                rotations: Floats) -> tuple[Columns, Bools]:
     """Return what `DirectSimulator.solve` finds in many grippers, and (n,) where that is so.
 
     The interpreter is free meanwhile, so threads work side by side.
@@ -89,9 +89,8 @@ def even(simulator: DirectSimulator, rod: Rod) -> bool:
                 or rod.yields or rod.varies or rod.nodes or simulator.method != 'newton')
 
 
-def free_rods(simulator: DirectSimulator, rods: Sequence[Rod],
-                 positions: Floats, rotations: Floats,
-                 ) -> tuple[Columns, Bools]:
+def free_rods(simulator: DirectSimulator, rods: Sequence[Rod], positions: Floats,
+              rotations: Floats) -> tuple[Columns, Bools]:
     """Return what `simulator.with_rod(rod).solve` finds for n rods, and (n,) where that is so."""
     mesh, accuracy = simulator.mesh, simulator.accuracy
     if not even(simulator, simulator.rod):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What speaks against doing as an estimate of the DLO says, in words, and what miss is expected.
 
-The same in a closed loop and where a motion is corrected that begins without one.
+In a closed loop, whose motions are corrected, and in open loop, where one can only stop.
 """
 
 from dataclasses import replace
@@ -129,7 +129,7 @@ def looked_at(plan: Plan) -> Ints:
 
 
 def miss_bound(estimate: Estimate, plan: Plan, way: Steered, reached: Floats, now: float,
-             lag: float) -> float:
+               lag: float) -> float:
     """Return within how many m the DLO passes the center with 95 %, in what is commanded.
 
     That lags what is aimed at: a look at the gripper in a pose serves the DLO `lag` s later and

@@ -467,7 +467,8 @@ class TwoPoints(Family):
             np.array([1 / length, 1 / length, 1.0]))
         found = goal_shape(self.simulator, shape, goals, (s1, s2, 0.0), axis, trend,
                            shape.gripper.position - place)
-        if found is None or found.where.max() > length * (1 + 1e-12) or fell(shape, found.shape):
+        if (found is None or found.where.max() > length * (1 + 1e-12)
+                or not found.shape.converged or fell(shape, found.shape)):
             return None
         return found
 

@@ -291,7 +291,7 @@ def _each_rod(simulator: DirectSimulator, piece: Piece) -> Columns:
     loop = np.array([k for k, rod in enumerate(rods) if even(simulator, rod)], dtype=np.int64)
     if loop.size:
         rows, good = free_rods(simulator, [rods[k] for k in loop],
-                                  piece.positions[loop], piece.rotations[loop])
+                               piece.positions[loop], piece.rotations[loop])
         rows['contact_table'] = _NO_CONTACTS
         if loop.size == n and good.all():
             return rows

@@ -166,7 +166,7 @@ class Response:
         """
         stiff = sizes / self.rates**2
         return DeviationBound(self.parameters, self.slopes * stiff, self.bends * stiff,
-                       np.full(self.slopes.shape, deviation))
+                              np.full(self.slopes.shape, deviation))
 
     def faster(self, factor: float) -> Response:
         """Return the Response with all frequencies times a factor."""

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Grasped inside: what both parts say is said of the whole, in the whole's arc length."""
 
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -257,6 +257,16 @@ def twist_at(guide, place):
     return guide.along(np.array([float(place)]))[2][0]
 
 
+def test_two_poses_are_one_constant_acceleration():
+    guide = GripTrajectory([Pose.identity(), Pose((0.4, 0, -0.2), (0, 0, 0, 1))], 0.5)
+    for place in (0.25, 0.5, 0.75):
+        np.testing.assert_allclose(guide.at(place).position, place**2 * np.array([0.4, 0, -0.2]),
+                                   atol=1e-15)
+    for place in (0.0, 0.5, 1.0):  # v = 2 x t / T^2
+        np.testing.assert_allclose(twist_at(guide, place),
+                                   2 * place / 0.5 * np.array([0.4, 0, -0.2, 0, 0, 0]), atol=1e-14)
+
+
 @pytest.mark.parametrize('at_rest', [True, False])
 def test_several_whole_turns_are_gone_through(at_rest):
     # a rotation has two quaternions: here now the one comes, now the other

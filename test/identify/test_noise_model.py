@@ -44,7 +44,7 @@ class Places:
     def at(self, x):
         slopes = np.tile(self.UNIT * np.eye(3), (len(self.points), 1, 1))
         return SimpleNamespace(away=self.UNIT * x - self.points, slopes=slopes,
-                               counts=np.ones(self.points.shape, bool), any=True)
+                               counts=np.ones(self.points.shape, bool))
 
     def forget(self):
         pass
@@ -58,6 +58,22 @@ class Places:
 
 def errors_of(points, loss, noise=NOISE):
     return MEstimator(Places(points), np.zeros(3), noise, LOSSES[loss], SCALE)
+
+
+@pytest.mark.parametrize('loss', LOSSES)
+def test_the_mean_slope_of_forces_is_that_of_the_cost(loss, rng):
+    # a unit of x is 5 deviations: of each point's cost, sum of second derivatives along the axes
+    points, x = NOISE * rng.normal(size=(40, 3)) * 2, np.array([0.1, -0.2, 0.15])
+    errors = errors_of(points, loss)
+    information = errors._information(x, NOISE)
+    h, here = 1e-3, errors.cost(x)
+    bend = sum(errors.cost(x + step) - 2 * here + errors.cost(x - step)
+               for step in h * np.eye(3)) / h**2
+    assert information.stiffness == pytest.approx(
+        bend * (NOISE / Places.UNIT) ** 2 / points.size, rel=2e-4)
+    slope = [(errors.cost(x + step) - errors.cost(x - step)) / (2 * h) for step in h * np.eye(3)]
+    np.testing.assert_allclose(slope, errors._slopes(x, NOISE).T @ errors._residuals(x, NOISE),
+                               rtol=1e-5)
 
 
 @pytest.mark.every(5)

@@ -145,6 +145,14 @@ def test_two_points_are_passed_by_an_equilibrium(options, roll):
     np.testing.assert_allclose(passed, chord, atol=2e-10)
 
 
+def test_what_cannot_be_passed_is_told():
+    simulator, shape = hanging(RODS[0], OPTIONS[0])
+    before = Passing(shape, np.zeros(3), (0.8,), depth=0.65)
+    assert TwoPoints(simulator, np.array([0.9, 0.0, 0.0])).at(before, 0.65) is None
+    just_too_short = TwoPoints(simulator, np.array([0.7, 0.0, 0.3]))
+    assert just_too_short.at(before, 0.65) is None
+
+
 def test_the_frame_of_a_plug_comes_to_its_pose():
     simulator, shape = hanging(RODS[0], OPTIONS[0])
     axes, place = shape.frame_at(1.0)

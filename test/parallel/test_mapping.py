@@ -4,7 +4,13 @@
 
 import os
 import signal
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from multiprocessing import get_context
@@ -161,6 +167,31 @@ class _Dying(ProcessPoolExecutor):
         if self.killed in (3, 15):
             os.kill(next(iter(self._processes)), signal.SIGKILL)
         return future
+
+
+class _Broken(Executor):
+    """A pool that is broken from the beginning; counts how many were made."""
+
+    made = 0
+
+    def __init__(self):
+        type(self).made += 1
+        assert self.made < 5
+
+    def submit(self, *_, **__):
+        future = Future()
+        future.set_exception(BrokenExecutor('gone'))
+        return future
+
+
+def test_a_pool_is_made_anew_once_in_a_row(simulator, anywhere):
+    _Broken.made = 0
+    with pytest.raises(BrokenExecutor):
+        parallel.map(simulator, anywhere, _Broken, chunk=7)
+    assert _Broken.made == 2
+    with _Broken() as given, pytest.raises(BrokenExecutor):
+        parallel.map(simulator, anywhere, given, chunk=7)
+    assert _Broken.made == 3
 
 
 def test_a_killed_worker_costs_nothing(simulator, anywhere):

@@ -4,6 +4,7 @@
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,8 +23,9 @@ from dlo_planner import (
     Trajectory,
     Workspace,
 )
+from dlo_planner.model.pose import displaced
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.plan import concatenate, truncate
+from dlo_planner.plan.plan import concatenate, times_at_speed, truncate
 from dlo_planner.plan.waypoint import waypoint_at
 from dlo_planner.tasks import PlanStatus
 from dlo_planner.trajectory.dynamic_check import goals_between, worst_miss
@@ -57,6 +59,28 @@ def back(plan):
         'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'via_points',
         'clearances')}
     return replace(plan, **turned, times=plan.times[-1] - plan.times[::-1])
+
+
+@pytest.mark.parametrize('first', [True, False])
+def test_two_plans_are_as_complete_as_the_lesser(plan, first):
+    part = truncate(plan, 6, PlanStatus.PARTIAL)
+    there = back(truncate(plan, 6, PlanStatus.COMPLETE))
+    whole = concatenate(part, there) if first else concatenate(there, part)
+    assert whole.fraction == pytest.approx(6 / 9)
+    assert concatenate(plan, back(plan)).fraction == 1
+
+
+def test_times_keep_the_speed_limits(plan):
+    twisted = [displaced(pose, np.array([0.3 * (k % 3), 0, 0, 0, 0, 0]))
+               for k, pose in enumerate(plan.grippers)]
+    for grippers, times in ((plan.grippers, plan.times),
+                            (twisted, times_at_speed(twisted, 0.05, 0.2))):
+        ways, turns = np.array([
+            (np.linalg.norm(other.position - one.position),
+             Rotation.from_matrix(one.rotation.T @ other.rotation).magnitude())
+            for one, other in pairwise(grippers)]).T
+        np.testing.assert_allclose(np.diff(times), np.maximum(ways / 0.05, turns / 0.2))
+    assert (turns / 0.2 > ways / 0.05).any()  # here the turns take longer
 
 
 def test_the_second_plan_begins_where_the_first_ends(plan):

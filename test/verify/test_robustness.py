@@ -210,6 +210,16 @@ def test_a_mass_at_the_end_stays_on_a_shorter_dlo():
     assert np.isfinite(got.sampled).all() and (got.sampled[:, 0] > 0).any()
 
 
+def test_a_node_at_the_end_stays_on_a_shorter_dlo():
+    got = []
+    for nodes in ((), (1.0,)):  # every mesh has a node there
+        direct = DirectSimulator(replace(ROD, nodes=nodes), n_elements=32)
+        plan = InverseSimulator(direct).thread(HOLE, depths=[0.0, 0.3])
+        got.append(robustness(direct, plan, Uncertainty(length=0.01), samples=8))
+    np.testing.assert_allclose(got[1].by_cause, got[0].by_cause, rtol=1e-6)
+    np.testing.assert_allclose(got[1].sampled, got[0].sampled, atol=1e-9)
+
+
 @pytest.mark.parametrize('s', [1.0, 0.999])
 def test_a_load_at_the_end_stays_on_a_shorter_dlo(s):
     got = []
