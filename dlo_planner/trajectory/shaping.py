@@ -3,10 +3,10 @@
 """The fastest laws in time with which a DLO arrives calm, according to its `Response`.
 
 On each leg the rates are the fastest that the gripper's limits, and a bound of the slowly built-up
-deviation, allow. Moving averages as wide as the periods of one or two slowest modes at the leg's
-end smooth them: such a window leaves no vibration of its period. Which windows and which bound are
-the quickest is tried; each trial is judged with the DLO as it is given, and with one whose
-stiffness is wrong. Each leg takes over the vibration that the one before leaves.
+deviation, allow. Moving averages as wide as the periods of the slowest modes, at the leg's
+beginning and its end, smooth them: such a window leaves no vibration of its period. Which windows
+and which bound are the quickest is tried; each trial is judged with the DLO as it is given, and
+with one whose stiffness is wrong. Each leg takes over the vibration that the one before leaves.
 """
 
 from __future__ import annotations
@@ -275,6 +275,10 @@ def _rates(task: LegTask) -> Iterator[tuple[Floats, Floats]]:
 
 
 def _windows(response: Response) -> list[list[float]]:
-    """Return lists of windows (s) to be tried: periods of the slowest modes at the leg's end."""
-    first, *others = (2 * np.pi / response.rates[-1, :2]).tolist()
-    return [[first], [first, *(others or [first])]]
+    """Return lists of windows (s) to be tried, from the periods of the two slowest modes."""
+    periods = 2 * np.pi / response.rates[:, :2]
+    if periods.shape[1] < 2:
+        periods = np.repeat(periods, 2, axis=1)
+    (one, two), (end, other), (long, next_) = periods[0], periods[-1], periods.max(axis=0)
+    return [[end], [end, other], [one, two], [one, end], [long, next_], [long, long],
+            [one, end, next_], [one, end, two, other], [long, long, next_, next_]]
