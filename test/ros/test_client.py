@@ -22,11 +22,13 @@ TASK = Thread(HOLES[0], (0.0, 0.1, 0.2, 0.3))
 def robot(node):
     """Yield a commander of `node`."""
     rclpy.init()
-    made = DloCommander()
-    made.wait_until_active()
-    yield made
-    made.destroy_node()
-    rclpy.shutdown()
+    try:
+        made = DloCommander()
+        made.wait_until_active()
+        yield made
+        made.destroy_node()
+    finally:  # where it is not active in time, the next one begins anew
+        rclpy.shutdown()
 
 
 @pytest.mark.sweep
