@@ -51,6 +51,13 @@ def test_at_runs_along_the_arcs(curly, level):
         shape.at(1.4)
 
 
+def test_strain_at_nodes_is_second_order(wire, level):
+    fine = DirectSimulator(wire, basis='local', n_elements=1024).solve(level)
+    errors = [np.abs(DirectSimulator(wire, basis='local', n_elements=n).solve(level).strains
+                     - fine.strains[::1024 // n]).max() for n in (32, 64)]
+    assert errors[0] / errors[1] > 3.0
+
+
 def test_point_mass_between_nodes_acts_where_it_is(level):
     # a weightless cantilever bends as if it ended at the mass, small deflection P a^2 (3L - a) / 6
     rod = Rod(1.0, 0.0, 1.0, 1.0, point_masses=((0.333, 1e-4),))
@@ -121,6 +128,56 @@ def test_shape_does_not_depend_on_where_the_gripper_is(rod, pose, shift):
     moved = here.moved(shift)
     np.testing.assert_allclose(there.positions, moved.positions, atol=1e-12)
     assert abs(there.energy - moved.energy) < 1e-9
+
+
+@some
+@given(rods, triples, triples)
+def test_turning_gripper_and_gravity_together_turns_the_shape(rod, pose, turn):
+    rotation = Rotation.from_rotvec(turn)
+    start = Rotation.from_rotvec(pose)
+    gravity = np.array([0, 0, -9.81])
+    one = DirectSimulator(rod, gravity=gravity).solve(Pose((0, 0, 0), start.as_quat()))
+    two = DirectSimulator(rod, gravity=rotation.apply(gravity)).solve(
+        Pose((0, 0, 0), (rotation * start).as_quat()))
+    np.testing.assert_allclose(two.positions, one.positions @ rotation.as_matrix().T, atol=1e-8)
+
+
+@some
+@given(rods, triples, st.floats(0.1, 10.0))
+def test_scaling_length_scales_the_shape(rod, pose, factor):
+    # EI / (w L^3) is all that matters
+    larger = Rod(factor, rod.mass_per_length, tuple(factor**3 * k for k in rod.bending_stiffness),
+                 factor**3 * rod.torsional_stiffness,
+                 natural_curvature=tuple(k / factor for k in rod.natural_curvature),
+                 natural_twist=rod.natural_twist / factor)
+    gripper = Pose((0, 0, 0), Rotation.from_rotvec(pose).as_quat())
+    one, two = (DirectSimulator(r).solve(gripper) for r in (rod, larger))
+    np.testing.assert_allclose(two.positions, factor * one.positions, atol=1e-8 * factor)
+
+
+@some
+@given(rods, triples)
+def test_mirrored_rod_hangs_mirrored(rod, pose):
+    mirror = np.array([1.0, -1.0, 1.0])  # y -> -y; rotation vectors are axial
+    other = Rod(1.0, rod.mass_per_length, rod.bending_stiffness, rod.torsional_stiffness,
+                natural_curvature=(rod.natural_curvature[0], -rod.natural_curvature[1]),
+                natural_twist=-rod.natural_twist)
+    turn = Rotation.from_rotvec(pose)
+    mirrored = Rotation.from_rotvec(-mirror * np.array(pose))
+    one = DirectSimulator(rod).solve(Pose((0, 0, 0), turn.as_quat()))
+    two = DirectSimulator(other).solve(Pose((0, 0, 0), mirrored.as_quat()))
+    np.testing.assert_allclose(two.positions, one.positions * mirror, atol=1e-8)
+
+
+@some
+@given(triples, st.floats(-3, 3))
+def test_rolling_a_round_straight_rod_changes_nothing(pose, roll):
+    rod = Rod(1.0, 0.3, 1.0, 0.75)
+    simulator = DirectSimulator(rod)
+    turn = Rotation.from_rotvec(pose)
+    one = simulator.solve(Pose((0, 0, 0), turn.as_quat()))
+    two = simulator.solve(Pose((0, 0, 0), (turn * Rotation.from_rotvec([roll, 0, 0])).as_quat()))
+    np.testing.assert_allclose(two.positions, one.positions, atol=1e-9)
 
 
 @some

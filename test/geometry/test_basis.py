@@ -52,6 +52,28 @@ def test_polynomials_stand_before_the_waves(terms):
     np.testing.assert_allclose(fourier_polynomial(x, terms), expected, atol=1e-14)
 
 
+def test_polynomials_make_a_series_converge():
+    # of a function that differs at its ends; 20 more terms leave a fifth and a thousandth
+    s = np.linspace(0, 1, 2001)
+    values = np.exp(2 * 0.5 * (s[1:] + s[:-1]))
+
+    def left(basis, terms):
+        phi = orthonormal_basis(basis, terms, s)
+        return np.sqrt(np.mean((values - phi @ (phi.T @ (values * np.diff(s))))**2))
+
+    assert left('fourier', 32) > 0.3 * left('fourier', 12)
+    assert left('fourier_polynomial', 32) < 0.01 * left('fourier_polynomial', 12)
+    assert left('fourier_polynomial', 12) < 1e-3 * left('fourier', 12)
+
+
+@pytest.mark.parametrize('basis', ['chebyshev', 'fourier', 'fourier_polynomial'])
+@pytest.mark.parametrize('elements', [2, 7, 8, 40])
+def test_there_are_no_more_terms_than_elements(basis, elements):
+    s = np.linspace(0, 1, elements + 1)
+    phi = orthonormal_basis(basis, elements + 5, s)
+    np.testing.assert_allclose(phi.T @ phi / elements, np.eye(elements), atol=1e-11)
+
+
 # ---- the strain description of the paper, exact in both directions --------------------------
 
 
