@@ -55,11 +55,19 @@ _STANDOFF = 0.05  # of the length, where none is given, and the plan does not st
 
 def loop_task_of(made: PlanResult) -> LoopTask | None:
     """Return the task of a plan whose DLO passes cut-outs or a bore with a known room; or None."""
+    try:
+        return _loop_task(made)
+    except InvalidTask:
+        return None
+
+
+def _loop_task(made: PlanResult) -> LoopTask:
+    """Return the task of a plan for the closed loop; raise InvalidTask, which says why not."""
     plan, scene, task = made.plan, made.scene, made.task
     passing = [bool(passes) for passes in plan.via_points]
     depths = np.unique(plan.depths[passing])  # a bore takes over a mass in several waypoints
     if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or not depths.size:
-        return None
+        raise InvalidTask(f'{type(task).__name__} passes no cut-out or bore')
     if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
         depths = np.append(0.0, depths)
     first = cutouts_of(task)[0]
@@ -68,10 +76,7 @@ def loop_task_of(made: PlanResult) -> LoopTask | None:
     standoff = scene.wanted.standoff if scene.wanted.standoff > 0 else float(
         max(stops, default=0.0)) or _STANDOFF * scene.direct.rod.length
     task = Thread(first, depths) if isinstance(task, Thread) else replace(task, depths=depths)
-    try:
-        return LoopTask(scene.inverse, task, standoff, scene.limits)
-    except InvalidTask:  # there is no room, or it is not known
-        return None
+    return LoopTask(scene.inverse, task, standoff, scene.limits)  # refuses what has no room
 
 
 def closed_loop_of(state: State, observing: DloEstimator | None,
@@ -102,10 +107,11 @@ def open_loop_warning(state: State, observing: DloEstimator | None) -> str:
     made = state.running
     if not state.scene.seeing.correct or made is None:
         return ''
-    if loop_task_of(made) is None:
+    try:
+        _loop_task(made)
+    except InvalidTask as error:
         return '' if observing is None else (
-            'in open loop: what is seen of the DLO does not correct it, as it passes no cut-out or '
-            'bore whose radius is known (cutouts.radius)')
+            f'in open loop: what is seen of the DLO does not correct it: {error}')
     return '' if observing is not None else (
         'in open loop: no cloud of the DLO was taken in on ~/observed_points shortly before, so '
         'that it is neither looked at before the cut-out nor corrected')

@@ -258,4 +258,7 @@ def test_a_plan_that_could_be_looked_at_and_is_not_says_so(proved):
     made = replace(started, running=replace(started.running, task=Thread(CutOut(HOLE.pose))))
     assert open_loop_warning(made, None) == ''  # nobody looks, nothing could be corrected
     said = open_loop_warning(made, DloEstimator(scene.direct, scene.seeing))
-    assert 'in open loop' in said and 'cutouts.radius' in said
+    assert 'in open loop' in said and 'cutout.radius = None' in said
+    moved = replace(made, running=replace(made.running, task=MoveTo((HOLE.pose,))))
+    said = open_loop_warning(moved, DloEstimator(scene.direct, scene.seeing))
+    assert 'in open loop' in said and said.endswith('MoveTo passes no cut-out or bore')
