@@ -152,6 +152,7 @@ def test_a_proof_ends_with_a_message_of_its_own(inside, node, tell):
     assert float(proof[2]['duration [s]']) > 0
     inside.set_parameters(threading__deadline=0.1)
     drain(inside.timed)
+    node.shared.store.change(lambda now: replace(now, others=0))  # whatever was planned before
     tell(Thread(HOLES[0], DEPTHS))
     code, message, _ = inside.status_of('proof', PATIENCE)
     inside.set_parameters(threading__deadline=300.0)
