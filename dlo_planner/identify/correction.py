@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.sensitivity import Sensitivity
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_forces
 from dlo_planner.errors import InvalidTask
@@ -245,8 +245,7 @@ class _Aim:
         """Return a Shape whose gripper is moved to where its first goal is a place."""
         inside = min(goals.s[0], float(shape.s[-1]))
         axes, position = shape.frame_at(inside)
-        moved: Shape = shape.moved(goals.target[0] - position - (goals.s[0] - inside) * axes[:, 0])
-        return moved
+        return carried(shape, goals.target[0] - position - (goals.s[0] - inside) * axes[:, 0])
 
     def _goals(self, index: int) -> tuple[GoalTable, Floats]:
         """Return the goals of a waypoint, and the direction about which it may roll."""
