@@ -324,11 +324,11 @@ def _passage(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: 
     """Return the fraction of element e, which begins at the height `begin`, in a plane; fill x."""
     low, high, at_low, last = 0.0, 1.0, begin, 0
     _place(scene, o, lengths, strains, rotations, positions, e, high, frame, x)
-    at_high = inner(normal, x) - plane
+    at_high: float = inner(normal, x) - plane
     for _ in range(_SECANTS):
         fraction = low + (high - low) * at_low / (at_low - at_high)
         _place(scene, o, lengths, strains, rotations, positions, e, fraction, frame, x)
-        height = inner(normal, x) - plane
+        height: float = inner(normal, x) - plane
         if abs(height) <= _EXACT * abs(begin - at_high):
             break
         # that the same end stays twice makes it count half: the Illinois rule
