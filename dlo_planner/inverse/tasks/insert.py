@@ -24,17 +24,11 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.continuation import (
-    Family,
-    Follower,
-    Passing,
-    Step,
-    continue_family,
-    goal_shape,
-)
+from dlo_planner.inverse.continuation import Family, Follower, Passing, Step, continue_family
 from dlo_planner.inverse.equilibria import Candidate, shape_with_end, start_candidates
 from dlo_planner.inverse.route import first_feasible
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
+from dlo_planner.inverse.waypoint_newton import goal_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
