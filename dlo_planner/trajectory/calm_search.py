@@ -31,7 +31,7 @@ from dlo_planner.trajectory.dynamic_check import (
     unplanned,
 )
 from dlo_planner.trajectory.modal_response import Response
-from dlo_planner.trajectory.shaping import LegTask, calm_law, margin, predicted
+from dlo_planner.trajectory.shaping import SLOWEST, LegTask, calm_law, margin, predicted
 from dlo_planner.trajectory.time_law import TimeLaw
 from dlo_planner.trajectory.timed_path import TimedPath
 
@@ -101,7 +101,6 @@ def _quick(simulator: DirectSimulator) -> DirectSimulator:
 
 
 ROOM = 0.25         # part of the room in a hole that the default tolerance is
-_SLOWEST = 16.0     # times as long as the limits ask for: slower is no motion any more
 _ROUNDS = 7         # of aiming lower
 _SPARE = 0.9        # part of the tolerance that is aimed at again
 _TOUCHED = 2.0      # times the tolerance: what a touch that is not planned counts as
@@ -168,7 +167,7 @@ class CalmSearch:
         """Whether no other law is left to be tried."""
         return (not self._first.converged or self._inside > 0
                 or self._rounds >= (self.rounds or _ROUNDS)
-                or self._missed_by.slowest > _SLOWEST * self.fastest.duration)
+                or self._missed_by.slowest > SLOWEST * self.fastest.duration)
 
     def go_on(self, below: float = np.inf) -> Calm | None:
         """Return what the next laws come to if the DLO stays calm; None if not.
