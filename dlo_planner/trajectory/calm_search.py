@@ -156,6 +156,12 @@ class CalmSearch:
         return leg_tasks(self._free, self.plan, self.fastest.path, self.fastest.limits,
                          self._first, self.progress.check)
 
+    @property
+    def slowest_period(self) -> float:
+        """The longest period (s) of the DLO's vibrations on the way; nan where it never moves."""
+        return max((2 * np.pi / float(task.response.rates.min()) for task in self._tasks
+                    if task is not None), default=np.nan)
+
     @cached_property
     def _room(self) -> float:
         """Clearance as planned, m; nan if there is nothing to be near to."""
