@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.search import TOLERANCE
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import UNWATCHED, hanging_shape
 from dlo_planner.energy.potential import evaluate, project, unknowns_of
@@ -550,8 +550,7 @@ class Found(NamedTuple):
     @property
     def placed(self) -> Shape:
         """The Shape where the gripper is."""
-        moved: Shape = self.shape.moved(self.origin)
-        return moved
+        return carried(self.shape, self.origin)
 
 
 def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free: Floats, *,
