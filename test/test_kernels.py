@@ -42,7 +42,7 @@ from dlo_planner.geometry.kinematics import frame_along, nearest_place
 from dlo_planner.identify import Observation, correct, parameters, residuals
 from dlo_planner.identify.residuals import nearest
 from dlo_planner.inverse.equilibria import integrate_from_tip
-from dlo_planner.inverse.waypoint_newton import _nearest_goals, follow_goals, solve_goals
+from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
 from dlo_planner.kernels import files
 from dlo_planner.kernels.cache import key_of
 from dlo_planner.minimize.active_set import update_active_set
@@ -71,7 +71,7 @@ KERNELS = [newton_descent, unknowns_of, solve_goals, integrate_from_tip, frame_a
            swept._distances, workspace._distances, strain_answers, parameters._moved_points,
            residuals._points_at, nearest_place, follow_goals, solve_free, solve_contact,
            predictor_corrector, discretization_errors, equidistribute, node_twists,
-           twists_inside, fill_residuals, fill_rows, _nearest_goals]
+           twists_inside, fill_residuals, fill_rows]
 
 
 def use_everything():

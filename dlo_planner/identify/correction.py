@@ -26,7 +26,7 @@ from dlo_planner.identify.estimate import Estimate, miss_of, passages_in
 from dlo_planner.identify.predicted_miss import PredictedMiss
 from dlo_planner.identify.uncertain_state import stretched
 from dlo_planner.inverse.simulator import InverseSimulator
-from dlo_planner.inverse.waypoint_newton import follow, free_axis, nearest_on
+from dlo_planner.inverse.waypoint_newton import follow, free_axis
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Bools, Floats
 from dlo_planner.model.checks import flag, instance, integer, items, results
@@ -226,12 +226,12 @@ class _Aim:
             mesh, (goals, free) = self._mesh(planned), self._goals(index)
             many = np.sum(goals.kind == THROUGH) > 1  # first two, then all
             two = goals._replace(weight=goals.weight * ~self._further(goals)) if many else goals
-            found = follow(mesh, guess, two, goals.s[None], free,
-                           origin=np.array(guess.gripper.position))
-            shape = self._placed(found[0].shape, goals) if found else None
-            if many and shape is not None:
+            found = follow(mesh, guess, two, goals.s[None], free, origin=guess.gripper.position)
+            if many and found:
                 soft = goals._replace(weight=np.where(goals.kind == ROLL, _STILL, goals.weight))
-                shape = nearest_on(mesh, soft, shape, _TURN, _TURN / goals.weight[0])
+                found = follow(mesh, found[0].shape, soft, goals.s[None], free,
+                               origin=found[0].origin, reach=(_TURN, _TURN / goals.weight[0]))
+            shape = found[0].placed if found else None
         return None if shape is None or shape.stability < -NEUTRAL else shape
 
     @staticmethod
@@ -239,14 +239,6 @@ class _Aim:
         """Return (g,) whether a goal is a place after the second one."""
         further: Bools = (goals.kind == THROUGH) & (np.cumsum(goals.kind == THROUGH) > 1)
         return further
-
-    @staticmethod
-    def _placed(shape: Shape, goals: GoalTable) -> Shape:
-        """Return a Shape whose gripper is moved to where its first goal is a place."""
-        inside = min(goals.s[0], float(shape.s[-1]))
-        axes, position = shape.frame_at(inside)
-        moved: Shape = shape.moved(goals.target[0] - position - (goals.s[0] - inside) * axes[:, 0])
-        return moved
 
     def _goals(self, index: int) -> tuple[GoalTable, Floats]:
         """Return the goals of a waypoint, and the direction about which it may roll."""

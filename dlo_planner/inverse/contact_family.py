@@ -172,7 +172,8 @@ def _about_the_axis(surroundings: Surroundings) -> Surroundings:
     half = Surface.of(surroundings.rod).half
     if half is None:
         return surroundings
-    return replace(surroundings, rod=replace(surroundings.rod, radius=half[1], section=None))
+    round_rod = replace(surroundings.rod, radius=half[1], section=None, section_model=None)
+    return replace(surroundings, rod=round_rod)
 
 
 def _mesh(surroundings: Surroundings, s: float, elements: int) -> tuple[Discretization, int]:

@@ -15,7 +15,6 @@ from itertools import pairwise, takewhile
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.linalg import null_space
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
@@ -25,7 +24,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.equilibria import Crossings, HangingShapes, crossings
-from dlo_planner.inverse.waypoint_newton import MESHES, ORIGIN, Found, follow, free_axis
+from dlo_planner.inverse.waypoint_newton import Found, follow, free_axis, goal_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, turned_by
@@ -329,7 +328,7 @@ class Aligned(Family):
             axes, place = shape.frame_at(s)
             return Passing(shape, shape.gripper.position - place, depth=depth, axes=axes)
         found = aligned_shape(self.simulator, guess, s, self.normal, reference, trend)
-        return found and Passing(found.shape, -found.place, depth=depth, axes=found.axes)
+        return found and Passing(found.shape, found.origin, depth=depth, axes=found.axes)
 
     def onward(self, before: Passing, depths: Floats) -> list[Passing]:
         """Return the Passings at the first of some depths (k,) that leave no doubt."""
@@ -355,7 +354,7 @@ class Aligned(Family):
                 one.shape.gripper, one.shape) is mesh, found))
         passings: list[Passing] = []
         for depth, one in zip(depths.tolist(), found, strict=False):
-            before = Passing(one.shape, -one.place, depth=depth, axes=one.axes).after(before)
+            before = Passing(one.shape, one.origin, depth=depth, axes=one.axes).after(before)
             passings.append(before)
         return passings
 
@@ -438,7 +437,7 @@ class TwoPoints(Family):
         found = self._solved(before.shape, POSITION, s1, s1, roll,
                              None if roll else before.trend(depth))
         return None if found is None else Passing(
-            found.shape, -found.place, (float(min(found.where[1], self.simulator.rod.length)),),
+            found.shape, found.origin, (float(min(found.where[1], self.simulator.rod.length)),),
             depth=depth, axes=found.axes).after(before)
 
     def from_end(self, guess: Shape, depth: float) -> Passing | None:
@@ -449,7 +448,7 @@ class TwoPoints(Family):
         if found is None or not found.where[0] > 0:
             return None
         s1 = float(found.where[0])
-        return Passing(found.shape, -found.place, (length,), depth=length - s1, axes=found.axes)
+        return Passing(found.shape, found.origin, (length,), depth=length - s1, axes=found.axes)
 
     def _solved(self, shape: Shape, first: int, s1: float, s2: float, roll: float = 0.0,
                 trend: tuple[Shape, float] | None = None,
@@ -535,27 +534,6 @@ def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Fl
                   reference: Floats, trend: tuple[Shape, float] | None = None) -> Found | None:
     """Return the shape whose tangent at `s` (m) is `normal`, or None; as `Aligned.from_guess`."""
     return goal_shape(simulator, guess, _along(normal, reference), s, np.array(normal), trend)
-
-
-def goal_shape(simulator: DirectSimulator, guess: Shape, goals: GoalTable, s: ArrayLike,
-               free: Floats, trend: tuple[Shape, float] | None = None,
-               origin: Floats = ORIGIN) -> Found | None:
-    """Return the shape that has goals at `s`, on a mesh as fine as the simulator's, or None.
-
-    Shapes: s () or (g,), m; free (3,); origin (3,).
-    """
-    mesh, shape = guess.state.made_on, guess
-    where = np.array(np.broadcast_to(s, (1, goals.kind.size)), dtype=float)
-    for _ in range(MESHES):
-        found = follow(mesh, shape, goals, where, free, trend=trend, origin=origin)
-        if not found or simulator.accuracy is None:  # its mesh is the same everywhere
-            break
-        shape = found[0].shape
-        better = simulator.discretization(shape.gripper, shape)
-        if better is mesh:
-            break
-        mesh, trend = better, None
-    return found[0] if found else None
 
 
 def _nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, normal: Floats,

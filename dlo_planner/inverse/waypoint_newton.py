@@ -11,22 +11,22 @@ One waypoint may leave the gripper a roll, for a straight round DLO may roll abo
 axis, a bent weightless one about the direction in which it passes. It stays as it was since a
 reference, about the mean of both axes.
 
-More goals than the gripper can have are missed least (`nearest_goals`), by Gauss and Newton's
-method on their residuals, an equilibrium a step. The gripper is kept in a ball about where it was,
-so that it cannot leap (a fixed trust region: Nocedal and Wright, Numerical Optimization, ch. 4). If
-the minimum is farther away, the step goes towards it as far as the ball allows. Where much is
-missed, these steps come nearer by the same part each: the next ones follow from two of them
-(Anderson 1965, J. ACM 12).
+More goals than the gripper can have are missed least: the same steps are those of Gauss and Newton
+(Nocedal and Wright, Numerical Optimization, ch. 10). The gripper then stays in a ball about where
+it was, so that it cannot leap; if the minimum is farther away, it goes as far as the ball allows.
+Where much is missed, these steps come nearer by the same part each: the next one follows from two
+of them (Anderson 1965, J. ACM 12).
 """
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
-from dlo_planner.direct.search import MAX_ITERATIONS, TOLERANCE
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.search import TOLERANCE
+from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import UNWATCHED, hanging_shape
 from dlo_planner.energy.potential import evaluate, project, unknowns_of
@@ -50,7 +50,7 @@ from dlo_planner.geometry.so3 import (
     times_transposed,
 )
 from dlo_planner.kernels import kernel
-from dlo_planner.minimize.convergence import CONVERGED, residual_of
+from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.minimize.hessian import (
     Hessian,
     assemble,
@@ -67,13 +67,9 @@ from dlo_planner.minimize.lanczos import lowest_mode
 from dlo_planner.minimize.newton import (
     NEUTRAL,
     WELL_STABLE,
-    Workspace,
     largest_turn_between,
-    minimize,
-    new_workspace,
-    thorough,
 )
-from dlo_planner.minimize.response import gripper_answers, node_twists, twists_inside
+from dlo_planner.minimize.response import node_twists, twists_inside
 from dlo_planner.minimize.riccati import answer_to_turn
 from dlo_planner.minimize.solve import outputs
 from dlo_planner.model.arrays import Floats, Ints
@@ -99,12 +95,13 @@ _FREE = 1e-14        # of the squares of all rows: what no goal tells stays as i
 _EXACT = 1e-10       # rad, and of the length: what goals may miss
 _POLISHED = 0.1      # of that: what misses more gets a step more: where it began shall not tell
 _NEWTON_STEPS = 60
-_BALL_ITERATIONS, _BALL_HALVINGS = 25, 6  # of the search in a ball
-_STILL = 1e-9     # rad, and of the length: a step that ends it
-_ENOUGH = 1e-6    # relative decrease of the penalty that ends it as well
-_HARDLY, _SMALL = 1e-8, 1e-4  # the same, and a part of what is within reach: not worth a step
-_NONE, _STAYS, _MOVED = 0, 1, 2
-MESHES = 6        # that an accuracy may take
+_STILL = 1e-5        # of its reach: the last step of a gripper that misses goals
+_ENOUGH = 25         # steps of it at most
+_BALANCED = 0.1      # of the residual: Newton's method converges from there
+_AHEAD = 4.0         # how far ahead two steps may tell of the next, in steps
+_ROUNDING = 1e-8     # of what is missed: more is more
+_BISECTIONS = 60     # of a multiplier
+MESHES = 6           # that an accuracy may take
 ORIGIN = np.zeros(3)
 freeze(ORIGIN)
 
@@ -127,8 +124,8 @@ def free_axis(reference: Floats, direction: Floats) -> Floats:
 
 @kernel
 def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, origin: Floats,
-                tolerance: float, exact: float, max_iterations: int) -> Any:
-    """Find an equilibrium that has goals.
+                reach: Floats, tolerance: float, exact: float, max_iterations: int) -> Any:
+    """Find an equilibrium that has goals, or misses them least within reach.
 
     Args:
         system: Problem without obstacles, far end, plasticity; the gripper starts in its `base`
@@ -136,14 +133,17 @@ def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, ori
         nodes: (N + 1,) arc lengths, m, read-only
         goals: g of them, all of weights of 1/rad and 1 / length, or 0
         origin: (3,) position of the gripper; moved, m
-        tolerance, exact: of the residual, and of what the goals miss
+        reach: (6,) half axes, rad and m, of the ellipsoid in which the gripper stays where goals
+            may be missed; infinite: they may not
+        tolerance: of the residual
+        exact: what the goals may miss or, where they may be missed, the last step in parts of reach
         max_iterations: Newton steps at most
 
     Returns:
         state, positions from the gripper; base (3, 3); arc lengths of the goals (g,), m; residual,
         stability (smallest eigenvalue of the Hessian), iterations, converged
     """
-    length, count = nodes[nodes.size - 1], goals.kind.size
+    length, count, soft = nodes[nodes.size - 1], goals.kind.size, reach[0] < np.inf
     here = with_gripper(system, system.base.copy(), system.origin)
     there = with_gripper(system, system.base.copy(), system.origin)
     state, trial = new_configuration(here), new_configuration(here)
@@ -153,22 +153,32 @@ def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, ori
     where, new_where = np.empty(count), np.empty(count)
     places, new_places = np.empty((count, 3, 3)), np.empty((count, 3, 3))
     twists, rows = np.zeros((count, 6, 7)), np.empty((3 * count, 7))
-    shift, step6 = np.empty(3), np.empty(6)
+    shift, step6, scale = np.empty(3), np.empty(6), reach.copy()
+    if not soft:  # a shift by the length counts as a turn of 1 rad
+        scale[:3], scale[3:] = 1.0, length
+    # of a gripper that misses goals: its way, its last step and what was made of it, in parts of
+    # reach; what would be missed in equilibrium, and the longest step after which that is less
+    gone, last, taken = np.zeros(6), np.full(6, np.nan), np.zeros(6)
+    least, longest = np.inf, np.inf
+    begin, begun = system.base.copy(), origin.copy()
     state.q[:] = q
     evaluate(here, state)
-    _go_to_first(goals, nodes, here, state, origin)
+    if not soft:
+        _go_to_first(goals, nodes, here, state, origin)
     _miss(here, state, goals, nodes, origin, missed, where, places)
-    merit = residual_of(here, state) + _size(missed)
+    error = np.inf if soft else _size(missed)
+    merit = residual_of(here, state) + (0.0 if soft else error)
     converged, polished = False, False
     iterations, negative, since = 0, 1, np.inf  # rad turned since factorized
     while True:
         residual = residual_of(here, state)
-        converged = residual < tolerance and _size(missed) < exact
-        done = converged and (polished or _size(missed) < _POLISHED * exact)
+        converged = residual < tolerance and error < exact
+        done = converged and (polished or error < _POLISHED * exact)
         if done and negative == 0 and since < _OLD:
             break
         # near the end the factorization before is as good
-        fresh = done or negative > 0 or not (converged or _LEAVES * since * merit < tolerance)
+        fresh = done or negative > 0 or not (
+            converged or _LEAVES * since * (residual + error) < tolerance)
         polished = converged
         if fresh:
             negative, since = 0, 0.0
@@ -180,8 +190,18 @@ def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, ori
         _answers(here, state, hessian, fresh, load, answers)
         _fill_twists(here, state, answers, nodes, goals, where, twists)
         fill_rows(goals, length, here.base, where, places, twists, rows)
-        if not _least_squares(rows, missed, length, step6):
+        if not _least_squares(rows, missed, scale, gone, soft, step6):
             break
+        if soft:
+            error = np.abs(step6 / scale).max()
+            now = _size(missed + rows[:, 6])
+            if now > least * (1.0 + _ROUNDING) + tolerance:
+                longest = 0.5 * np.abs(taken).max()
+            least = now
+            _extrapolate(step6 / scale, gone, longest, last, taken)
+            if iterations > _ENOUGH:  # it stays there, in equilibrium
+                error, taken[:] = 0.0, 0.0
+            step6[:] = scale * taken
         step = answers[3]
         for column in range(3):
             add_to(step, step6[column], answers[column])
@@ -200,8 +220,9 @@ def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, ori
                 shift[i] = origin[i] + portion * step6[3 + i]
             evaluate(there, trial)
             _miss(there, trial, goals, nodes, shift, new_missed, new_where, new_places)
-            new_merit = residual_of(there, trial) + _size(new_missed)
-            if new_merit < merit * (1 - 0.1 * portion) or new_merit < tolerance:
+            new_merit = residual_of(there, trial) + (0.0 if soft else _size(new_missed))
+            if (new_merit < merit * (1 - 0.1 * portion) or new_merit < tolerance
+                    or soft and new_merit < _BALANCED):
                 accepted = True
                 break
             portion *= 0.5
@@ -209,6 +230,14 @@ def solve_goals(system: Problem, q: Floats, nodes: Floats, goals: GoalTable, ori
             since += size
             merit = new_merit
             origin[:] = shift
+            if soft:
+                taken *= portion
+                put_vector(rotation_vector(times_transposed(matrix(there.base), matrix(begin))),
+                           gone)
+                gone[3:] = origin - begun
+                gone /= reach
+            else:
+                error = _size(new_missed)
             missed, new_missed = new_missed, missed
             where, new_where = new_where, where
             places, new_places = new_places, places
@@ -291,46 +320,84 @@ def _fill_twists(system: Problem, state: Configuration, answers: Floats, nodes: 
 
 
 @kernel
-def _least_squares(rows: Floats, missed: Floats, length: float, out: Floats) -> bool:
+def _least_squares(rows: Floats, missed: Floats, scale: Floats, gone: Floats, bounded: bool,
+                   out: Floats) -> bool:
     """Fill out (6,): the motion of the gripper after which least is missed, to first order.
 
     Args:
         rows: (n, 7), of turns, shifts and the step of the strains, which is made in any case
         missed: (n,)
-        length: a shift by it counts as a turn of 1 rad, m
+        scale: (6,) rad and m, units of the motion
+        gone: (6,) in them; bounded: whether |gone + out / scale| <= 1, by a multiplier
     """
-    square, scale = np.zeros((6, 6)), np.ones(6)
-    scale[3:] = length
+    square, right = np.zeros((6, 6)), np.zeros(6)
     trace = 0.0
     for i in range(6):
-        out[i] = 0.0
         for k in range(missed.size):
-            out[i] -= scale[i] * rows[k, i] * (missed[k] + rows[k, 6])
+            right[i] -= scale[i] * rows[k, i] * (missed[k] + rows[k, 6])
         for j in range(i + 1):
             for k in range(missed.size):
                 square[i, j] += scale[i] * rows[k, i] * scale[j] * rows[k, j]
         trace += square[i, i]
     if not trace > 0.0:
         return False
-    for i in range(6):  # Cholesky
-        square[i, i] += _FREE * trace
-        for j in range(i + 1):
-            for k in range(j):
-                square[i, j] -= square[i, k] * square[j, k]
-            if j < i:
-                square[i, j] /= square[j, j]
-        square[i, i] = np.sqrt(max(square[i, i], _FREE * trace))
-    for i in range(6):
-        for k in range(i):
-            out[i] -= square[i, k] * out[k]
-        out[i] /= square[i, i]
-    for i in range(5, -1, -1):
-        for k in range(i + 1, 6):
-            out[i] -= square[k, i] * out[k]
-        out[i] /= square[i, i]
+    _solve_shifted(square, _FREE * trace, right, out)
+    if bounded and _size(gone + out) > 1.0:
+        low, high = _FREE * trace, trace
+        for _ in range(_BISECTIONS):
+            middle = np.sqrt(low * high)
+            _solve_shifted(square, middle, right - middle * gone, out)
+            if _size(gone + out) > 1.0:
+                low = middle
+                if high <= low * (1.0 + 1e-9):
+                    high *= 10.0
+            else:
+                high = middle
     for i in range(6):
         out[i] *= scale[i]
     return True
+
+
+@kernel
+def _solve_shifted(square: Floats, shift: float, right: Floats, out: Floats) -> None:
+    """Fill out (6,): the solution of (square + shift) out = right, by Cholesky's method.
+
+    Shapes: square (6, 6), its lower half.
+    """
+    lower = square.copy()
+    for i in range(6):
+        lower[i, i] += shift
+        for j in range(i + 1):
+            for k in range(j):
+                lower[i, j] -= lower[i, k] * lower[j, k]
+            if j < i:
+                lower[i, j] /= lower[j, j]
+        lower[i, i] = np.sqrt(max(lower[i, i], shift))
+    for i in range(6):
+        out[i] = right[i]
+        for k in range(i):
+            out[i] -= lower[i, k] * out[k]
+        out[i] /= lower[i, i]
+    for i in range(5, -1, -1):
+        for k in range(i + 1, 6):
+            out[i] -= lower[k, i] * out[k]
+        out[i] /= lower[i, i]
+
+
+@kernel
+def _extrapolate(step: Floats, gone: Floats, longest: float, last: Floats, taken: Floats) -> None:
+    """Fill what is `taken` (6,): where steps would vanish if they changed as from the `last` one.
+
+    The step itself at first, and where that leads out of the ball; made as short as `longest`.
+    """
+    change = step - last
+    square = np.dot(change, change)
+    share = np.dot(change, step) / square if square > 0.0 else 0.0
+    taken[:] = step - share * (taken + change)
+    if not (abs(share) < _AHEAD and _size(gone + taken) <= 1.0):
+        taken[:] = step
+    taken *= min(1.0, longest / max(np.abs(taken).max(), 1e-300))
+    last[:] = step
 
 
 @kernel
@@ -355,8 +422,8 @@ def _stability_near(system: Problem, state: Configuration, hessian: Hessian, neg
 @kernel
 def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats, origin: Floats,
                  ahead: Floats, nodes: Floats, goals: GoalTable, s: Floats, free: Floats,
-                 most: Floats, least: float, watched: Ints, tolerance: float, exact: float,
-                 max_iterations: int) -> Any:
+                 reach: Floats, most: Floats, least: float, watched: Ints, tolerance: float,
+                 exact: float, max_iterations: int) -> Any:
     """Find equilibria that have goals at one set of arc lengths after another.
 
     A shape at which the gripper or the DLO might leap, or that is hardly stable, ends the search:
@@ -368,7 +435,7 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
     all_strains, all_frames = np.empty((count, n, 3)), np.empty((count, n + 1, 3, 3))
     positions, wrenches = np.empty((count, n + 1, 3)), np.empty((count, 6))
     numbers, grippers, where = np.empty((5, count)), np.empty((count, 3, 3)), np.empty(s.shape)
-    axes, places = np.empty((count, 3, 3)), np.empty((count, 3))
+    axes, origins, point = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty(3)
     base, before = bases[1].copy(), bases[0].copy()
     u, earlier, known = strains[1].copy(), strains[0].copy(), frames.copy()
     now, place, q, found = origin.copy(), origin.copy(), np.empty((unknown_count(system), 3)), 0
@@ -382,7 +449,7 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
         _go_ahead(before, earlier, ahead[k], here.base, begin)
         unknowns_of(here, begin, q)
         state, after, there, residual, stability, iterations, converged = solve_goals(
-            here, q, nodes, wanted, place, tolerance, exact, max_iterations)
+            here, q, nodes, wanted, place, reach, tolerance, exact, max_iterations)
         if not converged or not stability > least:
             break
         after = orthonormal(after)
@@ -390,24 +457,24 @@ def follow_goals(system: Problem, bases: Floats, strains: Floats, frames: Floats
         at = min(there[0], nodes[nodes.size - 1])
         e = element_at(nodes, at)
         point_inside(system.lengths, state.strains, state.rotations, state.positions, e,
-                     (at - nodes[e]) / system.lengths[e], axes[k], places[k])
+                     (at - nodes[e]) / system.lengths[e], axes[k], point)
         if goals.kind[0] != POSITION:  # the first goal is where the gripper's position counts from
             for i in range(3):
-                place[i] = -places[k, i]
+                place[i] = -point[i]
         angle = _angle(base, after)
         if (angle > most[0, k] or _distance(now, place) > most[1, k] or largest_turn_between(
                 known, state.rotations, base, after, watched) > most[2, k] + angle):
             break
         all_strains[k], all_frames[k], positions[k] = (state.strains, state.rotations,
                                                        state.positions)
-        grippers[k], where[k] = after, there
+        grippers[k], origins[k], where[k] = after, place, there
         numbers[0, k], numbers[1, k], numbers[2, k], numbers[3, k], numbers[4, k] = (
             elastic, energy, residual, stability, iterations)
         before, base, now = base, after, place.copy()
         earlier, u, known = u, all_strains[k].copy(), all_frames[k].copy()
         found += 1
     return (found, (all_strains, all_frames, positions, wrenches, numbers), grippers, where, axes,
-            places)
+            origins)
 
 
 @kernel
@@ -476,15 +543,24 @@ class Found(NamedTuple):
 
     shape: Shape  # in a gripper at the origin
     where: Floats  # (g,) arc lengths of the goals, m; beyond L where the DLO ends before
-    axes: Floats  # (3, 3) and (3,) axes and position of the DLO at the first goal, m
-    place: Floats
+    axes: Floats  # (3, 3) axes of the DLO at the first goal
+    # (3,) where the gripper is, m; from the first goal, where that is no given place
+    origin: Floats
+
+    @property
+    def placed(self) -> Shape:
+        """The Shape where the gripper is."""
+        return carried(self.shape, self.origin)
 
 
 def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free: Floats, *,
            trend: tuple[Shape, float] | None = None, further: Sequence[float] = (),
-           origin: Floats = ORIGIN, most: Floats | None = None, least: float = -np.inf
-           ) -> list[Found]:
+           origin: Floats = ORIGIN, reach: tuple[float, float] | None = None,
+           most: Floats | None = None, least: float = -np.inf) -> list[Found]:
     """Return the shapes that have goals at some sets of arc lengths, until one is in doubt.
+
+    reach: how far the gripper may go where they may be missed, rad and m; None: they may not. The
+    DLO then has to be stable.
 
     Shapes: s (k, g), origin (3,).
     """
@@ -499,200 +575,38 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     pair = np.array([earlier.gripper.rotation, shape.gripper.rotation]), np.array([before, begin])
     freeze(pair)
     limits = np.full((3, len(s)), np.inf) if most is None else most
-    count, found, bases, where, axes, places = follow_goals(
+    least = least if reach is None else max(least, -NEUTRAL)
+    within = np.repeat((np.inf, np.inf) if reach is None else reach, 3)
+    count, found, bases, where, axes, origins = follow_goals(
         mesh.free, *pair, frames, np.array(origin), np.array([ahead, *further], dtype=float),
-        mesh.s, goals, np.array(s), np.array(free), limits, float(least), watched, TOLERANCE,
-        _EXACT, _NEWTON_STEPS)
+        mesh.s, goals, np.array(s), np.array(free), within, limits, float(least), watched,
+        TOLERANCE, _EXACT if reach is None else _STILL, _NEWTON_STEPS)
     strains, rotations, positions, wrenches, numbers = found
     out = []
     for k in range(count):
         elastic, energy, residual, stability, iterations = numbers[:, k].tolist()
         out.append(Found(hanging_shape(
             mesh, pose_of(ORIGIN, bases[k]), strains[k], rotations[k], positions[k], wrenches[k],
-            elastic, energy, residual, stability, int(iterations)), where[k], axes[k], places[k]))
+            elastic, energy, residual, stability, int(iterations)), where[k], axes[k], origins[k]))
     return out
 
 
-def nearest_goals(simulator: DirectSimulator, goals: GoalTable, shape: Shape, turn: float,
-                  shift: float) -> Shape | None:
-    """Return the Shape that misses goals least whose gripper is within reach, or None."""
+def goal_shape(simulator: DirectSimulator, guess: Shape, goals: GoalTable, s: ArrayLike,
+               free: Floats = ORIGIN, trend: tuple[Shape, float] | None = None,
+               origin: Floats = ORIGIN, reach: tuple[float, float] | None = None) -> Found | None:
+    """Return what `follow` finds at `s`, on a mesh as fine as the simulator's, or None.
+
+    Shapes: s () or (g,), m; free (3,); origin (3,).
+    """
+    mesh, shape = guess.state.made_on, guess
+    where = np.array(np.broadcast_to(s, (1, goals.kind.size)), dtype=float)
     for _ in range(MESHES):
-        mesh = shape.state.mesh
-        assert mesh is not None  # only a shape that was loaded has none
-        nearest = nearest_on(mesh, goals, shape, turn, shift)
-        if nearest is None or simulator.accuracy is None:  # its mesh is the same everywhere
-            return nearest
-        shape = nearest
-        if simulator.discretization(shape.gripper, shape) is mesh:
+        found = follow(mesh, shape, goals, where, free, trend=trend, origin=origin, reach=reach)
+        if not found or simulator.accuracy is None:  # its mesh is the same everywhere
             break
-        shape = simulator.solve(shape.gripper, shape)
-        if not shape.converged:
-            return None
-    return shape
-
-
-def nearest_on(mesh: Discretization, goals: GoalTable, shape: Shape, turn: float,
-               shift: float) -> Shape | None:
-    """Return what `nearest_goals` returns, on the mesh of the shape."""
-    gripper, strains = shape.gripper, mesh.strains_from(shape.s, shape.element_strains)
-    freeze(strains)
-    status, base, origin, found = _nearest_goals(
-        mesh.free, gripper.rotation, gripper.position, strains, mesh.s, goals,
-        np.array([turn] * 3 + [shift] * 3), TOLERANCE, MAX_ITERATIONS)
-    if status == _MOVED:
-        return hanging_shape(mesh, pose_of(origin, base), *found[:-1])
-    return shape if status == _STAYS else None
-
-
-@kernel
-def _nearest_goals(system: Problem, base: Floats, origin: Floats, strains: Floats, nodes: Floats,
-                   goals: GoalTable, scale: Floats, tolerance: float,
-                   max_iterations: int) -> tuple[int, Floats, Floats, tuple[Any, ...]]:
-    """Do what `nearest_goals` does; `nodes` (N + 1,), m, and `scale` (6,), rad and m: its reach."""
-    rows, misses = 3 * goals.kind.size, (nodes, np.empty(goals.kind.size),
-                                            np.empty((goals.kind.size, 3, 3)))
-    here, there, begin = base.copy(), np.empty((3, 3)), base.copy()
-    place, target = origin.copy(), np.empty(3)
-    work, turned = new_workspace(system), with_gripper(system, base.copy(), origin.copy())
-    kept = (strains.copy(), np.empty((nodes.size, 3, 3)), np.empty((nodes.size, 3)), np.empty(6))
-    wrench, numbers, told_of = np.empty(6), np.empty(5), np.zeros(5)
-    q, x = np.empty_like(work.start), np.zeros(6)
-    unknowns_of(turned, kept[0], q)
-    right, ahead, slopes = np.empty(rows), np.empty(rows), np.empty((rows, 6))
-    status, value, last = _NONE, np.inf, np.full((2, 6), np.nan)
-    for attempt in range(_BALL_ITERATIONS):
-        turned.base[:], turned.origin[:] = here, place
-        _linearize(turned, q, goals, misses, attempt == 0, right, slopes)
-        slopes *= scale
-        if attempt == 0:
-            value = np.dot(right, right)
-        step = _step_within_ball(slopes, right, x)
-        ahead[:] = np.dot(slopes, step) + right
-        size = np.abs(step).max()
-        if (size < _STILL / scale[0]
-                or value - np.dot(ahead, ahead) < _HARDLY * value and size < _SMALL):
-            status = max(status, _STAYS)
-            break  # it is there
-        new, state = _closer(turned, (begin, origin), scale, (x, step, last, value), q, goals,
-                             misses, (there, target, ahead, wrench, numbers), work, tolerance,
-                             max_iterations)
-        if not new <= value:
+        shape, origin = found[0].shape, found[0].origin
+        better = simulator.discretization(shape.gripper, shape)
+        if better is mesh:
             break
-        size = np.abs(step).max()
-        done = size < _STILL / scale[0] or value - new < _ENOUGH * value and size < 1e-3
-        status, value = _MOVED, new
-        x += step
-        right[:], here[:], place[:], q[:] = ahead, there, target, state.q
-        kept[0][:], kept[1][:], kept[2][:] = state.strains, state.rotations, state.positions
-        kept[3][:], told_of[:] = wrench, numbers
-        if done:
-            break
-    return status, here, place, (kept[0], kept[1], kept[2], kept[3], told_of[0], told_of[1],
-                                 told_of[2], told_of[3], int(told_of[4]), 0)
-
-
-@kernel
-def _closer(turned: Problem, begin: tuple[Floats, Floats], scale: Floats,
-            way: tuple[Floats, Floats, Floats, float], q: Floats, goals: GoalTable, misses: Any,
-            out: tuple[Floats, Floats, Floats, Floats, Floats], work: Workspace, tolerance: float,
-            max_iterations: int) -> tuple[float, Configuration]:
-    """Return the penalty after the first of some steps that does not raise it, and that place.
-
-    Shapes: q (m, 3).
-    """
-    (x, step, last, value), (there, target, missed, wrench, numbers) = way, out
-    options = thorough(tolerance, 0.0, max_iterations, tolerance > 0.0, tolerance < 0.0)
-    new, state, taken = np.inf, work.state, _extrapolated(step, last[0], last[1])
-    last[0] = step
-    for k in range(-1, _BALL_HALVINGS):
-        if k >= 0:
-            taken[:] = 0.5**k * step
-        elif not np.linalg.norm(x + taken) <= 1.0:
-            continue
-        twist = scale * (x + taken)
-        turn_by(begin[0], twist[:3], there)
-        there[:], target[:] = orthonormal(there), begin[1] + twist[3:]
-        work.start[:] = q
-        turned.base[:], turned.origin[:] = there, target
-        state, residual, stability, numbers[4], _, _ = minimize(turned, work.start, options, work)
-        numbers[0], numbers[1] = outputs(turned, state, target, state.positions, wrench)
-        numbers[2], numbers[3] = residual, stability
-        _miss(turned, state, goals, misses[0], np.zeros(3), missed, misses[1], misses[2])
-        hangs = residual < CONVERGED and stability > -NEUTRAL
-        new = np.dot(missed, missed) if hangs else np.inf
-        if new <= value:
-            break
-    last[1], step[:] = taken, taken
-    return new, state
-
-
-@kernel
-def _linearize(system: Problem, q: Floats, goals: GoalTable, misses: Any, first: bool,
-               right: Floats, slopes: Floats) -> None:
-    """Fill the slopes (m, 6) of goals at an equilibrium q by the gripper's twist.
-
-    What is missed (m,) there, too, where it is the `first`.
-    """
-    state, answers, _ = gripper_answers(system, q)
-    nodes, where, places = misses
-    if first:
-        state.positions += system.origin
-        _miss(system, state, goals, nodes, np.zeros(3), right, where, places)
-        state.positions -= system.origin
-    at_nodes, twists = node_twists(system, state, answers, 3), np.zeros((where.size, 6, 6))
-    for g in range(where.size):
-        if goals.kind[g] != ROLL and goals.weight[g] > 0.0:
-            s = min(where[g], nodes[nodes.size - 1])
-            e = element_at(nodes, s)
-            twists[g] = twists_inside(system, state, answers, 3, at_nodes[e], e,
-                                      (s - nodes[e]) / system.lengths[e])
-    fill_rows(goals, nodes[nodes.size - 1], system.base, where, places, twists, slopes)
-    for g in range(where.size):
-        if goals.kind[g] == ROLL:  # about the axis alone: what turns across it rolls nothing
-            for j in range(3):
-                slopes[3 * g, j] = goals.weight[g] * goals.target[g, j]
-
-
-@kernel
-def _extrapolated(step: Floats, before: Floats, taken: Floats) -> Floats:
-    """Return the step (6,) to where steps would vanish if they changed as from the one before.
-
-    Shapes: step, before (6,), taken (6,).
-    """
-    change = step - before
-    size = np.dot(change, change)
-    share = np.dot(change, step) / size if size > 0.0 else 0.0
-    return step - share * (taken + change)
-
-
-@kernel
-def _step_within_ball(rows: Floats, right: Floats, x: Floats) -> Any:
-    """Return the step (6,) that minimizes |rows step + right| with |x + step| <= 1.
-
-    The multiplier of the constraint is found by bisection, along the axes of the quadratic form.
-    """
-    square = np.dot(rows.T, rows)
-    large = max(np.trace(square), 1e-300)
-    sizes, axes = np.linalg.eigh(square + 1e-12 * large * np.eye(6))
-    slope, where = np.dot(axes.T, np.dot(rows.T, right)), np.dot(axes.T, x)
-    if _reach(sizes, slope, where, 0.0) <= 1.0:
-        return np.dot(axes, -slope / sizes)
-    low, high = 0.0, large
-    while _reach(sizes, slope, where, high) > 1.0:
-        high *= 10.0
-    for _ in range(60):
-        middle = 0.5 * (low + high) if low > 0.0 else 0.01 * high
-        if _reach(sizes, slope, where, middle) > 1.0:
-            low = middle
-        else:
-            high = middle
-    return np.dot(axes, (-slope - high * where) / (sizes + high))
-
-
-@kernel
-def _reach(sizes: Floats, slope: Floats, where: Floats, multiplier: float) -> Any:
-    """Return how far from the middle of the ball a step with this multiplier ends."""
-    total = 0.0
-    for i in range(sizes.size):
-        total += ((sizes[i] * where[i] - slope[i]) / (sizes[i] + multiplier)) ** 2
-    return np.sqrt(total)
+        mesh, trend = better, None
+    return found[0] if found else None

@@ -438,7 +438,7 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
                              'touches with its section')
     begin, end = rod.length, rod.length + size
     arm = _arm(rod, size, mass, radius, center, inertia)
-    places = (begin + center - arm, begin + center + arm)
+    places = (max(begin + center - arm, begin), min(begin + center + arm, end))  # but for rounding
     rigid = _RIGID * float(rod.stiffness.max())
     beyond: dict[str, Any] = {'mass_per_length': 0.0, 'bending_stiffness': (rigid, rigid),
               'torsional_stiffness': rigid, 'natural_curvature': (0.0, 0.0), 'natural_twist': 0.0}
@@ -449,7 +449,7 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
     return replace(
         rod, length=end, tip_mass=0.0, nodes=(*rod.nodes, begin, *places),
         point_masses=(*rod.point_masses, (begin, rod.tip_mass),
-                      *((min(s, end), 0.5 * mass) for s in places)), **changed)
+                      *((s, 0.5 * mass) for s in places)), **changed)
 
 
 def _arm(rod: Rod, size: float, mass: float, radius: float | None, center: float,

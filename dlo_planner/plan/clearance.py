@@ -33,7 +33,8 @@ from dlo_planner.model.rod import Surface
 
 _WIDE = 100.0    # times the length: a sheet without an end
 _FLUSH = 1e-9    # of the length: a node that near to a plane is in it
-_HALVINGS = 50
+_SECANTS = 60
+_EXACT = 1e-15   # of an element's height: how exactly it is cut at a plane
 _PIECES = 8      # samples of an element, to tell where its smallest gap is
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 _NARROW = 1e-7   # of an element: its smallest gap is known to the square of it
@@ -258,13 +259,18 @@ def _lowest(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: F
     They begin beside the smallest of some samples. Slopes are not asked for: they are undefined
     where a DLO crosses the axis of a hole, as most do.
     """
-    width = (high - low) / _PIECES
+    width, begin, end = (high - low) / _PIECES, low, high
     best, smallest = low, np.inf
     for k in range(_PIECES + 1):
         gap = _gap(scene, o, lengths, strains, rotations, positions, e, low + k * width, frame, x)
         if gap < smallest:
             best, smallest = low + k * width, gap
-    low, high = max(low, best - width), min(high, best + width)
+    low, high = max(begin, best - width), min(end, best + width)
+    if best in (low, high):
+        inside = best + _NARROW if low == best else best - _NARROW
+        if _gap(scene, o, lengths, strains, rotations, positions, e, inside, frame,
+                x) >= smallest:
+            return smallest  # it grows from this end on
     one, other = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
     gap_one = _gap(scene, o, lengths, strains, rotations, positions, e, one, frame, x)
     gap_other = _gap(scene, o, lengths, strains, rotations, positions, e, other, frame, x)
@@ -316,15 +322,23 @@ def _passage(scene: Scene, o: int, lengths: Floats, strains: Floats, rotations: 
              positions: Floats, e: int, normal: Floats, plane: float, begin: float, frame: Floats,
              x: Floats) -> float:
     """Return the fraction of element e, which begins at the height `begin`, in a plane; fill x."""
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        _place(scene, o, lengths, strains, rotations, positions, e, middle, frame, x)
-        if (inner(normal, x) - plane) * begin > 0.0:
-            low = middle
+    low, high, at_low, last = 0.0, 1.0, begin, 0
+    _place(scene, o, lengths, strains, rotations, positions, e, high, frame, x)
+    at_high: float = inner(normal, x) - plane
+    for _ in range(_SECANTS):
+        fraction = low + (high - low) * at_low / (at_low - at_high)
+        _place(scene, o, lengths, strains, rotations, positions, e, fraction, frame, x)
+        height: float = inner(normal, x) - plane
+        if abs(height) <= _EXACT * abs(begin - at_high):
+            break
+        # that the same end stays twice makes it count half: the Illinois rule
+        if height * begin > 0.0:
+            low, at_low = fraction, height
+            at_high, last = at_high * (0.5 if last == 1 else 1.0), 1
         else:
-            high = middle
-    return middle
+            high, at_high = fraction, height
+            at_low, last = at_low * (0.5 if last == 2 else 1.0), 2
+    return fraction
 
 
 @kernel

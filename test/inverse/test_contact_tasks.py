@@ -74,6 +74,17 @@ def test_conditions_choose_what_they_say():
     assert far.positions[:, 2].min() == pytest.approx(max(lowest), abs=1e-6)
 
 
+def test_a_leaf_spring_lies_flat_on_the_bar():
+    spring = Rod.rectangular(0.5, 12e-3, 0.5e-3, 7850, 206e9, 0.3)
+    bar = Capsule((0.2, -0.5, 0.7), (0.2, 0.5, 0.7), 0.02)
+    inverse = InverseSimulator(DirectSimulator(spring, obstacles=[bar]))
+    plan = inverse.slide_contact(Pose((0.2, 0, 0.72), (0, 0, 0, 1)), [0.3, 0.25, 0.2])
+    for s, shape in zip((0.3, 0.25, 0.2), plan.shapes, strict=True):
+        assert shape.contacts
+        np.testing.assert_allclose([one.s for one in shape.contacts], s, atol=1e-3)
+        np.testing.assert_allclose(shape.at(s).position, (0.2, 0, 0.72 + 0.25e-3), atol=1e-5)
+
+
 def test_sliding_draws_the_dlo_over_the_bar():
     inverse = planner()
     lengths = np.linspace(0.65, 0.35, 7)

@@ -90,6 +90,18 @@ def test_refused_and_named():
         stiff.insert(BORE, depths=[0, 1.0])
 
 
+def test_a_strip_that_slides_out_of_the_mouth_is_not_inserted():
+    # free of force at the mouth it is not stable with 1 m outside, and the mouth lets it slide
+    strip = Rod(1.1, 0.04, (0.006, 25.0), 0.009)
+    inverse = InverseSimulator(DirectSimulator(strip, basis='local', n_elements=48))
+    with pytest.raises(Infeasible, match='fall out') as refused:
+        inverse.insert(BORE, depths=np.linspace(0.1, 0.5, 6))
+    assert refused.value.waypoint == 0 and refused.value.amount > 0.1
+    plan = inverse.insert(BORE, depths=np.linspace(0.2, 0.5, 6))
+    ends = [shape.positions[-1] for shape in plan.shapes]
+    np.testing.assert_allclose(ends, np.tile(BORE.center, (6, 1)), atol=1e-9)
+
+
 def test_the_bore_straightens_what_is_bent():
     rod = RODS['bent']
     direct = DirectSimulator(rod, basis='local')

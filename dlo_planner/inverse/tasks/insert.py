@@ -24,17 +24,11 @@ from numpy.typing import ArrayLike
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
-from dlo_planner.inverse.continuation import (
-    Family,
-    Follower,
-    Passing,
-    Step,
-    continue_family,
-    goal_shape,
-)
+from dlo_planner.inverse.continuation import Family, Follower, Passing, Step, continue_family
 from dlo_planner.inverse.equilibria import Candidate, shape_with_end, start_candidates
 from dlo_planner.inverse.route import first_feasible
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
+from dlo_planner.inverse.waypoint_newton import goal_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number
@@ -139,6 +133,9 @@ class Insertion(Family):
         at_tip = {0.0} if rod.tip_mass else set()
         masses = sorted(at_tip | {rod.length - s for s, mass in rod.point_masses if mass})
         stops = [_Stop(float(depths[0]), 0.0)]
+        first = None if depths[0] else self._shape(self.simulator)
+        if first is not None and first.stability < -NEUTRAL:  # refused there: no take-over matters
+            return [_Stop(float(depth), 0.0) for depth in depths]
         for target in depths[1:]:
             for at in masses:
                 if stops[-1].depth <= at < target:
@@ -197,6 +194,10 @@ class Insertion(Family):
             return builder.refusal('equilibrium', builder.step, 'the equilibrium was not found '
                                    f'exactly: residual {shape.residual:.3g}, off the mouth by '
                                    f'{shape.violation:.3g} m')
+        if shape.jumped:
+            off = float(np.linalg.norm(shape.positions[-1] - self._bore.center))
+            return builder.refusal('continuity', off, 'the DLO would fall out of the shape that is '
+                                   f'free of force at the mouth, its end {off:.3g} m off')
         begins = before is None and shape.far_end is None
         return refusal_for_leap(self.simulator.with_rod(shape.rod), builder,
                                 shape) if begins and shape.rod is not None else None

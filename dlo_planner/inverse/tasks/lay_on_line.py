@@ -21,7 +21,7 @@ from dlo_planner.inverse.continuation import Aligned, Step
 from dlo_planner.inverse.equilibria import Candidate, start_candidates
 from dlo_planner.inverse.route import first_feasible
 from dlo_planner.inverse.task import MOST, PlanContext, Task
-from dlo_planner.inverse.waypoint_newton import nearest_goals
+from dlo_planner.inverse.waypoint_newton import goal_shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, number, row
 from dlo_planner.model.pose import Pose
@@ -130,7 +130,9 @@ class LayOnLine(Task):
             np.vstack([shape.positions[-1], np.tile(self.line.direction, (_TANGENTS, 1)),
                        rotation[:, 0]]), np.tile(rotation, (kinds.size, 1, 1)),
             np.array([1 / whole, *[_TANGENTS**-0.5] * _TANGENTS, _FREE]))
-        return nearest_goals(simulator, goals, shape, _REACH, _REACH * whole)
+        found = goal_shape(simulator, shape, goals, goals.s, origin=shape.gripper.position,
+                           reach=(_REACH, _REACH * whole))
+        return found and found.placed
 
     def _waypoint(self, shape: Shape, position: float) -> Waypoint:
         whole, direction = float(shape.s[-1]), self.line.direction

@@ -23,7 +23,7 @@ from dlo_planner.inverse.route import Threading, quick_simulator
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.inverse.tasks.thread import Thread, thread
 from dlo_planner.inverse.tasks.thread_two import ThreadTwo
-from dlo_planner.inverse.waypoint_newton import nearest_goals
+from dlo_planner.inverse.waypoint_newton import goal_shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import instance, items, row
 from dlo_planner.model.cutout import CutOut
@@ -74,11 +74,14 @@ class NearestToCenters(Family):
         length = self.simulator.rod.length
         part = (depth - before.depth) / length
         turns = _ROLLED * length * np.sqrt(self.longest / (part or self.longest))
-        shape = nearest_goals(self.simulator, self._goals(depth, before.shape.gripper, turns),
-                              before.shape, _PART * largest_turn(part),
-                              _PART * largest_shift(part) * length)
-        if shape is None:
+        goals = self._goals(depth, before.shape.gripper, turns)
+        found = goal_shape(self.simulator, before.shape, goals, goals.s,
+                           origin=before.shape.gripper.position,
+                           reach=(_PART * largest_turn(part),
+                                  _PART * largest_shift(part) * length))
+        if found is None:
             return None
+        shape = found.placed
         further: list[float] = []
         for center in self.centers[1:] if final else ():
             s = Through(center, length - depth).passage(shape)
