@@ -48,9 +48,9 @@ class Margin(NamedTuple):
 
     @property
     def used(self) -> float:
-        """What is found as a part of the limit: above 1 it is broken."""
+        """What is used of the limit, as a part of it: above 1 it is broken."""
         if self.limit > 0:
-            return self.found / self.limit
+            return 1 - self.room / self.limit
         return 0.0 if self.room >= 0 else _EXCEEDED
 
 
@@ -165,13 +165,11 @@ def motion_margins(motion: Mapping[str, float], planned_miss: float, tolerance: 
     where the motion has to be calm. If None, it has not.
     """
     if not motion['converged']:
-        return [Margin('motion', -np.inf, 'the motion could not be simulated to its end', np.inf,
-                       1.0)]
+        return [Margin('motion', -np.inf, 'the motion could not be simulated to its end', limit=1)]
     missed = motion['position_error'] - planned_miss
     margins = [
         Margin('clearance', motion['clearance'],
-               'in motion the DLO is {over:.3g} m in the sheet or an obstacle',
-               tolerance - motion['clearance'], tolerance),
+               'in motion the DLO is {over:.3g} m in the sheet or an obstacle', limit=tolerance),
         Margin('contact', 0.0 if touches else -motion['contact_force'],
                'in motion the DLO touches something, with {over:.3g} N'),
         Margin('contact', -motion['contact_lost'],
