@@ -30,6 +30,7 @@ from dlo_planner.execute.guards import Enabled, Feedback
 from dlo_planner.execute.limiter import frames_of, used
 from dlo_planner.identify.estimator import DloEstimator
 from dlo_planner.penalties import Through
+from dlo_planner.ros.estimate import judged_before_entry
 from dlo_planner.ros.plan import make_plan, through
 from dlo_planner.ros.proof import proofs
 from dlo_planner.ros.scene import Scene
@@ -227,6 +228,30 @@ def test_what_is_barred_ends_a_motion(proved, worker):
     execution = cell.until(ended)
     assert (execution.phase, execution.cause) == ('stopped', Cause.NOT_ENABLED)
     assert 'the last one is' in execution.reason
+
+
+@pytest.mark.parametrize('room', [1.2e-3, 0.3])
+def test_a_motion_in_open_loop_stops_before_a_hole_that_the_dlo_may_miss(proved, room):
+    state, hole = proved.started(0.0), CutOut(HOLE.pose, radius=WIRE.radius + room)
+    made = replace(proved.planned, task=Thread(hole))
+    estimate = DloEstimator(state.scene.direct, state.scene.seeing).estimate  # as stated, unsure
+    now, misses = 0.0, []
+    while state.executing:
+        now += state.scene.period
+        state = state.with_feedback(Feedback(state.execution.command or START, now, stamp=now))
+        state = state.after_tick(now)
+        if state.execution.phase == 'running' and len(misses) < now / 0.2:  # five looks in a s
+            miss, why = judged_before_entry(made, state.execution, estimate)
+            misses.append(miss)
+            state = state.stopped(Cause.MISS_EXPECTED, why) if why else state
+    assert 1.2e-3 < np.nanmax(misses) < 0.3
+    if room > 0.1:
+        assert state.execution.phase == 'succeeded' and np.isnan(misses[-1])
+        return
+    assert (state.execution.phase, state.execution.cause) == ('stopped', Cause.MISS_EXPECTED)
+    assert 'the room of 0.0012 m' in state.execution.reason
+    tip = state.scene.direct.solve(state.execution.command).positions[-1]
+    assert (tip - HOLE.center) @ HOLE.normal < 0
 
 
 BAR = Capsule((0.0, -0.1, 0.98), (0.0, 0.1, 0.98), 0.02)
