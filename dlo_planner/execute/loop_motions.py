@@ -40,7 +40,7 @@ from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, moved, truncate
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
-from dlo_planner.trajectory.modal_response import vibrated
+from dlo_planner.trajectory.modal_response import Turns, vibrated
 from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.trajectory.trajectory import Trajectory, simulator_of
 
@@ -420,7 +420,6 @@ def _answers(vibration: FreeVibration, begins: Floats, lasts: float, windows: Fl
                                 - step_response(middle - begin - lasts, windows, 2), pull)
                       for begin in begins for pull in pulls.T])
     damping = np.tile(vibration.modes.damping_ratios, (count, 1))
-    turns = np.tile(np.eye(modes), (count, 1, 1))
-    out = vibrated(step, np.tile(vibration.rates, (count, 1)), damping, turns, force,
-                   np.zeros((2, len(force), modes)))
+    out = vibrated(step, np.tile(vibration.rates, (count, 1)), damping, Turns.none(count, modes),
+                   force, np.zeros((2, len(force), modes)))
     return np.moveaxis(out[:, :, -1], 0, 1)
