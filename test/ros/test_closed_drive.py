@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closed_loops import Truth
+from closed_loops import Touching, Truth
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
     Capsule,
     CutOut,
-    DirectSimulator,
     HoldContact,
     Insert,
     NotConverged,
@@ -94,17 +93,13 @@ class Cell:
     def state(self):
         return self.store.state
 
-    def shape(self):
-        """Return the true Shape."""
-        return self.truth.shape(self.here)
-
     def step(self):
         """Go on by one period; return the Execution."""
         state = self.store.change(lambda now: now.with_feedback(Feedback(
             self.here, self.time, 0.0, self.observing.off, self.time)))
         self.observing.gripper(self.time, self.here)
         if self.observing.due(self.time):
-            shape = self.shape()
+            shape = self.truth.shape(self.here)
             points = shape.positions_at(np.linspace(0, 1, 20) * shape.s[-1])
             self.observing.look(self.time, points + 3e-4 * self.rng.standard_normal((20, 3)))
         execution = self.drive.tick(self.store, self.health, self.time, self.time)
@@ -259,18 +254,6 @@ ON_BAR = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 ABOVE = Pose.looking_along((-0.2, 0.0, 1.24), (1.0, 0.0, 0.2))
 
 
-class OverBar(Cell):
-    """A Cell whose DLO may lie on a bar."""
-
-    known = None
-
-    def shape(self):
-        """Return the true Shape, that follows the last one."""
-        over = DirectSimulator(self.truth.simulator.rod, obstacles=[BAR])
-        self.known = over.track([self.here.compose(self.truth.offset)], initial=self.known)[0]
-        return self.known
-
-
 def test_a_contact_is_held_in_a_loop_that_looks_until_it_is_touched(worker):
     scene = Scene.of({**VALUES, 'contacts.tolerance': 3e-3, 'obstacles.friction': 0.3},
                      {('cell', 1): Body(BAR)})
@@ -281,11 +264,12 @@ def test_a_contact_is_held_in_a_loop_that_looks_until_it_is_touched(worker):
     assert proof.safe, proof.reason
     assert proof.report.trajectory.duration < 10
     state = state.with_proof(proof).with_feedback(Feedback(ABOVE, 0.0))
-    cell = OverBar(state, worker)
+    cell = Cell(state, worker)
+    cell.truth = Touching(cell.truth, BAR)
     execution = cell.until(ended)
     assert (execution.phase, execution.cause) == ('succeeded', Cause.DONE), execution.reason
     assert cell.part() < 1.001
-    shape = cell.shape()
+    shape = cell.truth.shape(cell.here)
     assert shape.contacts
     axes, place = shape.frame_at(0.2)
     off = axes[:, 1:].T @ (place - ON_BAR.position - (0, 0, WIRE.radius))  # across it
