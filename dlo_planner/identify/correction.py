@@ -186,7 +186,7 @@ def _violation(aim: _Aim, plan: Plan, shapes: dict[int, Shape], grippers: dict[i
             shape, position_error=aim.missed(k, shape) if k in shapes else 0.0,
             clearances=tuple(holes.holes(shape)) if k in shapes else ()), commanded)
         if broken is not None:
-            return f'waypoint {k}: {broken[2]}'
+            return f'waypoint {k}: {broken.message}'
     return ''
 
 

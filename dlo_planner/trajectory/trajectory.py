@@ -19,11 +19,12 @@ from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
+from dlo_planner.plan.checks import ROOM
 from dlo_planner.plan.path import GripperPath, Leg, held_after
 from dlo_planner.plan.plan import Plan, means_to_touch
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.trajectory.calm_search import ROOM, CalmSearch, quickest
+from dlo_planner.trajectory.calm_search import CalmSearch, quickest
 from dlo_planner.trajectory.dynamic_check import InMotion, instants, watched
 from dlo_planner.trajectory.time_law import Shift, TimeLaw
 from dlo_planner.trajectory.timed_path import TimedPath, fastest_law
@@ -90,7 +91,7 @@ class Trajectory(TimedPath, Reported):
     Infeasible
         The DLO cannot be made calm within 16 times the fastest duration; the constraint is 'miss',
         'clearance', 'contact' (a touch that is not planned, or a planned one that is lost),
-        'departure' or 'motion', the amount is in m.
+        'max_bend_curvature', 'departure' or 'motion', the amount is in m.
     DeadlineExceeded
         The deadline is over before a calm motion was found; the message says what was reached.
     """

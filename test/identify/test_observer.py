@@ -373,7 +373,7 @@ def test_the_covariance_of_a_miss_against_other_states(rng):
         assert np.abs(tangent @ off.covariance[0]).max() < 1e-3 * known @ known
 
 
-def test_of_two_centers_the_worse_one_counts():
+def test_of_two_centers_both_count(rng):
     two = CutOut(Pose.looking_along((0.7, 0.06, 1), (1, 0.2, 0)), radius=0.05)
     plan = InverseSimulator(DirectSimulator(WIRE)).thread_two(HOLE, two)
     index = next(k for k, passes in enumerate(plan.via_points) if len(passes) == 2)
@@ -381,8 +381,22 @@ def test_of_two_centers_the_worse_one_counts():
     single = [estimate.miss(replace(plan, via_points=tuple(
         passes[which:which + 1] for passes in plan.via_points)), [index]) for which in (0, 1)]
     both = estimate.miss(plan, [index])
-    assert single[0].bound[0] != pytest.approx(single[1].bound[0], rel=0.05)
-    assert both == max(single, key=lambda one: one.bound[0])
+    np.testing.assert_array_equal(both.waypoints, [index, index])
+    for name in ('off', 'bound', 'covariance'):
+        np.testing.assert_allclose(getattr(both, name), np.concatenate(
+            [getattr(one, name) for one in single]), rtol=1e-12)
+    assert both.together > max(one.together for one in single)
+    # of one number that is not known, both misses are the same number times their slopes
+    uncertain = OBSERVER.uncertain
+    step = 1e-2 * uncertain.deviations * rng.normal(size=uncertain.size)
+    off, ahead, back = (Estimate(uncertain, d * step, np.outer(step, step)).miss(plan, [index])
+                        for d in (0, 1, -1))
+    known = 0.5 * (ahead.off - back.off)
+    shape = plan.shapes[index]
+    for k, (_, s, _) in enumerate(plan.via_points[index]):
+        tangent = shape.at(min(s, 1.0)).direction
+        known[k] -= tangent * (tangent @ known[k])  # elsewhere along itself it is the same miss
+    np.testing.assert_allclose(off.joint, np.outer(known, known), atol=0.02 * (known**2).sum())
 
 
 def test_what_is_estimated(rng):
