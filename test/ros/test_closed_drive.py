@@ -53,7 +53,6 @@ LONGEST = 60.0  # s
 
 @pytest.fixture(scope='module')
 def worker():
-    """Return the process that plans."""
     made = Worker('plans')
     yield made
     made.close()
@@ -88,7 +87,6 @@ class Cell:
         return self.store.state
 
     def step(self):
-        """Go on by one period; return the Execution."""
         state = self.store.change(lambda now: now.with_feedback(Feedback(
             self.here, self.time, 0.0, self.observing.off, self.time)))
         self.observing.gripper(self.time, self.here)

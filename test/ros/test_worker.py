@@ -10,11 +10,11 @@ import sys
 import threading
 import time
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 from planner_process import PATIENCE, ROOT, until
+from soak.watching import runs
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, replay
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
@@ -30,14 +30,6 @@ def endless():
     steps = Progress()
     while True:
         steps.check()
-
-
-def runs(number):
-    """Return whether a process is there and is not only waiting to be counted."""
-    try:
-        return Path(f'/proc/{number}/stat').read_text().rsplit(')', 1)[1].split()[0] != 'Z'
-    except FileNotFoundError:
-        return False
 
 
 @pytest.fixture(scope='module')
