@@ -194,20 +194,33 @@ def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
 
 def _missing(one: _Look, other: _Look, bulges: Floats, others: Floats) -> float:
     """Return by how much (m) the bulges (N + 1,) of the nodes of two Looks exceed their rooms."""
+    these, those = kernel_arrays(one.shape), kernel_arrays(other.shape)
+    return max(_exceeded(these[0], these[3], one.rooms, bulges, *those),
+               _exceeded(those[0], those[3], other.rooms, others, *these))
+
+
+@kernel
+def _exceeded(lengths: Floats, points: Floats, rooms: Floats, bulge: Floats, others: Floats,
+              strains: Floats, rotations: Floats, positions: Floats) -> float:
+    """Return by how much (m) the nodes exceed the rooms (N,) on their way to another curve.
+
+    Args:
+        lengths: (N,) of the elements, m; points: (N + 1, 3) m, the nodes; bulge: (N + 1,) m
+        others: (M,) of the other curve, m, and what it is like
+    """
+    reach = 0.0  # by how much the ends have moved
+    for one, other in ((0, 0), (lengths.size, others.size)):
+        square = 0.0
+        for i in range(3):
+            square += (points[one, i] - positions[other, i]) ** 2
+        reach = max(reach, np.sqrt(square))
+    at, s = np.zeros(lengths.size + 1), np.zeros(others.size + 1)
+    at[1:], s[1:] = np.cumsum(lengths), np.cumsum(others)
+    away = 0.5 * _distances(at, points, s, strains, rotations, positions, reach) + bulge
     short = -np.inf
-    for this, that, bulge in ((one, other, bulges), (other, one, others)):
-        away = 0.5 * curve_distances(this.shape, that.shape) + bulge
-        short = max(short, float((np.maximum(away[1:], away[:-1]) - this.rooms).max()))
+    for e in range(lengths.size):
+        short = max(short, max(away[e], away[e + 1]) - rooms[e])
     return short
-
-
-def curve_distances(this: Shape, that: Shape) -> Floats:
-    """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
-    ends = this.positions[[0, -1]] - that.positions[[0, -1]]
-    reach = float(np.sqrt((ends**2).sum(axis=1).max()))
-    result: Floats = _distances(np.array(this.s), kernel_arrays(this)[3], np.array(that.s),
-                                *kernel_arrays(that)[1:], reach)
-    return result
 
 
 @kernel

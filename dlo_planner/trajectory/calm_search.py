@@ -32,7 +32,7 @@ from dlo_planner.trajectory.dynamic_check import (
     unplanned,
 )
 from dlo_planner.trajectory.modal_response import Response
-from dlo_planner.trajectory.shaping import LegTask, calm_law, margin, predicted
+from dlo_planner.trajectory.shaping import SLOWEST, LegTask, calm_law, margin, predicted
 from dlo_planner.trajectory.time_law import TimeLaw
 from dlo_planner.trajectory.timed_path import TimedPath
 
@@ -101,7 +101,6 @@ def _quick(simulator: DirectSimulator) -> DirectSimulator:
                            obstacles=around.obstacles)
 
 
-_SLOWEST = 16.0     # times as long as the limits ask for: slower is no motion any more
 _ROUNDS = 7         # of aiming lower
 _SPARE = 0.9        # part of the tolerance that is aimed at again
 # statuses of a Trajectory
@@ -156,6 +155,12 @@ class CalmSearch:
         return leg_tasks(self._free, self.plan, self.fastest.path, self.fastest.limits,
                          self._first, self.progress.check)
 
+    @property
+    def slowest_period(self) -> float:
+        """The longest period (s) of the DLO's vibrations on the way; nan where it never moves."""
+        return max((2 * np.pi / float(task.response.rates.min()) for task in self._tasks
+                    if task is not None), default=np.nan)
+
     @cached_property
     def _room(self) -> float:
         """Clearance as planned, m; nan if there is nothing to be near to."""
@@ -167,7 +172,7 @@ class CalmSearch:
         """Whether no other law is left to be tried."""
         return (not self._first.converged or self._inside > 0
                 or self._rounds >= (self.rounds or _ROUNDS)
-                or self._missed_by.slowest > _SLOWEST * self.fastest.duration)
+                or self._missed_by.slowest > SLOWEST * self.fastest.duration)
 
     def go_on(self, below: float = np.inf) -> Calm | None:
         """Return what the next laws come to if the DLO stays calm; None if not.

@@ -368,7 +368,7 @@ class AlignedSlide(Family):
 
     def passing(self, shape: Shape, depth: float) -> Passing:
         """Return the Passing of a Shape at a depth, m."""
-        return Passing(shape, shape.gripper.position - self.problem.family.place, depth=depth)
+        return Passing(shape, depth=depth)
 
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:
