@@ -58,7 +58,6 @@ LONGEST = 60.0  # s
 
 @pytest.fixture(scope='module')
 def worker():
-    """Return the process that plans."""
     made = Worker('plans')
     yield made
     made.close()
@@ -98,7 +97,6 @@ class Cell:
         return self.truth.shape(self.here)
 
     def step(self):
-        """Go on by one period; return the Execution."""
         state = self.store.change(lambda now: now.with_feedback(Feedback(
             self.here, self.time, 0.0, self.observing.off, self.time)))
         self.observing.gripper(self.time, self.here)
