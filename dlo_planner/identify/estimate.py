@@ -116,8 +116,9 @@ class Estimate(Reported):
         Part of the same points that seem not to belong to the DLO; nan before the first.
     surprise : float
         How far the last look is from what was expected before it: the largest of the chi-square by
-        which it moved the state, of that of the points' distances after it, and of the outliers,
-        each by the value that one look in 10,000 exceeds by chance; nan before the first.
+        which it moved the state, of that by which it and those shortly before it together moved the
+        free end, of that of the points' distances after it, and of the outliers, each by the value
+        that one look in 10,000 exceeds by chance; nan before the first.
     robot : RobotError
         How the robot's error changes; see `Observer`.
     """

@@ -15,6 +15,7 @@ from dlo_planner import (
     InvalidTask,
     InverseSimulator,
     Observer,
+    PointLoad,
     Pose,
     Rod,
     Uncertainty,
@@ -218,6 +219,20 @@ def test_a_slip_is_seen_at_once():
     assert looks[8].surprise > 3
 
 
+def test_a_light_touch_that_grows_slowly_is_seen_in_many_looks_together(rng):
+    truth = Truth.drawn(rng)
+    estimate = looked(truth, OBSERVER, rng, START, 12, begin=0.1)
+    rod = truth.simulator.rod
+    for k in range(1, 49):  # 1.4 mm at the end after 43 looks, each of which tells it to 1 mm
+        touched = replace(truth, simulator=DirectSimulator(rod, point_loads=[
+            PointLoad((0.0, 0.0, 6e-6 * k), s=0.8 * rod.length)]))
+        estimate = OBSERVER.update(estimate, touched.seen(rng, START, begin=0.1))
+        if not estimate.agrees:
+            break
+    assert estimate.converged and estimate.surprise > 1
+    assert estimate.inflation > 1.3  # the bound grows before
+
+
 def test_a_robot_that_errs_more_than_stated_makes_the_bound_larger():
     look = on_the_way(0, factor=3.0)[-1]
     assert look.inflation > 1.2
@@ -229,7 +244,7 @@ def test_a_robot_that_errs_more_than_stated_makes_the_bound_larger():
 
 @pytest.mark.parametrize('which', [0, 2])
 def test_what_moves_the_state_and_what_does_not_fit_count_each_by_itself(which):
-    chi_squares = np.zeros(4)
+    chi_squares = np.zeros(5)
     chi_squares[which:which + 2] = 200.0
     assert Consistency().after(*chi_squares).inflation == 1
     chi_squares[which] *= 4  # errors twice as large as stated: some of it is left to chance
