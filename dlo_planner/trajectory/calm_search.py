@@ -19,6 +19,7 @@ from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.varying import scaled
 from dlo_planner.plan.checks import Margin, motion_margins
+from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.path import GripperPath, Leg, held_after
 from dlo_planner.plan.plan import Plan, arc_length_at, means_to_touch
 from dlo_planner.plan.requirements import Limits
@@ -27,7 +28,6 @@ from dlo_planner.trajectory.dynamic_check import (
     InMotion,
     calm_shapes,
     in_motion,
-    least_clearance,
     step_error,
     unplanned,
 )
@@ -164,8 +164,8 @@ class CalmSearch:
     @cached_property
     def _room(self) -> float:
         """Clearance as planned, m; nan if there is nothing to be near to."""
-        return least_clearance(self.plan, self.obstacles, Surface.of(self.simulator.rod),
-                               self.plan.shapes)
+        return Bodies(self.plan.sheets, self.obstacles,
+                      Surface.of(self.simulator.rod)).least(self.plan.shapes)
 
     @property
     def over(self) -> bool:

@@ -321,12 +321,6 @@ def instants(simulator: DirectSimulator, timed: TimedPath) -> Floats:
     return np.linspace(0, duration, count)
 
 
-def least_clearance(plan: Plan, obstacles: Sequence[Obstacle], surface: Surface,
-                    shapes: Sequence[Shape]) -> float:
-    """Return the least clearance in m of Shapes from a Plan's sheets and obstacles, nan if none."""
-    return Bodies(plan.sheets, obstacles, surface).least(shapes)
-
-
 def goals_between(plan: Plan, k: int) -> list[tuple[Through, bool]]:
     """Return what a Plan's DLO passes between a waypoint and the next.
 
