@@ -14,7 +14,7 @@
 # make lint   style
 # make types  annotations, by mypy
 # make imports  imports go down the layers, the core knows no ROS
-# make lock   newest versions that requirements.txt allows, into requirements.lock
+# make lock   newest versions that requirements-dev.txt allows, into requirements.lock
 # Each sets up what it needs in .venv (Python 3.11 or 3.12) and is quick the second time.
 
 PYTHON ?= python3
@@ -25,6 +25,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 unexport PYTHONDONTWRITEBYTECODE
 CORE := $(addprefix test/,model geometry energy minimize direct plan trajectory inverse verify identify settings)
 RUN := $(VENV)/bin/python
+READY := $(VENV)/ready $(VENV)/compiled
 KERNELS := $(shell grep -rl --include=*.py 'dlo_planner.kernels' dlo_planner)
 
 .PHONY: demo test test-all computed real-time oldest newest bench figures validation bench-check cell soak docs check lint types imports lock clean
@@ -34,7 +35,7 @@ demo: $(VENV)/compiled
 # What computes runs at once, and prints when it has ended; what runs in real time has the machine
 # for itself.
 QUICK := and not sweep
-test: $(VENV)/compiled
+test: $(READY)
 	@$(MAKE) --no-print-directory --jobs --output-sync=target QUICK='$(QUICK)' \
 	  lint types imports computed
 	@$(MAKE) --no-print-directory QUICK='$(QUICK)' real-time
@@ -61,22 +62,22 @@ newest:
 	  '.[figures,cell,arm,view,cluster]' pytest hypothesis
 	build/newest/bin/pytest -m 'not real_time $(QUICK)' $(CORE) test/cell/test_plant.py test/view
 
-bench: $(VENV)/compiled $(VENV)/peers
+bench: $(READY) $(VENV)/peers
 	$(RUN) -m benchmarks
 
-figures: $(VENV)/compiled
+figures: $(READY)
 	$(RUN) -m benchmarks.figures
 
-validation: $(VENV)/compiled
+validation: $(READY)
 	$(RUN) -m benchmarks.validation
 
-bench-check: $(VENV)/compiled
+bench-check: $(READY)
 	$(RUN) -m benchmarks check
 
-cell: $(VENV)/compiled
+cell: $(READY)
 	$(RUN) -m benchmarks.cell
 
-soak: $(VENV)/compiled
+soak: $(READY)
 	$(RUN) test/soak --minutes 10 --output soak_output
 
 docs: $(VENV)/ready
@@ -95,29 +96,34 @@ types: $(VENV)/ready
 imports: $(VENV)/ready
 	$(VENV)/bin/lint-imports --no-cache
 
-$(VENV)/ready: requirements.lock
+# What the demo runs. Modules are compiled when they are imported: pip would take a minute for all.
+PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile
+$(VENV)/runs: requirements.lock requirements.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 12) \
 	  else f"Python 3.11 or 3.12 is needed, this is {v[0]}.{v[1]}: make PYTHON=python3.12 ...")'
-	@echo 'Setting up $(VENV) (once; a few minutes) ...'
+	@echo 'Setting up $(VENV) (once; a minute or two) ...'
 	@$(PYTHON) -m venv $(VENV) || { echo 'The venv module is missing: apt install python3-venv'; \
 	  exit 1; }
-	@$(RUN) -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	@$(PIP) -c requirements.lock -r requirements.txt
 	@touch $@
-	-@$(RUN) -m dlo_planner.prebuild && touch $(VENV)/compiled
+
+$(VENV)/ready: $(VENV)/runs
+	@echo 'Adding what tests and documentation need (once; a few minutes) ...'
+	@$(PIP) -r requirements.lock
+	@touch $@
 
 # The kernels that have changed are compiled once, not by each process that needs them.
-$(VENV)/compiled: $(VENV)/ready $(KERNELS)
+$(VENV)/compiled: $(VENV)/runs $(KERNELS)
 	-@$(RUN) -m dlo_planner.prebuild && touch $@
 
 # Peers that nothing else needs; without a network the benchmark goes on without them.
 $(VENV)/peers: $(VENV)/ready
-	-@$(RUN) -m pip install --quiet --disable-pip-version-check -c requirements.lock \
-	  pyelastica cosseratbench && touch $@
+	-@$(PIP) -c requirements.lock pyelastica cosseratbench && touch $@
 
 lock:
 	rm -rf build/lock
 	$(PYTHON) -m venv build/lock
-	build/lock/bin/python -m pip install --quiet --disable-pip-version-check -r requirements.txt
+	build/lock/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.txt
 	build/lock/bin/python .ci/pins.py > requirements.lock
 
 clean:

@@ -4,7 +4,7 @@
 
 from importlib.metadata import distributions
 
-print('# What requirements.txt stood for when it was last looked at; refresh it by `make lock`.')
+print('# What requirements-dev.txt stood for when last looked at; refresh it by `make lock`.')
 installed = {one.metadata['Name'].lower().replace('_', '-'): one.version
              for one in distributions() if (one.read_text('INSTALLER') or '').strip() == 'pip'}
 for name in sorted(installed.keys() - {'pip'}):

@@ -90,7 +90,7 @@ def pose_from_msg(msg: PoseMsg) -> Pose:
     """Return the Pose of a geometry_msgs/Pose."""
     instance('msg', msg, PoseMsg)
     p, q = msg.position, msg.orientation
-    return Pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+    return Pose(np.array((p.x, p.y, p.z)), np.array((q.x, q.y, q.z, q.w)))
 
 
 def pose_from_stamped(msg: PoseStamped, frame_id: str, name: str) -> Pose:

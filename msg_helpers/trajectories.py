@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable, Sequence
 from math import isfinite
 
@@ -49,20 +50,16 @@ def shape_path(shape: Shape, frame_id: str, stamp: Time) -> Path:
 def shape_bytes(shape: Shape, frame_id: str, stamp: Time) -> bytes:
     """Return the message of `shape_path`, serialized (CDR): forty times as quick as its fields."""
     instance('shape', shape, Shape)
-    instance('stamp', stamp, Time)
-    name = header(frame_id, stamp).frame_id.encode() + b'\0'
-    top = np.array((stamp.sec, stamp.nanosec, len(name), name), [
-        ('sec', '<i4'), ('nanosec', '<u4'), ('length', '<u4'), ('name', f'S{len(name)}')]).tobytes()
-    top = top.ljust(12 + len(name), b'\0')
-    count = np.array(shape.s.size, '<u4').tobytes()
-    begin = top + bytes(-len(top) % 4) + count
+    name = header(frame_id, instance('stamp', stamp, Time)).frame_id.encode() + b'\0'
+    top = struct.pack('<iII', stamp.sec, stamp.nanosec, len(name)) + name
+    begin = top + bytes(-len(top) % 4) + struct.pack('<I', shape.s.size)
     begin += top + bytes(-(len(begin) + len(top)) % 8)  # a double begins at a multiple of 8
-    gap = -len(top) % 8
-    nodes = np.zeros(shape.s.size, [('pose', '<f8', 7), ('top', f'V{len(top) + gap}')])
-    nodes['pose'][:, :3] = shape.positions
-    nodes['pose'][:, 3:] = quaternions_of(shape.frames)
-    nodes['top'] = np.void(top + bytes(gap))  # of the next pose
-    return bytes((0, 1, 0, 0)) + begin + nodes.tobytes()[:-len(top) - gap]
+    top += bytes(-len(top) % 8)
+    poses = np.empty((shape.s.size, 7))
+    poses[:, :3], poses[:, 3:] = shape.positions, quaternions_of(shape.frames)
+    nodes = np.empty((shape.s.size, 56 + len(top)), np.uint8)
+    nodes[:, :56], nodes[:, 56:] = poses.view(np.uint8), np.frombuffer(top, np.uint8)
+    return bytes((0, 1, 0, 0)) + begin + nodes.tobytes()[:-len(top)]  # the last has no next
 
 
 def plan_path(grippers: Iterable[Pose], times: ArrayLike, frame_id: str, stamp: Time) -> Path:
@@ -89,7 +86,6 @@ def times_from_path(path: Path) -> Floats:
     stamps = [one.header.stamp for one in path.poses]
     return np.array([one.sec - stamps[0].sec + 1e-9 * (one.nanosec - stamps[0].nanosec)
                      for one in stamps])
-
 
 
 

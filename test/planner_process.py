@@ -13,8 +13,8 @@ import time
 from pathlib import Path
 
 import numpy as np
+from planner_client import PlannerClient, drain
 
-from demo.client import PlannerClient
 from msg_helpers.poses import pose_from_msg
 
 ROOT = Path(__file__).parent.parent
@@ -92,16 +92,6 @@ def connected_client(planner, name='/dlo_planner'):
         yield client
     finally:
         client.close()
-
-
-def drain(messages):
-    """Empty the queue; return what was in it."""
-    taken = []
-    while True:
-        try:
-            taken.append(messages.get_nowait())
-        except queue.Empty:
-            return taken
 
 
 def options(values):

@@ -133,8 +133,8 @@ class CellNode(Node):
         truth = unknowns.draw(rng)
         # nobody knows when a planner begins: what happens on the way waits for that
         course = replace(disturbances.draw(np.random.default_rng([seed, 79])), since=np.inf)
-        sheet = replace(self.task.sheet, friction=disturbances.friction)
-        self._plant = Plant(self.task.rod, self.task.start, [sheet], truth=truth, course=course,
+        bodies = [replace(one, friction=disturbances.friction) for one in self.task.bodies]
+        self._plant = Plant(self.task.rod, self.task.start, bodies, truth=truth, course=course,
                             step=STEP, damping=self._values['damping'] * truth.damping)
         camera = replace(camera, sees_hole=self._values['sees_hole'])
         self._viewer, self._broken = Viewer(camera, rng), ''

@@ -68,11 +68,11 @@ _MAP_ENDINGS = (*PICTURES, '.csv')
 
 @click.command('shape')
 @described
-@click.option('-g', '--gripper', 'grippers', type=POSE, multiple=True,
+@click.option('-g', '--gripper', 'grippers', **POSE, multiple=True,
               help='Pose of the gripper; may be repeated: the DLO follows from one to the next.')
 @click.option('--grippers', 'file', type=READ, metavar='FILE',
               help='The same poses from a YAML or JSON file.')
-@click.option('--far-end', type=POSE, help='Pose at which the other end is held too.')
+@click.option('--far-end', **POSE, help='Pose at which the other end is held too.')
 @click.option('--grip', type=click.Choice(['clamped', 'pinned', 'sleeve', 'aligned']),
               default='clamped', show_default=True, help='How the far end is held.')
 @written('.png .svg .pdf the picture, .npz .json the shape (Shape.load reads it), .csv its nodes, '
@@ -129,14 +129,14 @@ def planning(command: Any) -> Any:
             click.option('--prove', is_flag=True, help='Replay the plan, at rest and in motion, '
                          'and report; what is written is the motion that was proved, and nothing '
                          'where it is not safe.'),
-            click.option('--start', type=POSE, help='Pose of the gripper now.')):
+            click.option('--start', **POSE, help='Pose of the gripper now.')):
         command = decorator(command)
     return command
 
 
 @click.command('thread')
 @described
-@click.option('--hole', 'holes', type=POSE, multiple=True, required=True,
+@click.option('--hole', 'holes', **POSE, multiple=True, required=True,
               help='Pose of a cut-out: its center and the direction in which the free end goes '
               'through. May be repeated: passed one after the other.')
 @click.option('--radius', type=float, help='Of the holes, m, for clearances.')
@@ -350,7 +350,7 @@ _SOUGHT = ('bending_stiffness', 'natural_curvature')
 @click.command('identify')
 @described
 @click.argument('observations', type=READ, nargs=-1, required=True)
-@click.option('-g', '--gripper', 'grippers', type=POSE, multiple=True,
+@click.option('-g', '--gripper', 'grippers', **POSE, multiple=True,
               help='Pose of the gripper for a CSV file of points; once for each of them.')
 @click.option('--find', 'names', multiple=True, default=_SOUGHT, show_default=True,
               type=click.Choice(NAMES), help='What is sought; may be repeated.')
@@ -402,39 +402,32 @@ def identify(dlo: Described, observations: tuple[Path, ...], grippers: tuple[Pos
 _DPI = 130
 
 
-class RangeType(click.ParamType):  # type: ignore[type-arg]  # generic in stubs alone
-    """Evenly spaced numbers: one, or FIRST:LAST:COUNT."""
-
-    name = 'FIRST:LAST:COUNT'
-
-    def convert(self, value: object, param: click.Parameter | None,
-                ctx: click.Context | None) -> Floats:
-        """Return them as an array."""
-        parts = str(value).split(':')
-        try:
-            if len(parts) == 1:
-                return np.array([float(parts[0])])
-            first, last, count = float(parts[0]), float(parts[1]), int(parts[2])
-            if len(parts) == 3 and count > 0:
-                return np.linspace(first, last, count)
-        except (ValueError, IndexError):
-            pass
-        self.fail(f'{value!r}: expected a number in m, or FIRST:LAST:COUNT', param, ctx)
+def _evenly(text: str) -> Floats:
+    """Return evenly spaced numbers: one, or FIRST:LAST:COUNT."""
+    parts = text.split(':')
+    try:
+        if len(parts) == 1:
+            return np.array([float(text)])
+        first, last, count = parts
+        return np.linspace(float(first), float(last), click.IntRange(1)(count))
+    except (ValueError, click.BadParameter) as error:
+        raise click.BadParameter(f'{text!r}: expected a number in m, or FIRST:LAST:COUNT; '
+                                 f'{error}') from None
 
 
-_RANGE = RangeType()
+_RANGE: dict[str, Any] = {'type': _evenly, 'metavar': 'FIRST:LAST:COUNT'}
 
 
 @click.command('map')
 @described
-@click.option('--x', type=_RANGE, required=True, help='Of the centers of the holes, m.')
-@click.option('--y', type=_RANGE, default='0', show_default=True)
-@click.option('--z', type=_RANGE, required=True)
-@click.option('--along', 'directions', type=VECTOR, multiple=True, default=['1,0,0'],
+@click.option('--x', **_RANGE, required=True, help='Of the centers of the holes, m.')
+@click.option('--y', **_RANGE, default='0', show_default=True)
+@click.option('--z', **_RANGE, required=True)
+@click.option('--along', 'directions', **VECTOR, multiple=True, default=['1,0,0'],
               show_default=True, help='In which the free end goes through; may be repeated.')
 @click.option('--radius', 'radii', type=float, multiple=True, required=True,
               help='Of the holes, m; may be repeated.')
-@click.option('--start', 'starts', type=POSE, multiple=True,
+@click.option('--start', 'starts', **POSE, multiple=True,
               help='Pose of the gripper from which the way there is looked for too.')
 @click.option('--jobs', type=click.IntRange(1, 1024), default=1, show_default=True,
               help='Processes that work at once.')

@@ -3,6 +3,7 @@
 """`dlo-planner doctor`: what is installed, what is missing, and what to do about it."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -96,7 +97,7 @@ def _needed(name: str, least: tuple[int, ...]) -> Finding:
         present = version(name)
     except PackageNotFoundError:
         return Finding(_BAD, name, 'is not installed', f'pip install {name}')
-    if _numbers(present) < least:
+    if tuple(map(int, re.findall(r'\d+', present)[:len(least)])) < least:
         return Finding(_BAD, name, present, f'pip install --upgrade "{name}>='
                        f'{".".join(map(str, least))}"')
     return Finding(_OK, name, present)
@@ -164,14 +165,3 @@ def _ros() -> Finding:
         return Finding(_BAD, 'ROS', f'a node cannot be made: {reason}',
                        'source the setup.bash of ROS and of the workspace')
     return Finding(_OK, 'ROS', f'a node can be made ({sourced or "not sourced: wheels of PyPI"})')
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    """Return the leading numbers of a version."""
-    parts = []
-    for part in text.split('.'):
-        digits = ''.join(char for char in part if char.isdigit())
-        if not digits or digits != part[:len(digits)]:
-            break
-        parts.append(int(digits))
-    return tuple(parts)

@@ -23,7 +23,7 @@ from dlo_planner.files import text_of, writable
 from dlo_planner.identify.observation import Observation
 from dlo_planner.inverse.plain_tasks import from_plain
 from dlo_planner.model.arrays import Floats
-from dlo_planner.model.checks import row, shown
+from dlo_planner.model.checks import row, shown, vector
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan
@@ -36,42 +36,24 @@ from dlo_planner.view.summary import rod_line, rows_of
 _BAR_WIDTH = 30  # of a progress bar
 
 
-class PoseType(click.ParamType):  # type: ignore[type-arg]  # generic in stubs alone
-    """A Pose as 3, 6 or 7 numbers with commas between."""
-
-    name = 'X,Y,Z[,...]'
-
-    def convert(self, value: object, param: click.Parameter | None,
-                ctx: click.Context | None) -> object:
-        """Return the Pose."""
-        try:
-            name = param.name if param is not None else None
-            return pose_of_numbers(name or 'pose', [float(one) for one in str(value).split(',')])
-        except DloPlannerError as error:
-            self.fail(str(error), param, ctx)
-        except ValueError:
-            self.fail(f'{value!r}: expected numbers with commas between: X,Y,Z, '
-                      'X,Y,Z,DX,DY,DZ or X,Y,Z,QX,QY,QZ,QW', param, ctx)
+def _pose(text: str) -> Pose:
+    try:
+        return pose_of_numbers('pose', [float(one) for one in text.split(',')])
+    except (DloPlannerError, ValueError) as error:
+        raise click.BadParameter(f'{text!r}: expected X,Y,Z, X,Y,Z,DX,DY,DZ or '
+                                 f'X,Y,Z,QX,QY,QZ,QW; {error}') from None
 
 
-class VectorType(click.ParamType):  # type: ignore[type-arg]  # generic in stubs alone
-    """Numbers with commas between."""
-
-    name = 'X,Y,Z'
-
-    def convert(self, value: object, param: click.Parameter | None,
-                ctx: click.Context | None) -> object:
-        """Return them as a tuple of three."""
-        try:
-            numbers = tuple(float(one) for one in str(value).split(','))
-        except ValueError:
-            numbers = ()
-        if len(numbers) != 3:
-            self.fail(f'{value!r}: expected three numbers with commas between', param, ctx)
-        return numbers
+def _vector(text: str) -> Floats:
+    try:
+        return vector('vector', [float(one) for one in text.split(',')], 3)
+    except (DloPlannerError, ValueError) as error:
+        raise click.BadParameter(f'{text!r}: expected X,Y,Z; {error}') from None
 
 
-POSE, VECTOR = PoseType(), VectorType()
+# of options
+POSE: dict[str, Any] = {'type': _pose, 'metavar': 'X,Y,Z[,...]'}
+VECTOR: dict[str, Any] = {'type': _vector, 'metavar': 'X,Y,Z'}
 READ = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 

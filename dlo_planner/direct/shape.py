@@ -424,8 +424,14 @@ class Shape(Pictured):
     def moved(self, displacement: ArrayLike) -> Shape:
         """Return the same shape carried by `displacement` (3,) m: gravity does not notice.
 
-        Obstacles and a far end's grip would: only for shapes that touch nothing.
+        Raises
+        ------
+        InvalidTask
+            The shape touches something, its far end is held, or a load depends on where it is.
         """
+        if self.contacts or self.far_end is not None:
+            raise InvalidTask('shape: expected one that touches nothing and whose far end is free: '
+                              'what holds it is not moved')
         return carried(self, vector('displacement', displacement, 3))
 
     # ---- its geometry ----------------------------------------------------------------------------
@@ -695,7 +701,11 @@ def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
 
 
 def carried(shape: Shape, displacement: Floats) -> Shape:
-    """Return what `Shape.moved` does, of an array (3,)."""
+    """Return what `Shape.moved` does, of an array (3,); what it touches has to be carried, too."""
+    local = () if shape.state.mesh is None else shape.state.mesh.surroundings.other_loads
+    if local:
+        raise InvalidTask(f'point_loads: expected PointLoads alone where a shape is moved, got '
+                          f'{shown(local[0])}, which depends on where it is')
     return replace(shape, gripper=shifted(shape.gripper, displacement),
                    positions=shape.positions + displacement,
                    energy=shape.energy + float(displacement @ shape.gripper_wrench[:3]))

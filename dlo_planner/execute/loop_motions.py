@@ -40,7 +40,7 @@ from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import Plan, PlanStatus, concatenate, moved, truncate
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.waypoint import Waypoint, waypoint_at
-from dlo_planner.trajectory.modal_response import vibrated
+from dlo_planner.trajectory.modal_response import Turns, vibrated
 from dlo_planner.trajectory.timed_path import TimedPath
 from dlo_planner.trajectory.trajectory import Trajectory, simulator_of
 
@@ -129,8 +129,8 @@ class LoopTask:
         inverse = InverseSimulator(known.simulator.with_rod(estimate.rod),
                                    workspace=known.workspace,
                                    allow_plastic=known.requirements.allow_plastic)
-        if self.touches:
-            return self._onto(inverse, start, standoff)
+        if isinstance(self.task, HoldContact | SlideContact):
+            return way_onto(inverse, self.task, start, standoff, self.room)
 
         def estimated(value: Any) -> Any:
             if isinstance(value, CutOut):
@@ -144,46 +144,46 @@ class LoopTask:
         return inverse.plan(Approach(cutouts_of(task)[0], through.shapes[0], standoff),
                             start=start), through
 
-    def _onto(self, inverse: InverseSimulator, start: Pose, standoff: float) -> tuple[Plan, Plan]:
-        """Return the ways to the entry above a contact, and straight down onto it.
 
-        The obstacle stands where it is stated. `standoff` = 0: it begins there already.
-        """
-        assert isinstance(self.task, HoldContact | SlideContact)
-        held, outwards = inverse.plan(self.task, start=start), self.task.contact.rotation[:, 2]
-        (place, s, along), = held.via_points[0]
-        simulator, onto, shape = inverse.simulator, held.grippers[0], held.shapes[0]
-        step, height = _STEP * simulator.rod.length, 0.0
+def way_onto(inverse: InverseSimulator, task: HoldContact | SlideContact, start: Pose,
+             standoff: float, room: float, **options: Any) -> tuple[Plan, Plan]:
+    """Return the ways to the entry above a contact, `room` before it, and straight down onto it.
 
-        def lifted(height: float) -> Pose:
-            return Pose(onto.position + height * outwards, onto.quaternion)
+    The obstacle stands where it is stated. `standoff` = 0: it begins at the entry already.
+    """
+    held, outwards = inverse.plan(task, start=start, **options), task.contact.rotation[:, 2]
+    (place, s, along), = held.via_points[0]
+    simulator, onto, shape = inverse.simulator, held.grippers[0], held.shapes[0]
+    step, height = _STEP * simulator.rod.length, 0.0
 
-        while shape.contacts:
-            height += step
-            shape = simulator.track([lifted(height)], initial=shape)[0]
-            if height > simulator.rod.length or not shape.converged:
-                raise Infeasible(f'lifted straight off the contact by {height:.3g} m the DLO still '
-                                 'touches: it cannot be led straight onto it', 0, 'contact', height)
-        entry = height + self.room
-        above, down = entry + self.standoff, np.linspace(entry, 0, int(np.ceil(entry / step)) + 1)
-        hanging = inverse.plan(MoveTo((lifted(above),)), start=start).shapes[-1]
-        shapes = simulator.track([lifted(one) for one in down], initial=hanging)
-        if shapes[0].contacts or not same(shapes[-1], held.shapes[0]) or any(
-                shape.jumped or not shape.converged for shape in shapes):
-            raise Infeasible('from the standoff the DLO does not come straight into the shape in '
-                             f'which it touches s = {s:g} m', 0, 'contact',
-                             apart(shapes[-1], held.shapes[0]))
-        way = inverse.plan(MoveTo((lifted(above), lifted(entry)) if standoff else (
-            lifted(entry),)), start=start)
-        axes, there = shapes[0].frame_at(s)
-        lowered = [Waypoint(shapes[0], via_points=((there, s, axes[:, 0]),)),
-                   *map(Waypoint, shapes[1:-1]),
-                   *(waypoint_at(shape, place, points[0][1], along)
-                     for shape, points in zip(held.shapes, held.via_points, strict=True))]
-        builder = PlanBuilder(np.full(len(lowered), held.depths[0]), inverse.demands(held))
-        for waypoint in lowered:
-            builder.add(waypoint)
-        return way, builder.finished()
+    def lifted(height: float) -> Pose:
+        return Pose(onto.position + height * outwards, onto.quaternion)
+
+    while shape.contacts:
+        height += step
+        shape = simulator.track([lifted(height)], initial=shape)[0]
+        if height > simulator.rod.length or not shape.converged:
+            raise Infeasible(f'lifted straight off the contact by {height:.3g} m the DLO still '
+                             'touches: it cannot be led straight onto it', 0, 'contact', height)
+    entry = height + room
+    above, down = entry + standoff, np.linspace(entry, 0, int(np.ceil(entry / step)) + 1)
+    hanging = inverse.plan(MoveTo((lifted(above),)), start=start, **options).shapes[-1]
+    shapes = simulator.track([lifted(one) for one in down], initial=hanging)
+    if shapes[0].contacts or not same(shapes[-1], held.shapes[0]) or any(
+            shape.jumped or not shape.converged for shape in shapes):
+        raise Infeasible('from the standoff the DLO does not come straight into the shape in which '
+                         f'it touches s = {s:g} m', 0, 'contact', apart(shapes[-1], held.shapes[0]))
+    way = inverse.plan(MoveTo((lifted(above), lifted(entry)) if standoff else (lifted(entry),)),
+                       start=start, **options)
+    axes, there = shapes[0].frame_at(s)
+    lowered = [Waypoint(shapes[0], via_points=((there, s, axes[:, 0]),)),
+               *map(Waypoint, shapes[1:-1]),
+               *(waypoint_at(shape, place, points[0][1], along)
+                 for shape, points in zip(held.shapes, held.via_points, strict=True))]
+    builder = PlanBuilder(np.full(len(lowered), held.depths[0]), inverse.demands(held))
+    for waypoint in lowered:
+        builder.add(waypoint)
+    return way, builder.finished()
 
 
 class GripperMotion(NamedTuple):
@@ -420,7 +420,6 @@ def _answers(vibration: FreeVibration, begins: Floats, lasts: float, windows: Fl
                                 - step_response(middle - begin - lasts, windows, 2), pull)
                       for begin in begins for pull in pulls.T])
     damping = np.tile(vibration.modes.damping_ratios, (count, 1))
-    turns = np.tile(np.eye(modes), (count, 1, 1))
-    out = vibrated(step, np.tile(vibration.rates, (count, 1)), damping, turns, force,
-                   np.zeros((2, len(force), modes)))
+    out = vibrated(step, np.tile(vibration.rates, (count, 1)), damping, Turns.none(count, modes),
+                   force, np.zeros((2, len(force), modes)))
     return np.moveaxis(out[:, :, -1], 0, 1)

@@ -396,8 +396,11 @@ class TaskLoop:
             since = float(times[int(np.argmin(off))])  # it may be held back by the limits
             poses = [self._here, *execution.way.poses(np.linspace(since, 0.0, _TRIED))[1:]]
             progress = float(execution.way.progress([execution.done])[0])
-            known = self._entry.whole.shapes[min(int(np.searchsorted(
-                self._entry.whole.times, progress)), len(self._entry.whole) - 1)]
+            whole, motion = self._entry.whole, self._entry.motion
+            assert motion is not None  # it was executed
+            # beyond the last shape that hangs freely the plan's are parts of a DLO, or touch
+            known = next((shape for time, shape in zip(whole.times, whole.shapes, strict=True)
+                          if time >= progress or shape is motion.there), motion.there)
             if max(np.abs(poses[0].matrix - pose.matrix).max() for pose in poses) > _MOVED:
                 self._work = partial(way_back, self._task, self._entry.estimate, poses, known)
 

@@ -186,7 +186,7 @@ def _violation(aim: _Aim, plan: Plan, shapes: dict[int, Shape], grippers: dict[i
             shape, position_error=aim.missed(k, shape) if k in shapes else 0.0,
             clearances=tuple(holes.holes(shape)) if k in shapes else ()), commanded)
         if broken is not None:
-            return f'waypoint {k}: {broken[2]}'
+            return f'waypoint {k}: {broken.message}'
     return ''
 
 
@@ -230,8 +230,9 @@ class _Aim:
             if many and found:
                 soft = goals._replace(weight=np.where(goals.kind == ROLL, _STILL, goals.weight))
                 found = follow(mesh, found[0].shape, soft, goals.s[None], free,
-                               origin=found[0].origin, reach=(_TURN, _TURN / goals.weight[0]))
-            shape = found[0].placed if found else None
+                               origin=found[0].shape.gripper.position,
+                               reach=(_TURN, _TURN / goals.weight[0]))
+            shape = found[0].shape if found else None
         return None if shape is None or shape.stability < -NEUTRAL else shape
 
     @staticmethod

@@ -116,8 +116,9 @@ class Estimate(Reported):
         Part of the same points that seem not to belong to the DLO; nan before the first.
     surprise : float
         How far the last look is from what was expected before it: the largest of the chi-square by
-        which it moved the state, of that of the points' distances after it, and of the outliers,
-        each by the value that one look in 10,000 exceeds by chance; nan before the first.
+        which it moved the state, of that by which it and those shortly before it together moved the
+        free end, of that of the points' distances after it, and of the outliers, each by the value
+        that one look in 10,000 exceeds by chance; nan before the first.
     robot : RobotError
         How the robot's error changes; see `Observer`.
     """
@@ -339,12 +340,16 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
             shapes: Sequence[Shape] | None = None,
             seen: Sequence[Pose] | None = None) -> PredictedMiss:
     """Return the PredictedMiss of an Estimate at some waypoints of a Plan, with known `shapes`."""
-    count, n, error = len(waypoints), estimate.mean.size, estimate.robot_error
+    goals = [passages_in(estimate, plan.via_points[index]) for index in waypoints]
+    places = np.array([k for k, own in zip(waypoints, goals, strict=True) for _ in own], dtype=int)
+    count, n, error = places.size, estimate.mean.size, estimate.robot_error
     off, bound = np.full((count, 3), np.inf), np.full(count, np.inf)
     rows, changed = np.zeros((count, 3, n + 6)), np.zeros(count)
     known = estimate.inflation * estimate.joint_covariance
     robot = estimate.inflation * np.diag(estimate.robot.deviations**2)
+    end = 0
     for k, index in enumerate(waypoints):
+        begin, end = end, end + len(goals[k])
         planned = plan.shapes[index]
         shape = estimate.uncertain.equilibrium(
             estimate.mean, planned.state.made_on, estimate.actual(plan.grippers[index]), planned,
@@ -352,20 +357,21 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
         if not shape.converged:
             continue
         slopes = estimate.uncertain.slopes(estimate.mean, shape, error)
-        changed[k] = estimate.robot_change(plan.grippers[index],
-                                           None if seen is None else seen[k])
-        off[k], rows[k], bound[k] = max(
-            (_miss_at(estimate, slopes, known, changed[k] * robot, goal)
-             for goal in passages_in(estimate, plan.via_points[index])), key=lambda found: found[2])
+        changed[begin:end] = estimate.robot_change(plan.grippers[index],
+                                                   None if seen is None else seen[k])
+        for at, goal in enumerate(goals[k], begin):
+            off[at], rows[at], bound[at] = _miss_at(estimate, slopes, known, changed[at] * robot,
+                                                    goal)
     # what the robot's error changes until one waypoint it has changed until those after it as well,
     # unless it is seen meanwhile, or wanders in time
     once = estimate.robot.repeats and seen is None
-    also = np.minimum.outer(changed, changed) if once else np.diag(changed)
+    also = np.where(np.logical_or(once, np.equal.outer(places, places)),
+                    np.minimum.outer(changed, changed), 0.0)
     late = rows[:, :, n:]
     joint = (np.einsum('kia,ab,ljb->kilj', rows, known, rows)
              + np.einsum('kl,kia,ab,ljb->kilj', also, late, robot, late))
     joint[~np.isfinite(bound)] = joint[:, :, ~np.isfinite(bound)] = np.inf
-    return PredictedMiss(np.array(waypoints, dtype=float), off, joint.reshape(3 * count, -1), bound)
+    return PredictedMiss(places.astype(float), off, joint.reshape(3 * count, 3 * count), bound)
 
 
 def _miss_at(estimate: Estimate, slopes_at: PointSlopes, known: Floats, later: Floats,

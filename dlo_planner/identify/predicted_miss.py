@@ -21,14 +21,12 @@ _DRAWN = 4096     # misses at all waypoints together
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedMiss(Value):
-    """Misses at k waypoints of a plan: by how much the DLO passes beside a center.
-
-    If a waypoint passes several centers, the center with the largest bound counts.
+    """Misses at waypoints of a plan: by how much the DLO passes beside k centers.
 
     Attributes
     ----------
     waypoints : ndarray, shape (k,)
-        Their indices in the plan.
+        Indices of the waypoints in the plan, once for each center that one passes.
     off : ndarray, shape (k, 3)
         Vectors in m from the center to where the estimated DLO is nearest to it, world axes; a DLO
         that is too short is extended straight on.
@@ -60,7 +58,7 @@ class PredictedMiss(Value):
 
     def __repr__(self) -> str:
         worst = self.bound.max(initial=0.0)
-        return brief(self, f'{self.waypoints.size} waypoints',
+        return brief(self, f'{np.unique(self.waypoints).size} waypoints',
                      f'most likely up to {self.distance.max(initial=0.0):.2g} m',
                      f'with 95 % up to {worst:.2g} m')
 
@@ -78,7 +76,7 @@ class PredictedMiss(Value):
 
     @property
     def together(self) -> float:
-        """Radius inside which the DLO passes at all waypoints with 95 %, m.
+        """Radius inside which the DLO passes all centers at all waypoints with 95 %, m.
 
         The quantile of the largest miss of 4096 draws from the normal distribution of all, always
         the same; their share of 95 % is right to 0.4 %.

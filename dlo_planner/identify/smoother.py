@@ -11,7 +11,9 @@ robot's wandering error is an unknown at each of these poses, linked to the one 
 
 Each look is judged before it is believed: by how far it moves the state, in units of what was
 expected (the normalized innovation of a Kalman filter: Bar-Shalom, Li, Kirubarajan 2001, 5.4), by
-how far the points stay off the DLO after it, and by how many of them are none of the DLO's.
+how far the points stay off the DLO after it, and by how many of them are none of the DLO's. What
+changes slowly, as a light touch does, is in no single look: so the last ones are judged together,
+by how far they have moved the free end from where those before them expect it.
 """
 
 from __future__ import annotations
@@ -49,7 +51,11 @@ _HARDLY = 2e-4    # of the length: derivatives of a DLO that moved by less are t
 _ENOUGH = 1e-4    # part of the decrease predicted for a step that it has to give (Armijo)
 _STILL = 1e-6     # of the noise: a smaller sway counts as none
 _RARE = 1e-4      # part of the looks that exceed a limit of consistency by chance
+_PAST = 32        # looks that are judged together, at most
 _SEEN = 0.02      # part of a variance by which a look has to lower it to tell of that direction
+# chi-squares of two degrees: by chance the largest of `_PAST` partial sums exceeds the first in one
+# look in 10,000, the second in one in 100 (counted in a million random walks)
+_DRIFTS = 23.9, 13.9
 _MODEL = 1.5      # ratio of variances that the model's own errors may add to the residuals
 _MORE_OUTLIERS = 0.1  # part of the points by which more may be none of the DLO's than are stated
 
@@ -167,19 +173,20 @@ class Consistency:
     expected: float = 0.0
     residuals: float = 0.0    # of the points' distances from the DLO after each look
     points: float = 0.0
+    drift: float = 0.0        # by which the last looks together moved the free end
 
     def after(self, innovation: float, expected: float, residual: float,
-              points: float) -> Consistency:
+              points: float, drift: float) -> Consistency:
         """Return the Consistency after one more look; what is older counts less and less."""
-        return Consistency(*(_FORGETTING * old + new for old, new in zip(
-            (self.innovations, self.expected, self.residuals, self.points),
-            (innovation, expected, residual, points), strict=True)))
+        kept = _FORGETTING
+        return Consistency(kept * self.innovations + innovation, kept * self.expected + expected,
+                           kept * self.residuals + residual, kept * self.points + points, drift)
 
     @property
     def inflation(self) -> float:
         """By what the covariance has to be multiplied, at least 1 (after Birge 1932)."""
         return max(1.0, _ratio(self.innovations, self.expected),
-                   _ratio(self.residuals, self.points))
+                   _ratio(self.residuals, self.points), self.drift / _DRIFTS[1])
 
 
 def _ratio(chi_square: float, degrees: float) -> float:
@@ -202,6 +209,9 @@ class LagWindow:
     mean: Floats        # (n + p,) by all looks; e at the last keyframe
     covariance: Floats  # (n + p, n + p)
     state: Floats       # (n + p,) where the last search ended; e at the last one forgotten
+    # (a, n + p), (a, n + p, n + p): mean and covariance at the last keyframe by all looks but the
+    # last, the last two, ..., the last a
+    past: tuple[Floats, Floats]
     consistency: Consistency = Consistency()
 
     @classmethod
@@ -210,7 +220,8 @@ class LagWindow:
         whole = np.eye(mean.size + p)
         whole[:mean.size, :mean.size] = covariance
         mean = np.append(mean, np.zeros(p))
-        return cls(mean, cast(Floats, np.linalg.inv(whole)), (), mean, whole, mean)
+        return cls(mean, cast(Floats, np.linalg.inv(whole)), (), mean, whole, mean,
+                   (np.zeros((0, mean.size)), np.zeros((0, *whole.shape))))
 
     def with_linear(self, rows: Floats, right: Floats) -> LagWindow:
         """Return it with k measurements of unit variance: rows (k, n) @ x = right (k,)."""
@@ -316,7 +327,7 @@ class LookUpdate:
         here: _Evaluated | None = _Evaluated(y, shapes, [
             self._looks(keyframe, shape, y) for keyframe, shape in zip(window.keyframes, shapes,
                                                                        strict=True)])
-        last = np.inf
+        last, exact = np.inf, False
         for _ in range(_ITERATIONS):
             if here is None:
                 return None
@@ -326,7 +337,12 @@ class LookUpdate:
             steady = last <= _STEADY * scales[-1] or scales[-1] == self._look[0]
             if slope < _SETTLED * step.size and steady:
                 return self._result(here, step, equations, expected)
-            here, last = self._moved(here, step, slope, scales), scales[-1]
+            moved = self._moved(here, step, slope, scales)
+            exact = moved is None and not exact
+            if exact:  # derivatives of a shape that is hardly another were not good enough
+                self._slopes = [None] * len(shapes)
+            else:
+                here, last = moved, scales[-1]
         return None
 
     def _first(self) -> tuple[Shape, Floats]:
@@ -337,7 +353,7 @@ class LookUpdate:
             last = window.keyframes[-1]
             self._mesh = last.shape.state.made_on
             return last.shape, last.error
-        known, error = self._estimate._shape, self._expected(window, False)[0][self._n:]
+        known, error = self._estimate._shape, self._expected(window, False)[0][0, self._n:]
         z = window.state[:self._n] * self._unit[:self._n]
         gripper = gripper.compose(self._uncertain.offset(z, self._robot.twist(error)))
         if known is not None and (simulator.accuracy is None
@@ -348,16 +364,21 @@ class LookUpdate:
         return self._uncertain.equilibrium(z, self._mesh, gripper, known), error
 
     def _expected(self, before: LagWindow, joined: bool) -> tuple[Floats, Floats]:
-        """Return mean (n + p,) and covariance of state and robot's error, before the look."""
+        """Return means (a, n + p) and covariances of state and robot's error, before the look.
+
+        First those by all looks before it, then those without the last, without the last two, ...
+        """
+        means, covariances = (np.concatenate([now[None], past])[:_PAST] for now, past in zip(
+            (before.mean, before.covariance), before.past, strict=True))
         if joined or not self._p:
-            return before.mean, before.covariance
+            return means, covariances
         moved = way_between(before.keyframes[-1].gripper, self._observation.gripper) if (
             before.keyframes) else 0.0
         link = self._robot.link(self._elapsed, moved)
         transition = np.append(np.ones(self._n), np.full(self._p, link))
-        covariance = before.covariance * np.outer(transition, transition)
-        covariance[self._n:, self._n:] += (1 - link**2) * np.eye(self._p)
-        return before.mean * transition, covariance
+        covariances = covariances * np.outer(transition, transition)
+        covariances[:, self._n:, self._n:] += (1 - link**2) * np.eye(self._p)
+        return means * transition, covariances
 
     def _errors(self, count: int) -> slice:
         """Return where in y the robot's error is: 0 of the window, 1 to k of the keyframes."""
@@ -504,24 +525,41 @@ class LookUpdate:
         now = np.r_[0:self._n, self._errors(len(window.keyframes))]
         covariance = symmetric(np.linalg.inv(equations.matrix)[np.ix_(now, now)])
         mean = (here.y + step)[now]
-        innovation, seen = innovation_of(*expected, mean, covariance)
+        innovation, seen = innovation_of(expected[0][0], expected[1][0], mean, covariance)
+        drift = self._drift(shape, expected, mean, covariance)
         # the model's own errors are no news of the noise; what is left counts in full
         residual = max(last.residual / _MODEL, min(last.residual, last.degrees))
         share = min(self._outliers + _MORE_OUTLIERS, 1.0)
         most = share + 4 * np.sqrt(share * (1 - share) / len(self._observation.points))
         surprise = max(innovation / _limit(seen), residual / _limit(last.degrees),
-                       last.outliers / most)
+                       drift / _DRIFTS[0], last.outliers / most)
         keyframes = tuple(
             replace(one, shape=shape, error=here.y[self._errors(count)], slopes=slopes)
             for count, (one, shape, slopes) in enumerate(zip(
                 window.keyframes, here.shapes, self._slopes, strict=True), 1))
         window = replace(window, keyframes=keyframes, mean=mean, covariance=covariance,
-                         state=here.y[:window.x.size],
+                         state=here.y[:window.x.size], past=expected,
                          consistency=window.consistency.after(innovation, seen, residual,
-                                                              last.degrees))
+                                                              last.degrees, drift))
         return estimate_of(self._estimate, window, looks=self._estimate.looks + 1, converged=True,
                            misfit=last.misfit, outliers=last.outliers, surprise=float(surprise),
                            _shape=shape)
+
+    def _drift(self, shape: Shape, expected: tuple[Floats, Floats], mean: Floats,
+               covariance: Floats) -> float:
+        """Return the chi-square by which looks together moved the free end: the largest of all.
+
+        Of two degrees of freedom, across the DLO. As of one look, the change by several has the
+        covariance before them less that after them.
+        """
+        end, slopes = shape.s[-1:], self._slopes[-1]
+        assert slopes is not None  # the last step was made with them
+        kept = np.append(np.arange(self._n), self._n + self._robot.acting)
+        rows = shape.frame_at(float(end[0]))[0][:, 1:].T @ slopes(end)[0][:, kept] * self._unit
+        moved = (mean - expected[0]) @ rows.T
+        spread = rows @ (expected[1] - covariance) @ rows.T + (
+            _SAME * self._look[0]) ** 2 * np.eye(2)
+        return float(np.einsum('ai,aij,aj->a', moved, np.linalg.inv(spread), moved).max())
 
 
 def window_of(estimate: Estimate) -> LagWindow:

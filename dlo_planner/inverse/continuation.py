@@ -20,11 +20,11 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from dlo_planner.direct.continuation import fell
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.inverse.equilibria import Crossings, HangingShapes, crossings
-from dlo_planner.inverse.waypoint_newton import Found, follow, free_axis, goal_shape
+from dlo_planner.inverse.waypoint_newton import ORIGIN, Found, follow, free_axis, goal_shape
 from dlo_planner.minimize.newton import NEUTRAL
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, turned_by
@@ -33,7 +33,7 @@ from dlo_planner.model.value import freeze
 from dlo_planner.plan.builder import PlanBuilder, refusal_for_leap
 from dlo_planner.plan.continuity import apart, excess, largest_turn, without_doubt
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, THROUGH, GoalTable
-from dlo_planner.plan.waypoint import Waypoint
+from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 LONGEST_STEP = 1 / 16   # of the length
 _AHEAD = 4.0             # steps ahead that a trend is believed for
@@ -50,7 +50,6 @@ class Passing(NamedTuple):
     """A Shape that satisfies a condition at some depth."""
 
     shape: Shape
-    place: Floats  # (3,) the gripper's origin from the first center, m
     further: tuple[float, ...] = ()  # arc lengths at the further centers that it passes, m
     depth: float = float('nan')  # its depth, m; nan: not known
     # the one that it was followed from, without its own. None: not known
@@ -60,13 +59,13 @@ class Passing(NamedTuple):
 
     @property
     def gripper(self) -> tuple[Floats, Floats]:
-        """The gripper's rotation (3, 3) and its position (3,) from the first center."""
-        return self.shape.gripper.rotation, self.place
+        """The gripper's rotation (3, 3) and its position (3,), m."""
+        return self.shape.gripper.rotation, self.shape.gripper.position
 
-    @property
-    def known(self) -> tuple[Floats, Floats] | None:
-        """Axes and position (3,), m, of the shape at the first center; None: not known."""
-        return None if self.axes is None else (self.axes, self.shape.gripper.position - self.place)
+    def waypoint(self, center: Floats, s: float, normal: Floats | None) -> Waypoint:
+        """Return the Waypoint that passes the first center (3,) at `s`, m."""
+        return waypoint_at(self.shape, center, s, normal,
+                           None if self.axes is None else (self.axes, center))
 
     def after(self, before: Passing) -> Passing:
         """Return the same, followed from another one."""
@@ -291,15 +290,17 @@ def _rolled(builder: PlanBuilder, family: Family, before: Passing,
 
 
 class Aligned(Family):
-    """The shapes whose tangent, at each depth, is along a normal (3,).
+    """The shapes whose tangent, at each depth, is along a normal (3,) in a center (3,), m.
 
     Method 'nested' is for waypoints; the coupled one makes all steps between.
     """
 
     what = 'whose tangent is along the normal'
 
-    def __init__(self, simulator: DirectSimulator, normal: Floats, method: str = 'coupled') -> None:
-        self.simulator, self.normal, self._nested = simulator, np.array(normal), method == 'nested'
+    def __init__(self, simulator: DirectSimulator, normal: Floats, center: Floats = ORIGIN,
+                 method: str = 'coupled') -> None:
+        self.simulator, self.normal, self._center = simulator, np.array(normal), center
+        self._nested = method == 'nested'
 
     def axis(self, shape: Shape) -> Floats:
         """Return the mean of the gripper's axis and the normal."""
@@ -326,9 +327,10 @@ class Aligned(Family):
             if not (shape.converged and aligned):
                 return None
             axes, place = shape.frame_at(s)
-            return Passing(shape, shape.gripper.position - place, depth=depth, axes=axes)
-        found = aligned_shape(self.simulator, guess, s, self.normal, reference, trend)
-        return found and Passing(found.shape, found.origin, depth=depth, axes=found.axes)
+            return Passing(carried(shape, self._center - place), depth=depth, axes=axes)
+        found = goal_shape(self.simulator, guess, _along(self.normal, reference), s, self.normal,
+                           trend, place=self._center)
+        return found and Passing(found.shape, depth=depth, axes=found.axes)
 
     def onward(self, before: Passing, depths: Floats) -> list[Passing]:
         """Return the Passings at the first of some depths (k,) that leave no doubt."""
@@ -348,13 +350,14 @@ class Aligned(Family):
             mesh, shape, _along(self.normal, shape.gripper.rotation), np.stack([s, s], axis=1),
             self.normal, trend=before.trend(depths[0]),
             further=[steps_ahead(last, step) for last, step in pairwise(steps.tolist())],
-            origin=before.place, most=most, least=least)
+            origin=shape.gripper.position - self._center, place=self._center, most=most,
+            least=least)
         if self.simulator.accuracy is not None:
             found = list(takewhile(lambda one: self.simulator.discretization(
                 one.shape.gripper, one.shape) is mesh, found))
         passings: list[Passing] = []
         for depth, one in zip(depths.tolist(), found, strict=False):
-            before = Passing(one.shape, one.origin, depth=depth, axes=one.axes).after(before)
+            before = Passing(one.shape, depth=depth, axes=one.axes).after(before)
             passings.append(before)
         return passings
 
@@ -380,8 +383,7 @@ class GivenPoses(Family):
 
     def first(self, initial: Shape | None) -> Passing:
         """Return the Passing at the first pose, from a Shape or the natural one."""
-        shape = self._tracked(0, initial)
-        return Passing(shape, shape.gripper.position, depth=0.0)
+        return Passing(self._tracked(0, initial), depth=0.0)
 
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:
@@ -389,8 +391,7 @@ class GivenPoses(Family):
         del roll, final
         if depth == before.depth:
             return before
-        shape = self._tracked(int(depth), before.shape)
-        return Passing(shape, shape.gripper.position, depth=depth)
+        return Passing(self._tracked(int(depth), before.shape), depth=depth)
 
     def refusal(self, builder: PlanBuilder, before: Passing | None,
                 step: Step) -> Infeasible | None:
@@ -415,13 +416,15 @@ class GivenPoses(Family):
 class TwoPoints(Family):
     """The shapes that pass both centers, at each depth in the first: x(s2) - x(s1) = P2 - P1.
 
-    The chord (3,) is from the first center to the second, m.
+    The chord (3,) is from the first center to the second, m, the first one is at `center` (3,).
     """
 
     what = 'that pass both centers'
 
-    def __init__(self, simulator: DirectSimulator, chord: Floats) -> None:
+    def __init__(self, simulator: DirectSimulator, chord: Floats,
+                 center: Floats = ORIGIN) -> None:
         self.simulator, self.chord = simulator, np.array(chord, dtype=float)
+        self._center = center
         freeze(self.chord)
         self._apart = float(np.linalg.norm(chord))
 
@@ -437,8 +440,8 @@ class TwoPoints(Family):
         found = self._solved(before.shape, POSITION, s1, s1, roll,
                              None if roll else before.trend(depth))
         return None if found is None else Passing(
-            found.shape, found.origin, (float(min(found.where[1], self.simulator.rod.length)),),
-            depth=depth, axes=found.axes).after(before)
+            found.shape, (float(min(found.where[1], self.simulator.rod.length)),), depth=depth,
+            axes=found.axes).after(before)
 
     def from_end(self, guess: Shape, depth: float) -> Passing | None:
         """Return the Passing whose free end is at the second center, at about a depth (m)."""
@@ -448,7 +451,7 @@ class TwoPoints(Family):
         if found is None or not found.where[0] > 0:
             return None
         s1 = float(found.where[0])
-        return Passing(found.shape, found.origin, (length,), depth=length - s1, axes=found.axes)
+        return Passing(found.shape, (length,), depth=length - s1, axes=found.axes)
 
     def _solved(self, shape: Shape, first: int, s1: float, s2: float, roll: float = 0.0,
                 trend: tuple[Shape, float] | None = None,
@@ -465,7 +468,7 @@ class TwoPoints(Family):
             np.array([np.eye(3), np.eye(3), turned_by(roll * axis) @ shape.gripper.rotation]),
             np.array([1 / length, 1 / length, 1.0]))
         found = goal_shape(self.simulator, shape, goals, (s1, s2, 0.0), axis, trend,
-                           shape.gripper.position - place)
+                           shape.gripper.position - place, self._center)
         if (found is None or found.where.max() > length * (1 + 1e-12)
                 or not found.shape.converged or fell(shape, found.shape)):
             return None
@@ -528,12 +531,6 @@ def _along(normal: Floats, reference: Floats) -> GoalTable:
     return GoalTable(np.array([DIRECTION, ROLL]), np.zeros(2),
                      np.array([normal, free_axis(reference, normal)]),
                      np.array([reference, reference]), np.ones(2))
-
-
-def aligned_shape(simulator: DirectSimulator, guess: Shape, s: float, normal: Floats,
-                  reference: Floats, trend: tuple[Shape, float] | None = None) -> Found | None:
-    """Return the shape whose tangent at `s` (m) is `normal`, or None; as `Aligned.from_guess`."""
-    return goal_shape(simulator, guess, _along(normal, reference), s, np.array(normal), trend)
 
 
 def _nested_alignment(simulator: DirectSimulator, initial: Shape, s: float, normal: Floats,

@@ -541,29 +541,23 @@ def _distance(one: Floats, other: Floats) -> float:
 class Found(NamedTuple):
     """What `follow` finds."""
 
-    shape: Shape  # in a gripper at the origin
+    shape: Shape
     where: Floats  # (g,) arc lengths of the goals, m; beyond L where the DLO ends before
     axes: Floats  # (3, 3) axes of the DLO at the first goal
-    # (3,) where the gripper is, m; from the first goal, where that is no given place
-    origin: Floats
-
-    @property
-    def placed(self) -> Shape:
-        """The Shape where the gripper is."""
-        moved: Shape = self.shape.moved(self.origin)
-        return moved
 
 
 def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free: Floats, *,
            trend: tuple[Shape, float] | None = None, further: Sequence[float] = (),
-           origin: Floats = ORIGIN, reach: tuple[float, float] | None = None,
-           most: Floats | None = None, least: float = -np.inf) -> list[Found]:
+           origin: Floats = ORIGIN, place: Floats = ORIGIN,
+           reach: tuple[float, float] | None = None, most: Floats | None = None,
+           least: float = -np.inf) -> list[Found]:
     """Return the shapes that have goals at some sets of arc lengths, until one is in doubt.
 
     reach: how far the gripper may go where they may be missed, rad and m; None: they may not. The
     DLO then has to be stable.
 
-    Shapes: s (k, g), origin (3,).
+    Shapes: s (k, g); origin (3,): of the gripper, from `place` (3,), m: where the first goal is
+    that is no given one, or what given ones count from.
     """
     begin = mesh.strains_from(shape.s, shape.element_strains)
     earlier, ahead = trend or (shape, 0.0)
@@ -586,26 +580,31 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     out = []
     for k in range(count):
         elastic, energy, residual, stability, iterations = numbers[:, k].tolist()
+        at = place + origins[k]
         out.append(Found(hanging_shape(
-            mesh, pose_of(ORIGIN, bases[k]), strains[k], rotations[k], positions[k], wrenches[k],
-            elastic, energy, residual, stability, int(iterations)), where[k], axes[k], origins[k]))
+            mesh, pose_of(at, bases[k]), strains[k], rotations[k], at + positions[k], wrenches[k],
+            elastic, energy + float(at @ wrenches[k, :3]), residual, stability, int(iterations)),
+            where[k], axes[k]))
     return out
 
 
 def goal_shape(simulator: DirectSimulator, guess: Shape, goals: GoalTable, s: ArrayLike,
                free: Floats = ORIGIN, trend: tuple[Shape, float] | None = None,
-               origin: Floats = ORIGIN, reach: tuple[float, float] | None = None) -> Found | None:
+               origin: Floats = ORIGIN, place: Floats = ORIGIN,
+               reach: tuple[float, float] | None = None) -> Found | None:
     """Return what `follow` finds at `s`, on a mesh as fine as the simulator's, or None.
 
-    Shapes: s () or (g,), m; free (3,); origin (3,).
+    Shapes: s () or (g,), m; free (3,); origin, place (3,).
     """
     mesh, shape = guess.state.made_on, guess
     where = np.array(np.broadcast_to(s, (1, goals.kind.size)), dtype=float)
     for _ in range(MESHES):
-        found = follow(mesh, shape, goals, where, free, trend=trend, origin=origin, reach=reach)
+        found = follow(mesh, shape, goals, where, free, trend=trend, origin=origin, place=place,
+                       reach=reach)
         if not found or simulator.accuracy is None:  # its mesh is the same everywhere
             break
-        shape, origin = found[0].shape, found[0].origin
+        shape = found[0].shape
+        origin = shape.gripper.position - place
         better = simulator.discretization(shape.gripper, shape)
         if better is mesh:
             break

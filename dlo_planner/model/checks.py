@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from itertools import islice
 from numbers import Real
-from operator import ge, gt, le, lt
 from typing import Any, TypeGuard, TypeVar, overload
 
 import numpy as np
@@ -40,13 +39,10 @@ def shown(value: object) -> str:
     return text if len(text) <= _LONGEST else f'{text[:_LONGEST - 4]} ...'
 
 
-_LIMITS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
-    'minimum': ('>=', ge), 'above': ('>', gt), 'maximum': ('<=', le), 'below': ('<', lt)}
-
-
-def number(name: str, value: object, error: type[Exception] = InvalidTask,
-           **limits: float) -> float:
-    """Return `value` as a finite float within the limits, named as in _LIMITS, or raise `error`.
+def number(name: str, value: object, error: type[Exception] = InvalidTask, *,
+           minimum: float = -np.inf, above: float = -np.inf, maximum: float = np.inf,
+           below: float = np.inf) -> float:
+    """Return `value` as a finite float within the limits, or raise `error`.
 
     Numbers are Python's and NumPy's real ones; strings and booleans are none. Their size is at most
     1e75, and 1e-75 at least where they have to be above 0: products of a few stay finite.
@@ -59,15 +55,13 @@ def number(name: str, value: object, error: type[Exception] = InvalidTask,
         result = float(value)
     except (TypeError, ValueError, OverflowError):
         result = np.inf
-    if not (np.isfinite(result) and all(_LIMITS[one][1](result, limit)
-                                        for one, limit in limits.items())):
-        said = ' and '.join(f'{_LIMITS[one][0]} {limits[one]:g}' for one in _LIMITS
-                            if one in limits)
+    if not (np.isfinite(result) and minimum <= result <= maximum and above < result < below):
+        limits = ('>=', minimum), ('>', above), ('<=', maximum), ('<', below)
+        said = ' and '.join(f'{sign} {limit:g}' for sign, limit in limits if np.isfinite(limit))
         raise error(f'{name} = {shown(value)}: expected a finite number {said}'.rstrip())
-    positive = limits.get('above') == 0
-    if abs(result) > _EXTREME or positive and result < 1 / _EXTREME:
+    if abs(result) > _EXTREME or above == 0 and result < 1 / _EXTREME:
         raise error(f'{name} = {shown(value)}: expected a size of at most {_EXTREME:g}'
-                    f'{f" and at least {1 / _EXTREME:g}" if positive else ""}')
+                    f'{f" and at least {1 / _EXTREME:g}" if above == 0 else ""}')
     return result
 
 
@@ -155,10 +149,11 @@ def _of_numbers(given: NDArray[Any]) -> Floats | None:
 
 
 def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: int = 1,
-        most: int | None = None, **limits: float) -> Floats:
+        most: int | None = None, minimum: float = -np.inf, above: float = -np.inf,
+        maximum: float = np.inf, below: float = np.inf) -> Floats:
     """Return one number, or `least` to `most` of them, as a new float array (n,), or raise `error`.
 
-    `limits` are those of each, as for `number`.
+    The limits are those of each, as for `number`.
     """
     if is_number(value) or isinstance(value, np.ndarray) and value.ndim == 0:
         value = [value]
@@ -168,12 +163,13 @@ def row(name: str, value: Any, error: type[Exception] = InvalidTask, *, least: i
     if values.size < least or most is not None and values.size > most:
         raise error(f'{name} has {values.size} numbers: expected {least} at least'
                     f'{"" if most is None else f" and {most} at most"}')
-    least_value, most_value = limits.get('minimum', -np.inf), limits.get('maximum', np.inf)
-    doubtful = ~((values >= least_value) & (values <= most_value) & (np.abs(values) <= _EXTREME))
-    if 'above' in limits or 'below' in limits:
-        doubtful[:] = True
-    for index in np.flatnonzero(doubtful):
-        number(f'{name}[{index}]', float(values[index]), error, **limits)
+    inside = (values >= minimum) & (values <= maximum) & (values > above) & (values < below)
+    inside &= np.abs(values) <= _EXTREME
+    if above == 0:
+        inside &= values >= 1 / _EXTREME
+    for index in np.flatnonzero(~inside):
+        number(f'{name}[{index}]', float(values[index]), error, minimum=minimum, above=above,
+               maximum=maximum, below=below)
     return values
 
 

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from dlo_planner.errors import DeadlineExceeded, Infeasible, InvalidTask
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import depths_on, depths_or_none
+from dlo_planner.inverse.tasks.approach import first_approach
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.checks import (
     array,
@@ -55,7 +56,6 @@ _NUMBERS = ('amount', 'fraction', 'clearance', 'stability', 'roll', 'seconds')
 
 THREADED, UNDECIDED = 'threaded', 'undecided'
 LONGEST = 32      # characters of an outcome
-_STANDOFF = 0.1   # of the length: whether there is a way, however quick, does not hang on it
 _BETTER = 1e-6    # of stability: a start that is better by less is not preferred to one before it
 COLUMNS: dict[str, tuple[Any, tuple[int, ...]]] = {
     'outcome': (f'<U{LONGEST}', ()), 'amount': (float, ()), 'fraction': (float, ()),
@@ -394,9 +394,9 @@ def _from(query: ReachabilityQuery, cutout: CutOut, index: int,
         line |= _margins(plan)
         if start is not None:
             prefix = 'start_phase.'
-            approach = inverse.approach(cutout, plan, start, deadline=patience, standoff=(
-                _STANDOFF * inverse.simulator.rod.length))
-            line['stability'] = min(line['stability'], float(approach.stability.min()))
+            way = first_approach(inverse.approach, inverse.simulator.rod.length, cutout, plan,
+                                 start, deadline=patience)
+            line['stability'] = min(line['stability'], float(way.stability.min()))
     except Infeasible as refused:
         line |= {'outcome': (prefix + refused.constraint)[:LONGEST], 'amount': refused.amount}
         if not prefix:

@@ -16,7 +16,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible
 from dlo_planner.model.arrays import Floats
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import Judge, violated
 from dlo_planner.plan.continuity import discontinuity
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import (
@@ -50,6 +50,7 @@ class PlanBuilder:
     def __init__(self, depths: ArrayLike, demands: Judge, what: str = 'waypoint',
                  initial: Shape | None = None, stops: Iterable[int] = ()) -> None:
         self.waypoints: list[Waypoint] = []
+        self._rooms: list[float | None] = []  # of each, beside everything, m; None: not known
         self._initial, self._stops = initial, stops
         self._depths: Floats = np.asarray(depths, dtype=float)
         self._demands, self._what = demands, what
@@ -81,22 +82,24 @@ class PlanBuilder:
 
     def add(self, waypoint: Waypoint) -> None:
         """Take the next Waypoint; raises Infeasible if it breaks a demand."""
-        broken = self._demands.violation(waypoint)
+        margins = list(self._demands.margins(waypoint))
+        broken = violated(margins)
         if broken is not None:
-            raise self.refusal(*broken)
+            raise self.refusal(broken.name, -broken.room, broken.message)
         self.waypoints.append(waypoint)
+        self._rooms.append(None if waypoint.sheets and np.isinf(waypoint.clearance) else min(
+            one.room for one in margins if one.name == 'clearance'))
         self._demands.progress.done(len(self.waypoints), len(self._depths))
 
     def refusal(self, constraint: str, amount: float, why: str) -> Infeasible:
         """Return Infeasible for the next waypoint, with the plan up to it as evidence."""
-        return _refusal(self._what, len(self.waypoints), self._depths,
-                        (constraint, float(amount), why), self.partial())
+        return _refusal(self._what, len(self.waypoints), self._depths, constraint, float(amount),
+                        why, self.partial())
 
     def finished(self) -> Plan:
         """Return the Plan; raises Infeasible if it breaks a demand between two waypoints."""
-        plan = self._plan(PlanStatus.COMPLETE)
-        known = [room if np.isfinite(room) else None for room in plan.clearance]
-        return kept_between(plan, self._demands, self._what, known)
+        return kept_between(self._plan(PlanStatus.COMPLETE), self._demands, self._what,
+                            self._rooms)
 
     def partial(self) -> Plan:
         """Return the Plan so far, as evidence."""
@@ -109,7 +112,10 @@ class PlanBuilder:
 
 def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
                  known: Sequence[float | None] | None = None) -> Plan:
-    """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory."""
+    """Return a Plan that keeps its demands between waypoints, on the path of its Trajectory.
+
+    known: rooms at the waypoints beside everything, m, where they are.
+    """
     looked_at = demands.workspace is not None or demands.simulator is not None and (
         plan.sheets or demands.obstacles)
     if len(plan) < 2 or not plan.times[-1] > plan.times[0] or not looked_at:
@@ -117,15 +123,14 @@ def kept_between(plan: Plan, demands: Judge, what: str = 'waypoint',
     broken = violation_between(GripperPath.of(plan), plan.shapes, plan.sheets, demands, known)
     if broken is None:
         return plan
-    raise _refusal(what, broken.waypoint, plan.depths,
-                   (broken.constraint, broken.amount, broken.why),
-                   truncate(plan, broken.waypoint, PlanStatus.PARTIAL))
+    assert broken.place is not None  # it is between waypoints
+    raise _refusal(what, broken.place, plan.depths, broken.name, -broken.room, broken.message,
+                   truncate(plan, broken.place, PlanStatus.PARTIAL))
 
 
-def _refusal(what: str, index: int, depths: Floats, broken: tuple[str, float, str],
+def _refusal(what: str, index: int, depths: Floats, constraint: str, amount: float, why: str,
              plan: Plan) -> Infeasible:
-    """Return Infeasible for the waypoint `index`; broken: constraint, amount and words."""
-    constraint, amount, why = broken
+    """Return Infeasible for the waypoint `index`."""
     deep = bool(np.any(depths))
     depth = f' (depth {depths[index]:g} m)' if deep else ''
     kept = f'; all is kept to depth {depths[index - 1]:g} m' if deep and index else ''

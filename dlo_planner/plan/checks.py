@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The demands on a plan as named margins, at a waypoint and of a motion, and which is broken."""
+"""The demands on a plan as named margins: at a waypoint, between two, and of a motion.
+
+Whoever judges takes them from here: the builder of a plan, the sweep between its waypoints, a
+correction, the search for a calm motion, and the replay.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +27,36 @@ from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
 
 _LIGHTER = 1e-3  # of a least force: what a mesh makes of it
+ROOM = 0.25      # part of the room in a hole that a motion may lose, whatever its tolerance
+_EXCEEDED = 2.0  # what breaks a demand that has no limit counts as so many limits
 
 
 class Margin(NamedTuple):
     """How much of a demand is left, in its unit; below 0 it is broken."""
 
-    constraint: str
+    name: str  # of the demand: the constraint of `Infeasible`
     room: float
     words: str  # of a broken one, with {over}, {found} and {limit}
     found: float = np.nan
     limit: float = np.nan
+    place: int | None = None  # waypoint to which the gripper is going, between two of them
+
+    @property
+    def message(self) -> str:
+        """The words of a broken one."""
+        return self.words.format(over=-self.room, found=self.found, limit=self.limit)
+
+    @property
+    def used(self) -> float:
+        """What is used of the limit, as a part of it: above 1 it is broken."""
+        if self.limit > 0:
+            return 1 - self.room / self.limit
+        return 0.0 if self.room >= 0 else _EXCEEDED
+
+
+def violated(margins: Iterable[Margin]) -> Margin | None:
+    """Return the first Margin that is broken, or not known; None if none is."""
+    return next((one for one in margins if not one.room >= 0), None)
 
 
 @dataclass(frozen=True)
@@ -94,7 +118,10 @@ class Judge:
         yield Margin('clearance', waypoint.clearance, 'the DLO is {over:.3g} m in the sheet around '
                      'a cut-out (infinite, if no Sheet among the obstacles has this hole): it '
                      'would need as much more room')
+        around = [sheet for sheet, _ in waypoint.sheets] if np.isfinite(waypoint.clearance) else []
         for index, (obstacle, body) in enumerate(zip(self.obstacles, self._bodies, strict=True)):
+            if any(obstacle is sheet for sheet in around):
+                continue  # that is its clearance
             yield Margin('clearance', body.exact(shape),
                          f'the DLO is {{over:.3g}} m in {type(obstacle).__name__} {index}')
         yield Margin('stability', shape.stability - self.stability, 'the DLO would hardly stay in '
@@ -124,40 +151,46 @@ class Judge:
             yield Margin('yield', 1 - load, 'the DLO would yield: bent or twisted to {found:.3g} '
                          'times its limits', load)
 
-    def violation(self, waypoint: Waypoint,
-                  commanded: Pose | None = None) -> tuple[str, float, str] | None:
-        """Return constraint, amount and words of the demand that a Waypoint breaks, or None."""
+    def violation(self, waypoint: Waypoint, commanded: Pose | None = None) -> Margin | None:
+        """Return the Margin of the first demand that a Waypoint breaks, or None."""
         return violated(self.margins(waypoint, commanded))
 
 
-def motion_margins(figures: Mapping[str, float], most: float, touches: bool) -> Iterator[Margin]:
-    """Yield how much of each demand a motion leaves, by its figures as `InMotion` names them.
+def motion_margins(motion: Mapping[str, float], planned_miss: float, tolerance: float,
+                   touches: bool, room: float | None = None) -> list[Margin]:
+    """Return how much of each demand a motion leaves, by its figures as `InMotion` names them.
 
-    Those that are nan were not looked at. most: largest position error, m; touches: whether the
-    DLO means to touch something.
+    Those that are nan were not looked at. planned_miss: position error of the plan, m; touches:
+    whether the DLO means to touch something; room: clearance of the DLO that follows slowly, m,
+    where the motion has to be calm. If None, it has not.
     """
-    error = figures['position_error']
-    margins = (
-        Margin('clearance', figures['clearance'],
-               'in motion the DLO is {over:.3g} m in the sheet or an obstacle'),
-        Margin('contact', 0.0 if touches else -figures['contact_force'],
+    if not motion['converged']:
+        return [Margin('motion', -np.inf, 'the motion could not be simulated to its end', limit=1)]
+    missed = motion['position_error'] - planned_miss
+    margins = [
+        Margin('clearance', motion['clearance'],
+               'in motion the DLO is {over:.3g} m in the sheet or an obstacle', limit=tolerance),
+        Margin('contact', 0.0 if touches else -motion['contact_force'],
                'in motion the DLO touches something, with {over:.3g} N'),
-        Margin('contact_lost', -figures['contact_lost'],
+        Margin('contact', -motion['contact_lost'],
                'the DLO loses a contact that the plan keeps, {over:.2%} of the time'),
-        Margin('max_bend_curvature', figures['bend_margin'],
+        Margin('max_bend_curvature', motion['bend_margin'],
                'in motion the DLO is bent by {over:.3g} 1/m more than max_bend_curvature'),
-        Margin('tolerance', most - error,
-               'in motion the DLO misses by {found:.3g} m: expected at most {limit:.3g} m',
-               error, most))
-    return (one for one in margins if not np.isnan(one.room))
-
-
-def violated(margins: Iterable[Margin]) -> tuple[str, float, str] | None:
-    """Return constraint, amount and words of the first Margin that is broken, None if none is."""
-    for name, room, words, found, limit in margins:
-        if not room >= 0:  # nan: it was not looked at
-            return name, -room, words.format(over=-room, found=found, limit=limit)
-    return None
+        Margin('miss', tolerance - missed, f'in motion the DLO misses by '
+               f'{motion["position_error"]:.3g} m: expected at most {planned_miss + tolerance:.3g} '
+               'm', missed, tolerance)]
+    if room is not None:
+        # far from everything more may be lost than where it is narrow; between two waypoints the
+        # plan may come nearer than at both
+        room = min(room, motion['calm_clearance'])
+        most, lost = max(tolerance, ROOM * room), room - motion['clearance']
+        margins += [
+            Margin('clearance', most - lost, 'in motion the DLO loses {found:.3g} m of its room: '
+                   'expected at most {limit:.3g} m', lost, most),
+            Margin('departure', tolerance - motion['departure'], 'at the end the DLO vibrates by '
+                   '{found:.3g} m: expected at most {limit:.3g} m', motion['departure'],
+                   tolerance)]
+    return [one for one in margins if not np.isnan(one.room)]
 
 
 def utilization(shape: Shape, yield_limits: Floats) -> float:

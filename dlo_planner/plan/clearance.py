@@ -113,14 +113,10 @@ class Bodies:
         return [hole_clearances(*sheet, self._surface, shape, scene)
                 for sheet, scene in zip(self._sheets, self._known(shape)[2], strict=True)]
 
-    def exact(self, shape: Shape, at_sheets: float | None = None) -> float:
-        """Return the smallest distance of a Shape in m, negative inside; inf without a body.
-
-        `at_sheets`: the one from all sheets, where it is known.
-        """
+    def exact(self, shape: Shape) -> float:
+        """Return the smallest distance of a Shape in m, negative inside; inf without a body."""
         self.check()
-        rooms = [float(room.min()) for room in self.holes(shape)] if at_sheets is None else [
-            at_sheets]
+        rooms = [float(room.min()) for room in self.holes(shape)]
         if self._others:
             rooms.append(_clearance(self._known(shape)[1], shape))
         return min(rooms, default=np.inf)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias, overload
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dlo_planner.direct.shape import Shape, pack, unpack
+from dlo_planner.direct.shape import Shape, carried, pack, unpack
 from dlo_planner.direct.storage import load, pose_of_row, pose_row, save
 from dlo_planner.errors import InvalidTask
 from dlo_planner.model.arrays import Floats
@@ -300,7 +300,7 @@ def moved(plan: Plan, shift: Floats) -> Plan:
     """Return a Plan displaced by `shift` (3,), m, with the sheets around its cut-outs."""
     return replace(
         plan, grippers=tuple(_shifted(pose, shift) for pose in plan.grippers),
-        shapes=tuple(shape.moved(shift) for shape in plan.shapes),
+        shapes=tuple(carried(shape, shift) for shape in plan.shapes),
         via_points=tuple(tuple((center + shift, s, normal) for center, s, normal in passes)
                          for passes in plan.via_points),
         sheets=tuple((moved_sheet(sheet, shift), normal) for sheet, normal in plan.sheets))

@@ -31,7 +31,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -42,11 +41,9 @@ from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose, angle_between
-from dlo_planner.plan.checks import Judge
+from dlo_planner.plan.checks import Judge, Margin
 from dlo_planner.plan.clearance import Bodies, SheetSide
 from dlo_planner.plan.path import GripperPath, Leg
-
-Violation: TypeAlias = tuple[str, float, str]    # constraint, by how much, in words
 
 _HALVINGS = 7   # of the way between two waypoints
 _CLOSER = 4     # looks for where the DLO is deepest in something
@@ -54,26 +51,20 @@ _TINY = 1e-12   # of the length: a node in the gripper
 _LEAP = 3.0     # motion of the DLO per lever and turn of the gripper: more is no continuation
 
 
-@dataclass(frozen=True, eq=False)
-class Broken:
-    """A violation before a waypoint: index of the waypoint, constraint, amount, in words."""
-
-    waypoint: int
-    constraint: str
-    amount: float
-    why: str
-
-
 def violation_between(path: GripperPath, shapes: Sequence[Shape], sheets: Sequence[SheetSide],
                       demands: Judge,
-                      known: Sequence[float | None] | None = None) -> Broken | None:
-    """Return the first violation between the waypoints of a plan, or None."""
+                      known: Sequence[float | None] | None = None) -> Margin | None:
+    """Return the first Margin that is broken between the waypoints of a plan, or None.
+
+    known: rooms of the shapes beside everything, m, where they are.
+    """
     outside = None
     if demands.workspace is not None:
         beyond = demands.workspace.first_beyond(path)
         if beyond is not None:
-            outside = Broken(*beyond, 'on the way there the gripper comes '
-                             f'{beyond[2]:.3g} m beyond {beyond[1]}')
+            place, name, amount = beyond
+            outside = Margin(name, -amount, 'on the way there the gripper comes {over:.3g} m '
+                             f'beyond {name}', place=place)
     if demands.simulator is None or not (sheets or demands.obstacles) or any(
             shape.s[-1] != demands.simulator.rod.length for shape in shapes):
         return outside
@@ -106,8 +97,8 @@ class _Sweep:
         self._path, self._bodies, self._simulator = path, bodies, simulator
 
     def broken(self, shapes: Sequence[Shape], known: Sequence[float | None] | None,
-               outside: Broken | None) -> Broken | None:
-        """Return the first Broken before n Shapes, earlier than `outside`."""
+               outside: Margin | None) -> Margin | None:
+        """Return the first Margin that is broken before n Shapes, earlier than `outside`."""
         known = [None] * len(shapes) if known is None else known
         for leg in self._path.legs:
             if leg.still:
@@ -115,7 +106,7 @@ class _Sweep:
             before, pieces = None, leg.pieces()
             for a, b, bends in zip(*pieces, leg.bounds(*pieces)[:, :, 1], strict=True):
                 goal = self._path.goal(b)
-                if outside is not None and goal > outside.waypoint:
+                if outside is not None and outside.place is not None and goal > outside.place:
                     return None
                 if before is None:
                     start = np.searchsorted(self._path.times, a, side='right') - 1
@@ -123,16 +114,16 @@ class _Sweep:
                 after = self._look(b, shapes[goal], known[goal])
                 what = self._between(leg, before, after, bends, _HALVINGS)
                 if what is not None:
-                    return Broken(goal, *what)
+                    return what._replace(place=goal)
                 before = after
         return None
 
-    def _look(self, u: float, shape: Shape, at_sheets: float | None = None) -> _Look:
-        return _look(self._bodies, u, shape, self._bodies.exact(shape, at_sheets))
+    def _look(self, u: float, shape: Shape, least: float | None = None) -> _Look:
+        return _look(self._bodies, u, shape, self._bodies.exact(shape) if least is None else least)
 
     def _between(self, leg: Leg, one: _Look, other: _Look, bends: Floats,
-                 halvings: int) -> Violation | None:
-        """Return constraint, amount and words of a violation between two Looks, or None.
+                 halvings: int) -> Margin | None:
+        """Return the Margin that is broken between two Looks, or None.
 
         Shapes: bends (2,).
         """
@@ -141,22 +132,24 @@ class _Sweep:
             return None
         if not halvings:
             if far:
-                return 'continuity', far, (f'on the way there the DLO goes {far:.3g} m to where '
-                                           'the gripper does not bring it')
-            return 'clearance', short, (f'on the way there {short:.3g} m are missing to show that '
-                                        'the DLO touches nothing; closer waypoints may help')
+                return Margin('continuity', -far, 'on the way there the DLO goes {over:.3g} m to '
+                              'where the gripper does not bring it')
+            return Margin('clearance', -short, 'on the way there the DLO has {found:.3g} m of room '
+                          'at the waypoints, and {over:.3g} m more are needed to show that it '
+                          'touches nothing between: closer waypoints, or more room, may help',
+                          min(one.least, other.least))
         middle, jumped = self._middle(leg, one, other)
         if middle is None:
             return jumped
         if middle.least < 0:
             deepest = self._deepest(leg, one, middle, other)
-            return 'clearance', deepest, (f'on the way there the DLO is {deepest:.3g} m in the '
-                                          'sheet or an obstacle')
+            return Margin('clearance', -deepest, 'on the way there the DLO is {over:.3g} m in the '
+                          'sheet or an obstacle')
         return (self._between(leg, one, middle, bends, halvings - 1)
                 or self._between(leg, middle, other, bends, halvings - 1))
 
-    def _middle(self, leg: Leg, one: _Look, other: _Look) -> tuple[_Look | None, Violation | None]:
-        """Return the Look half way between two and None, or None and the violation by a jump."""
+    def _middle(self, leg: Leg, one: _Look, other: _Look) -> tuple[_Look | None, Margin | None]:
+        """Return the Look half way between two and None, or None and what a jump breaks."""
         u = 0.5 * (one.u + other.u)
         (position,), (rotation,) = leg.poses(np.array([u]))
         held = None if one.shape.far_end is None else [one.shape.far_end]
@@ -165,8 +158,8 @@ class _Sweep:
         if shape.converged and not shape.jumped:
             return self._look(u, shape), None
         away = float(np.linalg.norm(shape.positions[-1] - one.shape.positions[-1]))
-        return None, ('continuity', away, 'on the way there the DLO falls into another shape: its '
-                      f'free end comes {away:.3g} m away')
+        return None, Margin('continuity', -away, 'on the way there the DLO falls into another '
+                            'shape: its free end comes {over:.3g} m away')
 
     def _deepest(self, leg: Leg, before: _Look, deep: _Look, after: _Look) -> float:
         """Return how deep (m) the DLO is in something near a Look where it is, at the worst."""
@@ -201,20 +194,33 @@ def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
 
 def _missing(one: _Look, other: _Look, bulges: Floats, others: Floats) -> float:
     """Return by how much (m) the bulges (N + 1,) of the nodes of two Looks exceed their rooms."""
+    these, those = kernel_arrays(one.shape), kernel_arrays(other.shape)
+    return max(_exceeded(these[0], these[3], one.rooms, bulges, *those),
+               _exceeded(those[0], those[3], other.rooms, others, *these))
+
+
+@kernel
+def _exceeded(lengths: Floats, points: Floats, rooms: Floats, bulge: Floats, others: Floats,
+              strains: Floats, rotations: Floats, positions: Floats) -> float:
+    """Return by how much (m) the nodes exceed the rooms (N,) on their way to another curve.
+
+    Args:
+        lengths: (N,) of the elements, m; points: (N + 1, 3) m, the nodes; bulge: (N + 1,) m
+        others: (M,) of the other curve, m, and what it is like
+    """
+    reach = 0.0  # by how much the ends have moved
+    for one, other in ((0, 0), (lengths.size, others.size)):
+        square = 0.0
+        for i in range(3):
+            square += (points[one, i] - positions[other, i]) ** 2
+        reach = max(reach, np.sqrt(square))
+    at, s = np.zeros(lengths.size + 1), np.zeros(others.size + 1)
+    at[1:], s[1:] = np.cumsum(lengths), np.cumsum(others)
+    away = 0.5 * _distances(at, points, s, strains, rotations, positions, reach) + bulge
     short = -np.inf
-    for this, that, bulge in ((one, other, bulges), (other, one, others)):
-        away = 0.5 * curve_distances(this.shape, that.shape) + bulge
-        short = max(short, float((np.maximum(away[1:], away[:-1]) - this.rooms).max()))
+    for e in range(lengths.size):
+        short = max(short, max(away[e], away[e + 1]) - rooms[e])
     return short
-
-
-def curve_distances(this: Shape, that: Shape) -> Floats:
-    """Return (N + 1,) distances in m of the nodes of a Shape from another, prolonged, as curves."""
-    ends = this.positions[[0, -1]] - that.positions[[0, -1]]
-    reach = float(np.sqrt((ends**2).sum(axis=1).max()))
-    result: Floats = _distances(np.array(this.s), kernel_arrays(this)[3], np.array(that.s),
-                                *kernel_arrays(that)[1:], reach)
-    return result
 
 
 @kernel

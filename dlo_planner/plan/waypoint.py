@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape, carried
+from dlo_planner.direct.shape import Shape
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Obstacle, Sheet
@@ -64,18 +64,6 @@ class Holes:
         rooms = iter(self._bodies.holes(waypoint.shape))
         return waypoint._replace(sheets=self._sheets, clearances=tuple(
             next(rooms) if sized else _FREE for sized in self._sized))
-
-
-def waypoint_of(shape: Shape, center: Floats, s: float, normal: Floats | None,
-                known: tuple[Floats, Floats] | None = None) -> Waypoint:
-    """Return the Waypoint of a Shape carried so that it passes `center` at `s`: section 5.2.
-
-    Shapes: center (3,), normal (3,).
-    """
-    axes, position = shape.frame_at(s) if known is None else known
-    displacement = center - position
-    return waypoint_at(carried(shape, displacement), center, s, normal,
-                       (axes, position + displacement))
 
 
 def waypoint_at(shape: Shape, center: Floats, s: float, normal: Floats | None,

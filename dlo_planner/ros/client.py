@@ -62,7 +62,7 @@ class DloCommander(Node):
     def __init__(self, planner: str = '/dlo_planner', frame_id: str = 'world',
                  timeout: float = 70.0, **options: Any) -> None:
         super().__init__('dlo_commander', **options)
-        self._planner, self._frame_id, self._timeout = planner, frame_id, timeout
+        self.planner, self._frame_id, self._timeout = planner, frame_id, timeout
         self._asked: dict[str, Any] = {}
         self._said, self._progress = (deque[Any](maxlen=_REMEMBERED) for _ in range(2))
         for name, came in (('status', self._said), ('execution', self._progress)):
@@ -73,10 +73,10 @@ class DloCommander(Node):
     def wait_until_active(self, timeout: float = 600.0) -> None:
         """Wait until the node answers; the first start of all may compile for minutes."""
         end = monotonic() + timeout
-        self._spin(self._client(GetState, 'get_state').service_is_ready, 'get_state', timeout)
+        self.wait_for(self._client(GetState, 'get_state').service_is_ready, 'get_state', timeout)
         while self._call(GetState, 'get_state', GetState.Request()).current_state.id != _ACTIVE:
             if monotonic() > end:
-                raise TimeoutError(f'{self._planner} does not become active')
+                raise TimeoutError(f'{self.planner} does not become active')
             sleep(0.1)
 
     def set_planner(self, **values: Any) -> None:
@@ -90,7 +90,7 @@ class DloCommander(Node):
 
     def set_obstacles(self, obstacles: Iterable[Obstacle], friction: float | None = None) -> None:
         """Publish obstacles in place of those before; with a friction, if each has not its own."""
-        self._spin(self._obstacles.get_subscription_count, 'obstacles')
+        self.wait_for(self._obstacles.get_subscription_count, 'obstacles')
         self._obstacles.publish(obstacles_msg(obstacles, self._frame_id, friction=friction))
 
     def predict(self, gripper: Pose, far_end: Pose | None = None) -> list[Pose]:
@@ -126,11 +126,11 @@ class DloCommander(Node):
         self._outcome('execute', {'stamp': stamp})
         end = None
         while end is None:
-            self._spin(lambda: self._progress or self._found('execute', {'stamp': stamp}),
+            self.wait_for(lambda: self._progress or self._found('execute', {'stamp': stamp}),
                        'execution')
             end = self._found('execute', {'stamp': stamp})
             while self._progress:
-                values = _values(self._progress.popleft())
+                values = values_of(self._progress.popleft())
                 yield Progress(values['state'], float(values.get('progress [%]', 0.0)),
                                float(values.get('done [s]', 0.0)))
         _judged(end)
@@ -161,42 +161,44 @@ class DloCommander(Node):
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         client = self._client(kind, name)
-        self._spin(client.service_is_ready, name)
+        self.wait_for(client.service_is_ready, name)
         future = client.call_async(request)
-        self._spin(future.done, name)
+        self.wait_for(future.done, name)
         return future.result()
 
     def _client(self, kind: Any, name: str) -> Any:
         if name not in self._asked:
-            self._asked[name] = self.create_client(kind, f'{self._planner}/{name}')
+            self._asked[name] = self.create_client(kind, f'{self.planner}/{name}')
         return self._asked[name]
 
-    def _spin(self, wanted: Callable[[], Any], what: str, timeout: float | None = None) -> None:
+    def wait_for(self, wanted: Callable[[], Any], what: str, timeout: float | None = None) -> None:
+        """Take messages until `wanted()`; `what` comes then, and is named in the TimeoutError."""
         end = monotonic() + (self._timeout if timeout is None else timeout)
         while not wanted():
             if monotonic() > end:
-                raise TimeoutError(f'{self._planner}/{what}: nothing came in time')
+                raise TimeoutError(f'{self.planner}/{what}: nothing came in time')
             rclpy.spin_once(self, timeout_sec=0.05)
 
     def _outcome(self, request: str, known: Mapping[str, str] = MappingProxyType({}),
                  timeout: float | None = None) -> dict[str, str]:
         """Return what ~/status says of a request with these values; raise what it refuses with."""
-        self._spin(lambda: self._found(request, known), f'status of {request}', timeout)
+        self.wait_for(lambda: self._found(request, known), f'status of {request}', timeout)
         status = self._found(request, known)
         self._said.remove(status)
         return _judged(status)
 
     def _found(self, request: str, known: Mapping[str, str]) -> DiagnosticStatus | None:
         wanted = {'request': request, **known}.items()
-        return next((one for one in self._said if wanted <= _values(one).items()), None)
+        return next((one for one in self._said if wanted <= values_of(one).items()), None)
 
 
-def _values(status: DiagnosticStatus) -> dict[str, str]:
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
+    """Return what a status says, by name."""
     return {item.key: item.value for item in status.values}
 
 
 def _judged(status: DiagnosticStatus) -> dict[str, str]:
-    values = _values(status)
+    values = values_of(status)
     if values['code'] != '0':
         raise Refused(Cause(int(values['code'])), status.message)
     return values

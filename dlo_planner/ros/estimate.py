@@ -189,8 +189,8 @@ class Estimator(Part):
         time = float(execution.way.progress([execution.done_at(stamp)])[0])
         self._seen = stamp, deviation(made.plan, time, points)
         task = loop_task_of(made)
-        if task is None or observing.doubted or not state.scene.seeing.correct:
-            return
+        if task is None or task.touches or observing.doubted or not state.scene.seeing.correct:
+            return  # what it misses where it touches is not predicted
         miss, left = expected_miss(estimate, made.plan, execution)
         if left > 0:
             self.statistics.note({MISS_EXPECTED: miss})

@@ -33,9 +33,10 @@ _MOVED = 'the motion along the plan is still being made and checked: ask again'
 def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan: Plan,
            before: Shape | None) -> Iterator[Proof]:
     """Yield the Proof of a Plan after each step; the last one is `done`."""
-    workspace = scene.workspace
-    slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before, 'workspace': workspace,
-              'obstacles': scene.direct.obstacles}
+    touched = [shape.obstacles[one.obstacle] for shape in plan.shapes for one in shape.contacts]
+    slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before,
+              'workspace': scene.workspace, 'obstacles': [  # of which the DLO has to stay clear
+                  one for one in scene.direct.obstacles if one not in touched]}
     moving = {**slowly, 'limits': scene.motion_limits, 'tolerance': scene.wanted.tolerance,
               'deadline': scene['threading.deadline']}
     known = None

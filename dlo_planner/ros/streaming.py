@@ -29,6 +29,7 @@ from dlo_planner.execute.loop_motions import LoopTask
 from dlo_planner.execute.task_loop import TaskLoop
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.estimator import DloEstimator
+from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
@@ -44,17 +45,20 @@ from dlo_planner.ros.plan import (
 from dlo_planner.ros.state import Looking, PlanResult, State, Store
 from dlo_planner.ros.status import Part, Shared, Statistics
 from dlo_planner.ros.worker import Worker, persistent
+from dlo_planner.settings.tasks import STANDOFF
 from dlo_planner.view.scene import axes_primitives
 from msg_helpers.diagnostics import OK, WARN, status_msg
 from msg_helpers.poses import pose_stamped_msg, stamp_text
 from msg_helpers.trajectories import poses_ahead
 
 MISS_EXPECTED = 'miss expected at most [m]'  # of the cut-out in motion, 95 %
-_STANDOFF = 0.05  # of the length, where none is given, and the plan does not stop before the hole
 
 
 def loop_task_of(made: PlanResult) -> LoopTask | None:
-    """Return the task of a plan whose DLO passes cut-outs or a bore with a known room; or None."""
+    """Return the task of a plan for the closed loop, or None: it has none, or its room is unknown.
+
+    One that a closed loop serves: cut-outs, a bore, a contact.
+    """
     try:
         return _loop_task(made)
     except InvalidTask:
@@ -64,17 +68,24 @@ def loop_task_of(made: PlanResult) -> LoopTask | None:
 def _loop_task(made: PlanResult) -> LoopTask:
     """Return the task of a plan for the closed loop; raise InvalidTask, which says why not."""
     plan, scene, task = made.plan, made.scene, made.task
+    far = STANDOFF * scene.direct.rod.length
+    if isinstance(task, HoldContact | SlideContact):
+        if not scene['contacts.tolerance']:
+            raise InvalidTask('parameter contacts.tolerance = 0: expected by how much the DLO may '
+                              f'miss the place that it touches in a {type(task).__name__}, m')
+        return LoopTask(scene.inverse, task, scene.wanted.standoff if scene.wanted.standoff > 0
+                        else far, scene.limits, scene['contacts.tolerance'])
     passing = [bool(passes) for passes in plan.via_points]
     depths = np.unique(plan.depths[passing])  # a bore takes over a mass in several waypoints
     if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or not depths.size:
-        raise InvalidTask(f'{type(task).__name__} passes no cut-out or bore')
+        raise InvalidTask(f'{type(task).__name__} passes no cut-out or bore, and touches nothing')
     if depths[0] > 0:  # the way to the entry ends there, where nothing passes yet
         depths = np.append(0.0, depths)
     first = cutouts_of(task)[0]
     stops = [first.normal @ (first.center - plan.shapes[k].positions[-1]) for k in plan.stops
              if not passing[k]]
     standoff = scene.wanted.standoff if scene.wanted.standoff > 0 else float(
-        max(stops, default=0.0)) or _STANDOFF * scene.direct.rod.length
+        max(stops, default=0.0)) or far
     task = Thread(first, depths) if isinstance(task, Thread) else replace(task, depths=depths)
     return LoopTask(scene.inverse, task, standoff, scene.limits)  # refuses what has no room
 

@@ -107,9 +107,10 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'threading.linear_jerk': (5.0, 'Limit of the motion, m/s^3.', 0.0001, 100000.0),
     'threading.angular_jerk': (20.0, 'Limit of the motion, rad/s^3.', 0.0001, 1e6),
     'threading.standoff': (0.0, "Unless it is 0, a plan begins at the gripper's present pose, and "
-                                "the free end waits so far before the hole, m; below 0 = of 0.05, "
-                                "0.1, 0.15 of the length what makes the calm motion the "
-                                "quickest.", -1.0, 10.0),
+                                "the free end waits so far before the hole, or what touches so "
+                                "far above its contact, m; below 0 = of 0.05, 0.1, 0.15 of the "
+                                "length what makes the calm motion the quickest, 0.05 above a "
+                                "contact.", -1.0, 10.0),
     'threading.gripper_clearance': (0.0, 'The plan ends where the gripper comes nearer to the '
                                          'sheet than this, m; 0 = does not care.', 0.0, 10.0),
     # no range: it would refuse nan
@@ -123,6 +124,9 @@ _TABLE: dict[str, tuple[Any, ...]] = {
     'threading.may_yield': (True, 'Whether a plan may set the DLO for good.'),
     'cutouts.radius': (0.0, 'Of round cut-outs and bores that do not say theirs, m; 0 = not '
                             'known.', 0.0, 10.0),
+    'contacts.tolerance': (0.0, 'By how much the DLO may miss the place that it is to touch, '
+                                'across it, m; 0 = not stated: what touches is executed in open '
+                                'loop.', 0.0, 10.0),
     'obstacles.friction': (0.0, "Coulomb's coefficient of obstacles that do not say "
                                 "theirs.", 0.0, 10.0),
     'workspace.lower': ([-_ANY] * 3, 'Corner of the box for the gripper, m.'),

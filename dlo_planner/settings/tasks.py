@@ -11,11 +11,13 @@ import numpy as np
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.errors import Infeasible, InvalidTask
+from dlo_planner.execute.loop_motions import way_onto
 from dlo_planner.files import text_of, writable
 from dlo_planner.inverse.plain_tasks import classes_below, from_plain
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.task import PlanContext, Task
 from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.inverse.tasks.contact import HoldContact, SlideContact
 from dlo_planner.inverse.tasks.insert import Insert
 from dlo_planner.inverse.tasks.thread import Thread, trim_to_clearance
 from dlo_planner.inverse.tasks.thread_sequence import ThreadSequence, cutouts_of
@@ -170,6 +172,7 @@ def write_task(path: Path, task: Task) -> None:
 
 
 MOST_INSERTED = 0.99  # of the length, by `Insert`
+STANDOFF = 0.05       # of the length, where none is given
 
 
 @dataclass(frozen=True)
@@ -177,7 +180,7 @@ class Wanted:
     """What is asked of the way; attributes are the parameters `threading.*` of the same names.
 
     `limits` are all those of the motion. With a standoff below 0 it is found; a tolerance of None
-    is the default one.
+    is the default one. `may_miss` is `contacts.tolerance`, m.
     """
 
     waypoints: int
@@ -186,13 +189,14 @@ class Wanted:
     standoff: float
     gripper_clearance: float
     tolerance: float | None = None
+    may_miss: float = 0.0
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> 'Wanted':
         """Return that of parameter values."""
         return cls(values['threading.waypoints'], values['threading.deepest'], limits_of(values),
                    values['threading.standoff'], values['threading.gripper_clearance'],
-                   tolerance_of(values))
+                   tolerance_of(values), values['contacts.tolerance'])
 
 
 @dataclass(frozen=True)
@@ -209,12 +213,17 @@ def plan_task(inverse: InverseSimulator, task: Task, wanted: Wanted,
               progress: OnProgress = None, deadline: float | None = None) -> Plan:
     """Return the Plan of a task, where `wanted` says what the task leaves open.
 
-    With a standoff, a threading begins at the gripper's present pose, if that is known. So does a
-    plan of one pose.
+    With a standoff, a threading begins at the gripper's present pose, if that is known, and what
+    touches comes straight down from there. A plan of one pose begins there, too.
     """
     start, task = present.gripper, _with_depths(task, wanted, inverse.simulator.rod.length)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(
         inverse.requirements, deadline=deadline, limits=wanted.limits, tolerance=miss)}
+    if isinstance(task, HoldContact | SlideContact) and wanted.standoff and start is not None:
+        standoff = wanted.standoff if wanted.standoff > 0 else (
+            STANDOFF * inverse.simulator.rod.length)
+        return inverse.check(concatenate(*way_onto(inverse, task, start, standoff,
+                                                   wanted.may_miss, **options)))
     threads = isinstance(task, Thread | ThreadTwo | ThreadSequence)
     before = present.shape if task.takes_initial and not threads else None
     plan = inverse.plan(task, start=start, initial=before, **options)

@@ -18,6 +18,7 @@ from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.varying import scaled
+from dlo_planner.plan.checks import Margin, motion_margins
 from dlo_planner.plan.path import GripperPath, Leg, held_after
 from dlo_planner.plan.plan import Plan, arc_length_at, means_to_touch
 from dlo_planner.plan.requirements import Limits
@@ -31,7 +32,7 @@ from dlo_planner.trajectory.dynamic_check import (
     unplanned,
 )
 from dlo_planner.trajectory.modal_response import Response
-from dlo_planner.trajectory.shaping import LegTask, calm_law, margin, predicted
+from dlo_planner.trajectory.shaping import SLOWEST, LegTask, calm_law, margin, predicted
 from dlo_planner.trajectory.time_law import TimeLaw
 from dlo_planner.trajectory.timed_path import TimedPath
 
@@ -100,11 +101,8 @@ def _quick(simulator: DirectSimulator) -> DirectSimulator:
                            obstacles=around.obstacles)
 
 
-ROOM = 0.25         # part of the room in a hole that the default tolerance is
-_SLOWEST = 16.0     # times as long as the limits ask for: slower is no motion any more
 _ROUNDS = 7         # of aiming lower
 _SPARE = 0.9        # part of the tolerance that is aimed at again
-_TOUCHED = 2.0      # times the tolerance: what a touch that is not planned counts as
 # statuses of a Trajectory
 COMPLETE = 'complete'
 DEADLINE = 'calm, but not all is known of it: the deadline came first'
@@ -157,6 +155,12 @@ class CalmSearch:
         return leg_tasks(self._free, self.plan, self.fastest.path, self.fastest.limits,
                          self._first, self.progress.check)
 
+    @property
+    def slowest_period(self) -> float:
+        """The longest period (s) of the DLO's vibrations on the way; nan where it never moves."""
+        return max((2 * np.pi / float(task.response.rates.min()) for task in self._tasks
+                    if task is not None), default=np.nan)
+
     @cached_property
     def _room(self) -> float:
         """Clearance as planned, m; nan if there is nothing to be near to."""
@@ -168,7 +172,7 @@ class CalmSearch:
         """Whether no other law is left to be tried."""
         return (not self._first.converged or self._inside > 0
                 or self._rounds >= (self.rounds or _ROUNDS)
-                or self._missed_by.slowest > _SLOWEST * self.fastest.duration)
+                or self._missed_by.slowest > SLOWEST * self.fastest.duration)
 
     def go_on(self, below: float = np.inf) -> Calm | None:
         """Return what the next laws come to if the DLO stays calm; None if not.
@@ -180,7 +184,8 @@ class CalmSearch:
             return None
         motions = self._moved(timed)
         motion = _worst(motions)
-        name, used = self._used(motion)
+        worst = self._most_used(motion)
+        name, used = worst.name, worst.used
         if used <= 1:
             return Calm(self, timed, motions, _worst([
                 replace(one, error_estimate=np.inf) for one in motions]))
@@ -210,7 +215,7 @@ class CalmSearch:
                     f'{self._inside:.3g} m deep')
         elif what == 'contact':
             said = f'limits: in motion the DLO {touch}'
-        elif what == 'motion':
+        elif what in ('motion', 'max_bend_curvature'):
             said = f'limits: {self.reached}'
         else:
             said = (f'limits: the DLO is not calm: {self.reached}: expected at most '
@@ -224,6 +229,8 @@ class CalmSearch:
         missed = self._missed_by
         if missed.what == 'motion':
             return 'no motion that was tried could be simulated to its end'
+        if missed.what == 'max_bend_curvature':
+            return 'in motion the DLO is bent by more than max_bend_curvature'
         return missed.what and (f'{missed.what} in motion, {missed.least * self.tolerance:.3g} m '
                                 f'at best, in {missed.duration:.3g} s')
 
@@ -255,7 +262,7 @@ class CalmSearch:
         for simulator in self._simulators:
             motions.append(in_motion(simulator, self.plan, timed, self._first, self.obstacles,
                                      self.progress, touched=False, calm=calm))
-            if self._used(motions[-1])[1] > 1:
+            if self._most_used(motions[-1]).used > 1:
                 break
         return motions
 
@@ -276,25 +283,11 @@ class CalmSearch:
             simulator, self.plan, timed, self._first, motion, self.progress))
             for simulator, motion in zip(self._simulators, motions, strict=True)])
 
-    def _used(self, motion: InMotion) -> tuple[str, float]:
-        """Return the name of the figure that uses most of the tolerance, and the part it uses."""
-        if not motion.converged:
-            return 'motion', np.inf
-        used = {'miss': self._missed(motion) / self.tolerance,
-                'departure': motion.departure / self.tolerance}
-        if not np.isnan(motion.clearance):
-            # far from everything more may be lost than where it is narrow; between two waypoints
-            # the plan may come nearer than at both
-            room = min(self._room, motion.calm_clearance)
-            used['clearance'] = (room - motion.clearance) / max(self.tolerance, ROOM * room)
-            if motion.clearance <= 0:
-                used['clearance'] = np.fmax(used['clearance'],
-                                            1 - motion.clearance / self.tolerance)
-        if (motion.contact_force > 0 and not means_to_touch(self.plan)
-                or motion.contact_lost > 0):
-            used['contact'] = _TOUCHED
-        return max(((name, part) for name, part in used.items() if not np.isnan(part)),
-                   key=lambda one: one[1])
+    def _most_used(self, motion: InMotion) -> Margin:
+        """Return the Margin of which most is used."""
+        return max(motion_margins(vars(motion), self.plan.position_error.max(), self.tolerance,
+                                  means_to_touch(self.plan), self._room),
+                   key=lambda one: one.used)
 
     def _missed(self, motion: InMotion) -> float:
         """Return by how much a motion misses more than the plan, m; nan without a center."""

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
@@ -26,8 +26,9 @@ from dlo_planner.direct.modes import Modes
 from dlo_planner.direct.shape import Shape, modes_along
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
+from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
-from dlo_planner.model.arrays import Floats
+from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
 from dlo_planner.plan.path import Leg
@@ -52,19 +53,32 @@ def slowest_period(rod: Rod) -> float:
                                      / (3 * min(rod.stiffness[1:]))))
 
 
+class Turns(Record):
+    """How m modes turn into one another in t steps: by the skew matrix part * rates[place]."""
+
+    rates: Floats  # (n, m, m) skew matrices
+    place: Ints  # (t,)
+    part: Floats  # (t,)
+
+    @classmethod
+    def none(cls, count: int, modes: int) -> Turns:
+        """Return those of modes that stay the same."""
+        return cls(np.zeros((1, modes, modes)), np.zeros(count, dtype=np.int64), np.zeros(count))
+
+
 class Oscillators(NamedTuple):
-    """The m modes of a DLO at t + 1 instants of a time law; the last three are for `vibrated`."""
+    """The m modes of a DLO at t + 1 instants of a time law."""
 
     times: Floats  # (t + 1,) times in s
     parameters: Floats  # (t + 1,) parameters of the leg
     rates: Floats  # (t, m) angular frequencies between the instants, 1/s
     damping: Floats  # (t, m) damping ratios
-    turns: Floats  # (t, m, m) how the modes turn into one another
+    turns: Turns  # of t steps
     course: Floats  # (3, t) the parameter between the instants, its first two derivatives by time
 
 
 @kernel
-def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: np.ndarray,
+def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: Turns,
              force: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """Return y and y'/w (2, c, t + 1, m) of m oscillators under c sets of forces.
 
@@ -74,7 +88,7 @@ def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: np.ndar
     Args:
         step: of time, s
         rates: (t, m) angular frequencies w in each step, 1/s; damping: (t, m) ratios zeta
-        turns: (t, m, m) rotations of the coordinates from the axes of a step to those of the next
+        turns: of the coordinates, from the axes of a step to those of the next
         force: (c, t, m) per mass
         begin: (2, c, m) y and y'/w before the first step
     """
@@ -83,7 +97,7 @@ def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: np.ndar
     out = np.zeros((2, cases, count + 1, modes))
     out[:, :, 0] = begin
     place, speed = begin[0].copy(), begin[1] * rates[0]
-    there, fast = np.empty(modes), np.empty(modes)
+    factors, turned = np.empty((modes, modes)), np.empty(modes)
     for k in range(count):
         for m in range(modes):
             w = rates[k, m]
@@ -96,18 +110,47 @@ def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: np.ndar
                 away, rate = place[c, m] - still, speed[c, m] / w
                 place[c, m] = still + away * cosine + (rate + zeta * away) * sine
                 speed[c, m] = w * (rate * cosine - (away + zeta * rate) * sine)
+        if turns.part[k] != 0.0:
+            _factorize_turn(turns.rates[turns.place[k]], turns.part[k], factors)
         for c in range(cases):
-            for i in range(modes):
-                there[i] = fast[i] = 0.0
-                for j in range(modes):
-                    there[i] += turns[k, i, j] * place[c, j]
-                    fast[i] += turns[k, i, j] * speed[c, j]
-            for i in range(modes):
-                place[c, i] = there[i]
-                speed[c, i] = fast[i]
-                out[0, c, k + 1, i] = there[i]
-                out[1, c, k + 1, i] = fast[i] / rates[k, i]
+            if turns.part[k] != 0.0:
+                _turn(factors, place[c], turned)
+                _turn(factors, speed[c], turned)
+            for m in range(modes):
+                out[0, c, k + 1, m] = place[c, m]
+                out[1, c, k + 1, m] = speed[c, m] / rates[k, m]
     return out
+
+
+@kernel
+def _factorize_turn(rates: Floats, part: float, factors: Floats) -> None:
+    """Fill the factors of 1 + A, A = part * rates: as A is skew no pivots are needed."""
+    n = rates.shape[0]
+    for i in range(n):
+        for j in range(n):
+            factors[i, j] = part * rates[i, j]
+        factors[i, i] += 1.0
+    for k in range(n):
+        for i in range(k + 1, n):
+            factors[i, k] /= factors[k, k]
+            for j in range(k + 1, n):
+                factors[i, j] -= factors[i, k] * factors[k, j]
+
+
+@kernel
+def _turn(factors: Floats, y: Floats, turned: Floats) -> None:
+    """Turn y (m,) by Cayley's transform (1 + A)^-1 (1 - A) = 2 (1 + A)^-1 - 1."""
+    n = y.size
+    for i in range(n):
+        turned[i] = 2.0 * y[i]
+        for j in range(i):
+            turned[i] -= factors[i, j] * turned[j]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            turned[i] -= factors[i, j] * turned[j]
+        turned[i] /= factors[i, i]
+    for i in range(n):
+        y[i] = turned[i] - y[i]
 
 
 _PLACES = 17      # on a leg, at least, where modes are known
@@ -181,7 +224,7 @@ class Response:
         place = np.clip(np.searchsorted(self.parameters, course[0]) - 1, 0, len(self.turning) - 1)
         return Oscillators(times, u, self.between(self.rates, course[0]),
                            self.between(self.damping, course[0]),
-                           _turns(self.turning[place] * (0.5 * np.diff(u)[:, None, None])), course)
+                           Turns(self.turning, place, 0.5 * np.diff(u)), course)
 
     def excited(self, law: TimeLaw, begin: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what a TimeLaw does at t instants: times, parameters (t,), y and y'/w (2, t, m).
@@ -215,9 +258,9 @@ class Response:
 
     def waited(self, end: Floats, seconds: float) -> Floats:
         """Return (2, m) y and y'/w, `end` at the end of the leg, of a DLO after some seconds."""
-        one = np.eye(end.shape[1])[None]
-        result: Floats = vibrated(seconds, self.rates[-1:], self.damping[-1:], one,
-                                  np.zeros((1, 1, end.shape[1])), end[:, None])[:, 0, 1]
+        modes = end.shape[1]
+        result: Floats = vibrated(seconds, self.rates[-1:], self.damping[-1:], Turns.none(1, modes),
+                                  np.zeros((1, 1, modes)), end[:, None])[:, 0, 1]
         return result
 
     def between(self, known: Floats, u: Floats) -> Floats:
@@ -279,14 +322,9 @@ def _turning(masses: Floats, displacements: Floats) -> Floats:
     products = np.einsum('k,umki,uvki->umv', masses, displacements[:-1], displacements[1:])
     left, _, right = np.linalg.svd(products)
     # the rotation nearest to it is that of A / 2; Cayley's transform is its own inverse
-    skew = 2 * _turns(np.swapaxes(left @ right, 1, 2))
+    turns, one = np.swapaxes(left @ right, 1, 2), np.eye(products.shape[-1])
+    skew: Floats = 2 * np.linalg.solve(one + turns, one - turns)
     return 0.5 * (skew - np.swapaxes(skew, 1, 2))
-
-
-def _turns(skew: Floats) -> Floats:
-    """Return Cayley's transforms (t, m, m), (1 + A)^-1 (1 - A) of A (t, m, m)."""
-    one = np.eye(skew.shape[-1])
-    return cast(Floats, np.linalg.solve(one + skew, one - skew))
 
 
 _ARRIVING = 0.5  # part of the tolerance that may be left of a vibration where a leg ends

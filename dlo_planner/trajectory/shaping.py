@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import takewhile
+from operator import itemgetter
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -95,6 +97,7 @@ def _knots(duration: float, period: float) -> tuple[Floats, Ints]:
     return knots, np.arange(DEGREE, knots.size - 2 * DEGREE - 1)
 
 
+SLOWEST = 16.0       # times as long as the limits ask for: slower is no motion any more
 _BOUNDS, _CLOSER = 12, 0.7  # bounds of deviations that are tried, parts of the one before
 _OFF = (0.95, 1.05)  # frequencies: a response is not quite that of the DLO, and
 _WORSE = 2.0         # times the tolerance are allowed then, and with a wrong stiffness
@@ -129,8 +132,11 @@ class LegTask:
 
     @cached_property
     def _supply(self) -> tuple[list[list[TimeLaw]], Iterator[list[TimeLaw]]]:
-        return [], ([TimeLaw(*rates, np.array(windows)) for windows in _windows(self.response)]
-                    for rates in _rates(self))
+        sets = ([TimeLaw(*rates, np.array(windows)) for windows in _windows(self.response)]
+                for rates in _rates(self))
+        first = next(sets)
+        return [first], takewhile(lambda laws: laws[0].duration <= SLOWEST * first[0].duration,
+                                  sets)
 
     def laws(self) -> Iterator[list[TimeLaw]]:
         """Yield laws, set by set ever slower ones; they are made once."""
@@ -182,33 +188,46 @@ def calm_law(task: LegTask, tolerance: float, begins: Sequence[Floats] | None = 
     beginning, None: at rest. `check` is called before each step of a trial; it may raise.
     """
     begins = task.rest if begins is None else begins
-    known = _candidates(task, tolerance, begins, check)
-    near = [one for one in known if one[1] <= _FAR * tolerance] or [
-        min(known, key=lambda one: one[1])]
-    best, least = None, np.inf
-    for law, off in sorted(near, key=lambda one: one[0].duration):
+    found: list[tuple[float, TimeLaw]] = []
+    far: list[tuple[float, TimeLaw]] = []
+
+    def hold(law: TimeLaw, off: float) -> float:
         check()
         kept = _within_limits(task, law, begins, off > tolerance, check)
-        used = predicted(task, kept, begins, check)
-        if best is None or used < least:
-            best, least = kept, used
-        if used <= tolerance:
+        found.append((predicted(task, kept, begins, check), kept))
+        return found[-1][0]
+
+    for off, law in _by_duration(task, tolerance, begins, check):
+        if off > _FAR * tolerance:
+            far.append((off, law))
+        elif hold(law, off) <= tolerance:
             break
-    assert best is not None  # there is one candidate at least
-    return best
+    if not found:
+        off, law = min(far, key=_first)
+        hold(law, off)
+    return min(found, key=_first)[1]
 
 
-def _candidates(task: LegTask, tolerance: float, begins: Sequence[Floats],
-                check: Callable[[], None]) -> list[tuple[TimeLaw, float]]:
-    """Return laws and their predicted deviations, m; ever slower ones, until one is calm by far."""
-    found: list[tuple[TimeLaw, float]] = []
+def _by_duration(task: LegTask, tolerance: float, begins: Sequence[Floats],
+                 check: Callable[[], None]) -> Iterator[tuple[float, TimeLaw]]:
+    """Yield predicted deviations (m) and laws, the quickest first, until one is calm by far.
+
+    Deviations are predicted as late as that order allows.
+    """
+    waiting: list[tuple[float, TimeLaw]] = []
     for laws in task.laws():
         check()
-        some = [(law, predicted(task, law, begins, check)) for law in laws]
-        found += some
-        if min(off for _, off in some) < _MUCH * tolerance:
+        quickest = min(law.duration for law in laws)  # sets are ever slower
+        yield from (one for one in waiting if one[1].duration < quickest)
+        waiting = [one for one in waiting if one[1].duration >= quickest]
+        some = [(predicted(task, law, begins, check), law) for law in laws]
+        waiting = sorted([*waiting, *some], key=lambda one: one[1].duration)
+        if min(some, key=_first)[0] < _MUCH * tolerance:
             break
-    return found
+    yield from waiting
+
+
+_first = itemgetter(0)
 
 
 def _within_limits(task: LegTask, law: TimeLaw, begins: Sequence[Floats], shifted: bool,

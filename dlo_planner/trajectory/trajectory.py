@@ -19,11 +19,12 @@ from dlo_planner.model.checks import instance, items, number
 from dlo_planner.model.obstacles import OBSTACLES, Obstacle
 from dlo_planner.model.value import brief, put
 from dlo_planner.pictured import Reported
+from dlo_planner.plan.checks import ROOM
 from dlo_planner.plan.path import GripperPath, Leg, held_after
 from dlo_planner.plan.plan import Plan, means_to_touch
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.progress import OnProgress, Progress
-from dlo_planner.trajectory.calm_search import ROOM, CalmSearch, quickest
+from dlo_planner.trajectory.calm_search import CalmSearch, quickest
 from dlo_planner.trajectory.dynamic_check import InMotion, watched
 from dlo_planner.trajectory.time_law import Shift, TimeLaw
 from dlo_planner.trajectory.timed_path import TimedPath, fastest_law
@@ -79,6 +80,11 @@ class Trajectory(TimedPath, Reported):
     mode_margin : float
         Part by which all natural frequencies may be off, up or down, until the miss is twice the
         tolerance, as far as the modes tell; nan where that is not known.
+    least_duration : float
+        Duration in s that the limits alone would allow.
+    slowest_period : float
+        Period in s of the slowest vibration of the DLO on the way, whose multiples a calm motion
+        takes; nan where nothing is simulated.
     status : str
         'complete', 'not simulated' with an infinite tolerance, or, of a motion that is calm, that
         the deadline came before its error estimate (infinite then) and mode margin were known.
@@ -90,17 +96,19 @@ class Trajectory(TimedPath, Reported):
     Infeasible
         The DLO cannot be made calm within 16 times the fastest duration; the constraint is 'miss',
         'clearance', 'contact' (a touch that is not planned, or a planned one that is lost),
-        'departure' or 'motion', the amount is in m.
+        'max_bend_curvature', 'departure' or 'motion', the amount is in m.
     DeadlineExceeded
         The deadline is over before a calm motion was found; the message says what was reached.
     """
 
     _PARTS: tuple[str, ...] = ('path', 'laws', 'limits', 'tolerance', 'motion', 'mode_margin',
-                              'status')
+                               'least_duration', 'slowest_period', 'status')
 
     tolerance: float
     motion: InMotion | None
     mode_margin: float
+    least_duration: float
+    slowest_period: float
     status: str
 
     def __init__(self, plan: Plan, limits: Limits | None = None, *, tolerance: float | None = None,
@@ -117,13 +125,15 @@ class Trajectory(TimedPath, Reported):
             obstacles = watched(simulator, plan, obstacles)
         timed = _within_limits(plan, limits, still_to_go)
         super().__init__(timed.path, timed.laws, limits)
-        put(self, tolerance=tolerance, motion=None, mode_margin=np.nan, status=NOT_SIMULATED)
+        put(self, tolerance=tolerance, motion=None, mode_margin=np.nan, status=NOT_SIMULATED,
+            least_duration=timed.duration, slowest_period=np.nan)
         if simulator is None or tolerance == np.inf:
             return
         search = CalmSearch(plan, timed, tolerance, simulator, initial or plan.shapes[0],
                             obstacles, still_to_go)
         calm = search.assessed(quickest([search]))
         put(self, motion=calm.motion, mode_margin=calm.mode_margin, status=calm.status,
+            slowest_period=search.slowest_period,
             **{name: getattr(calm.timed, name) for name in ('laws', 'starts', 'duration')})
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -141,12 +151,13 @@ class Trajectory(TimedPath, Reported):
 
 
 def restored(path: GripperPath, laws: tuple[TimeLaw | None, ...], limits: Limits,
-             tolerance: float, motion: InMotion | None, mode_margin: float,
-             status: str) -> Trajectory:
+             tolerance: float, motion: InMotion | None, mode_margin: float, status: str,
+             least_duration: float = np.nan, slowest_period: float = np.nan) -> Trajectory:
     """Return a saved Trajectory from its attributes, without a search."""
     trajectory = Trajectory.__new__(Trajectory)
     TimedPath.__init__(trajectory, path, laws, limits)
-    put(trajectory, tolerance=tolerance, motion=motion, mode_margin=mode_margin, status=status)
+    put(trajectory, tolerance=tolerance, motion=motion, mode_margin=mode_margin, status=status,
+        least_duration=least_duration, slowest_period=slowest_period)
     return trajectory
 
 
@@ -221,7 +232,8 @@ def trajectory_tree(trajectory: Trajectory) -> dict[str, Any]:
     tree: dict[str, Any] = {
         'times': trajectory.path.times, 'limits': trajectory.limits.sizes,
         'tolerance': trajectory.tolerance, 'mode_margin': trajectory.mode_margin,
-        'status': trajectory.status, 'legs': len(trajectory.laws)}
+        'status': trajectory.status, 'legs': len(trajectory.laws),
+        'least_duration': trajectory.least_duration, 'slowest_period': trajectory.slowest_period}
     if trajectory.motion is not None:
         tree['motion'] = _parts(trajectory.motion, [item.name for item in fields(InMotion)])
     for k, (leg, law) in enumerate(zip(trajectory.path.legs, trajectory.laws, strict=True)):
@@ -248,4 +260,5 @@ def trajectory_of(tree: Mapping[str, Any]) -> Trajectory:
     return restored(
         GripperPath(tree['times'], tuple(legs)), tuple(laws),
         Limits(*tree['limits'].ravel().tolist()), float(tree['tolerance']),
-        InMotion(**motion) if motion else None, float(tree['mode_margin']), str(tree['status']))
+        InMotion(**motion) if motion else None, float(tree['mode_margin']), str(tree['status']),
+        float(tree['least_duration']), float(tree['slowest_period']))

@@ -247,17 +247,15 @@ def _reason(figures: Mapping[str, Any], motion: InMotion, plan: Plan) -> str:
     if not figures['converged']:
         why = f": {figures['reason']}" if figures.get('reason') else ''
         return f'the DLO does not follow the poses, even slowly{why}'
-    if not motion.converged:
-        return 'the motion could not be simulated to its end'
     if 'reason' in figures:
         return str(figures['reason'])
     moved = {**vars(motion), 'contact_lost': figures['contact_lost']}  # at rest, too
     broken = violated((
         Margin('workspace', figures.get('workspace_margin', np.inf), 'the gripper is {over:.3g} m '
                'beyond its workspace'),
-        *motion_margins(moved, missed + figures['tolerance'], means_to_touch(plan))))
+        *motion_margins(moved, missed, figures['tolerance'], means_to_touch(plan))))
     if broken is not None:
-        return broken[2]
+        return broken.message
     if not np.isfinite(figures['tolerance']):
         return 'its trajectory has no tolerance, nothing was made calm'
     return ''

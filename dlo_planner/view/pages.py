@@ -14,6 +14,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import DloPlannerError, InvalidTask, NotConverged
 from dlo_planner.inverse.simulator import InverseSimulator
+from dlo_planner.inverse.tasks.approach import first_approach
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.obstacles import Obstacle
@@ -31,7 +32,6 @@ from dlo_planner.view.scene import (
 from dlo_planner.view.viser import Page, margins, message, pose_of, put_at, values_table
 
 _SECONDS = 30.0   # of computing, after which a plan is given up
-_STANDOFF = 0.1  # of the length: it has to be quick
 _WAYPOINTS = 60   # most of a plan that follows a hand
 
 
@@ -73,8 +73,8 @@ class Replanner:
         plan = self.inverse.thread(cutout, start=gripper, depths=self.depths, **options)
         if not whole:
             return plan
-        way = self.inverse.approach(cutout, plan, gripper, **options, standoff=(
-            _STANDOFF * self.inverse.simulator.rod.length))
+        way = first_approach(self.inverse.approach, self.direct.rod.length, cutout, plan, gripper,
+                             **options)
         return concatenate(way, plan)
 
     def shape(self, gripper: Pose, before: Shape) -> Shape:

@@ -215,6 +215,8 @@ def _trajectory_rows(trajectory: Trajectory) -> list[Row]:
     times = np.linspace(0.0, trajectory.duration, 1000)
     _, velocities, accelerations = trajectory.at(times)
     rows = [('status', trajectory.status, ''), ('duration', figure(trajectory.duration), 's'),
+            ('within limits alone', figure(trajectory.least_duration), 's'),
+            ('slowest vibration on the way, period', figure(trajectory.slowest_period), 's'),
             ('legs between stops', str(len(trajectory.path.legs)), '')]
     for name, values, unit in (('speed', velocities, 's'), ('acceleration', accelerations, 's^2')):
         for kind, part, first in (('linear', values[:, :3], 'm'),

@@ -115,7 +115,7 @@ rods = st.builds(
     lambda load, ratio, gj, bend, twist: Rod(1.0, load, (1.0, ratio), gj, natural_curvature=bend,
                                              natural_twist=twist),
     st.floats(0.01, 1.0), st.floats(1.0, 5.0), st.floats(0.4, 1.5), st.tuples(unit, unit), unit)
-some = settings(max_examples=25, deadline=None, derandomize=True)
+some = settings(max_examples=25)
 
 
 @some

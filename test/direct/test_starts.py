@@ -214,3 +214,15 @@ def test_a_motion_without_a_first_shape_ends_there():
     blocked = simulator(obstacles=[Plane((0, 0, 1.2), (0, 0, 1))])
     motion = blocked.simulate([LEVEL] * 5, 0.01)
     assert len(motion) == 1 and not motion.converged
+
+
+def test_a_shape_is_carried_only_where_nothing_holds_it_back():
+    direct, shift = simulator(), np.array([0.1, -0.3, 0.2])
+    moved, there = direct.solve(LEVEL).moved(shift), Pose(LEVEL.position + shift, LEVEL.quaternion)
+    np.testing.assert_allclose(moved.positions, direct.solve(there).positions, atol=1e-9)
+    lying = simulator(obstacles=ELSEWHERE['obstacles']['obstacles']).solve(LEVEL)
+    held = direct.solve(LEVEL, far_end=FarEnd(Pose((0.8, 0, 1), (0, 0, 0, 1)), 'pinned'))
+    assert lying.contacts
+    for shape in (lying, held):
+        with pytest.raises(InvalidTask, match='touches nothing and whose far end is free'):
+            shape.moved(shift)

@@ -56,7 +56,7 @@ LINES = [
 SCRIPT = f'''
 import json
 import numpy as np
-from dlo_planner import DirectSimulator, Pose, Rod
+from dlo_planner import CutOut, DirectSimulator, InvalidTask, InverseSimulator, Pose, Rod
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.model.supports import Pole, Surroundings
 from dlo_planner.energy.magnet import Magnet
@@ -89,7 +89,14 @@ user = DirectSimulator(Rod({LENGTH}, 0.01, {BENDING}, 0.4), gravity=(0, 0, 0), b
                        n_elements=16, point_loads=[Pole(({LENGTH}, 0.0, 100.0), 1.0)])
 shape = user.solve(Pose.identity())
 moved = user.solve(Pose((0, 0, 0.1), (0, 0, 0, 1)), shape)
-told = {{'user': [shape.converged, shape.positions[-1].tolist(), moved.converged,
+told = {{'refused': []}}
+for place in (lambda: shape.moved((0, 0, 0.1)),
+              lambda: InverseSimulator(user).thread(CutOut(Pose.identity()), depths=[0, 0.1])):
+    try:
+        place()
+    except InvalidTask as error:
+        told['refused'].append(str(error))
+told |= {{'user': [shape.converged, shape.positions[-1].tolist(), moved.converged,
                  len(shape.modes(2))], 'far': fallen(attracted(({LENGTH}, 0.0, 100.0), 1.0))}}
 critical = 3 * {BENDING} / {LENGTH}**3 * {SIZE}**3
 told['hill'] = [fallen(attracted(({LENGTH}, 0.0, 0.0), -(1 + 0.1 * sign) * critical, {SIZE}))
@@ -151,6 +158,11 @@ def test_users_give_it_as_a_load(told):
     solved, tip, moved, modes = told['user']
     assert solved and moved and modes == 2
     np.testing.assert_allclose(tip, told['far'][3], atol=1e-9)
+
+
+def test_a_shape_in_it_is_not_carried_to_another_place(told):
+    assert len(told['refused']) == 2  # by itself, and to where a cut-out is
+    assert all('point_loads: expected PointLoads alone' in one for one in told['refused'])
 
 
 def test_beside_the_tip_it_falls_where_the_field_is_stiffer_than_the_bending(told):

@@ -23,8 +23,8 @@ def turned(angle):
 
 
 def passing(angle, place=(0.0, 0.0, 0.0), length=1.0):
-    gripper = SimpleNamespace(rotation=turned(angle))
-    return Passing(SimpleNamespace(gripper=gripper, s=np.array([0.0, length])), np.array(place))
+    gripper = SimpleNamespace(rotation=turned(angle), position=np.array(place))
+    return Passing(SimpleNamespace(gripper=gripper, s=np.array([0.0, length])))
 
 
 class Turning(Family):

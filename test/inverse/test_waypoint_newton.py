@@ -11,7 +11,7 @@ from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.direct.sensitivity import Sensitivity
 from dlo_planner.direct.shape import kernel_arrays
 from dlo_planner.inverse import waypoint_newton
-from dlo_planner.inverse.continuation import Passing, TwoPoints, aligned_shape
+from dlo_planner.inverse.continuation import Aligned, Passing, TwoPoints
 from dlo_planner.inverse.waypoint_newton import follow, free_axis, goal_shape
 from dlo_planner.model.pose import displaced, turned_by
 from dlo_planner.penalties import DirectionAt, PositionAt, Through
@@ -108,7 +108,7 @@ def test_rows_are_differences_of_residuals():
 def test_an_aligned_shape_is_an_equilibrium(rod, options):
     simulator, shape = hanging(rod, options)
     normal = turned_by(np.array([0.05, -0.1, 0.08])) @ shape.frame_at(0.6)[0][:, 0]
-    found = aligned_shape(simulator, shape, 0.6, normal, shape.gripper.rotation).shape
+    found = Aligned(simulator, normal).from_guess(shape, 0.4, shape.gripper.rotation).shape
     np.testing.assert_allclose(found.frame_at(0.6)[0][:, 0], normal, atol=1e-9)
     turned = Rotation.from_matrix(found.gripper.rotation @ shape.gripper.rotation.T).as_rotvec()
     assert np.linalg.norm(turned) > 0.01  # but about the axis that is left free
@@ -133,7 +133,7 @@ def test_two_points_are_passed_by_an_equilibrium(options, roll):
     simulator, shape = hanging(RODS[0], options)
     chord = 0.97 * (shape.frame_at(0.8)[1] - shape.frame_at(0.35)[1]) + [0.01, -0.02, 0.015]
     two = TwoPoints(simulator, chord)
-    before = Passing(shape, shape.gripper.position - shape.frame_at(0.35)[1], (0.8,), depth=0.65)
+    before = Passing(shape, (0.8,), depth=0.65)
     found = two.at(before, 0.65, roll)
     passed = found.shape.frame_at(found.further[0])[1] - found.shape.frame_at(0.35)[1]
     np.testing.assert_allclose(passed, chord, atol=2e-10)
@@ -147,7 +147,7 @@ def test_two_points_are_passed_by_an_equilibrium(options, roll):
 
 def test_what_cannot_be_passed_is_told():
     simulator, shape = hanging(RODS[0], OPTIONS[0])
-    before = Passing(shape, np.zeros(3), (0.8,), depth=0.65)
+    before = Passing(shape, (0.8,), depth=0.65)
     assert TwoPoints(simulator, np.array([0.9, 0.0, 0.0])).at(before, 0.65) is None
     just_too_short = TwoPoints(simulator, np.array([0.7, 0.0, 0.3]))
     assert just_too_short.at(before, 0.65) is None
@@ -179,7 +179,7 @@ def nearest(simulator, goals, shape, reach):
     """Return the Shape that misses goals least, its gripper within reach of another (rad, m)."""
     found = goal_shape(simulator, shape, goals, goals.s, origin=shape.gripper.position,
                        reach=(reach, reach))
-    return found and found.placed
+    return found and found.shape
 
 
 @pytest.mark.parametrize('options', OPTIONS[:2])

@@ -17,6 +17,7 @@ from dlo_planner import (
     Thread,
     Workspace,
 )
+from dlo_planner.model.checks import number, row
 
 ROD = Rod(1.0, 0.1, 0.5, 0.4)
 ODD = ('a duration', 'a date', '3 durations', 'bytearray', 'memoryview', 'a byte', '4 bytes',
@@ -49,3 +50,9 @@ def test_what_is_no_number_is_refused_by_name(name, odd):
 def test_masked_numbers_are_refused(name):
     with pytest.raises(DloPlannerError, match='none masked'):
         ASKING[name](MALFORMED['masked']())
+
+
+def test_a_limit_that_does_not_exist_is_no_limit_by_another_name():
+    for judged, value in ((number, 1.0), (row, [1.0])):
+        with pytest.raises(TypeError, match='minimun'):
+            judged('x', value, minimun=0.0)

@@ -19,9 +19,11 @@ from dlo_planner import (
     Pose,
     Rod,
     Workspace,
+    replay,
 )
 from dlo_planner.parallel import CapabilityMap, CellGrid, capability_map
 from dlo_planner.parallel.capability import QUANTITIES, fingerprint
+from dlo_planner.plan.plan import concatenate
 
 DEPTHS = np.linspace(0, 0.8, 5)
 GRID = CellGrid([(x, 0.0, z) for x in (0.4, 1.4) for z in (1.0, 1.3)],
@@ -90,6 +92,20 @@ def test_starts(inverse):
     refused = capability_map(inverse, grid, starts=[beyond], depths=DEPTHS)
     assert refused.outcome.item().startswith('start_phase.')
     assert not np.isnan(refused.amount).any()
+
+
+def test_a_way_that_one_standoff_alone_allows_is_found(inverse):
+    # slanting down: the farther before the hole the free end waits, the higher the gripper
+    grid = CellGrid([(0.75, 0.0, 0.95)], [(1, 0, -1)], [0.05])
+    start = Pose((-0.6, 0, 1.0), (0, 0, 0, 1))
+    plan = InverseSimulator(inverse.simulator).thread(grid.cutout(0), start=start, depths=DEPTHS)
+    ceiling = plan.grippers[0].position[2] + 0.05
+    cell = InverseSimulator(inverse.simulator, workspace=Workspace((-2, -2, 0), (2, 2, ceiling)))
+    assert capability_map(cell, grid, starts=[start], depths=DEPTHS).threaded.all()
+    with pytest.raises(Infeasible, match=r'workspace\.upper\.z'):
+        cell.approach(grid.cutout(0), plan, start, standoff=0.1)
+    way = concatenate(cell.approach(grid.cutout(0), plan, start, standoff=0.05), plan)
+    assert replay(cell.simulator, way, workspace=cell.workspace).workspace_margin > 0
 
 
 class _InterruptedError(Exception):

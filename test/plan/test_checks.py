@@ -21,7 +21,7 @@ from dlo_planner import (
     Sphere,
     Workspace,
 )
-from dlo_planner.plan.checks import utilization
+from dlo_planner.plan.checks import motion_margins, utilization, violated
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 STRIP = Rod(1.0, 0.05, (0.3, 0.6), 0.25, natural_curvature=(0.6, 0.4))
@@ -236,3 +236,27 @@ def test_each_axis_yields_at_its_own_limit():
             assert caught.value.constraint == 'yield'
         else:
             assert inverse.thread(CutOut(AHEAD), depths=DEPTHS).fraction == 1
+
+
+CALM = {'converged': True, 'position_error': 3e-3, 'clearance': 8e-3, 'calm_clearance': 9e-3,
+        'departure': 1e-3, 'contact_force': 0.0, 'contact_lost': np.nan, 'bend_margin': np.nan}
+
+
+@pytest.mark.parametrize(('figures', 'broken', 'used'), [
+    ({}, None, 0.5), ({'departure': 3e-3}, 'departure', 1.5),
+    ({'position_error': 6e-3}, 'miss', 2.0), ({'clearance': 5.5e-3}, 'clearance', 3.5 / 2.25),
+    ({'clearance': -4e-3}, 'clearance', 13 / 2.25), ({'contact_force': 0.1}, 'contact', 2.0),
+    ({'contact_lost': 0.1}, 'contact', 2.0), ({'bend_margin': -0.1}, 'max_bend_curvature', 2.0),
+    ({'converged': False}, 'motion', np.inf)])
+def test_a_calm_motion_keeps_its_room_and_comes_to_rest(figures, broken, used):
+    margins = motion_margins(CALM | figures, planned_miss=2e-3, tolerance=2e-3, touches=False,
+                             room=0.01)
+    first = violated(margins)
+    assert (first and first.name) == broken
+    assert max(one.used for one in margins) == pytest.approx(used)
+    assert first is None or first.used > 1 and '{' not in first.message
+    # that a motion is calm is asked for where it is made, and the room it may lose is not small
+    moved = motion_margins(CALM | figures, planned_miss=2e-3, tolerance=2e-3, touches=False)
+    assert {one.name for one in moved} <= {one.name for one in margins}
+    wide = motion_margins(CALM | {'clearance': 0.79, 'calm_clearance': 1.0}, 2e-3, 2e-3, False, 1.0)
+    assert violated(wide) is None

@@ -5,11 +5,11 @@
 import numpy as np
 import pytest
 import rclpy
+from follower import Follower
 from node_inside import GOAL, HERE, state
 from planner_process import until
 from test_node_tasks import BAR, DIRECT, HOLES, ON_BAR
 
-from demo.follower import Follower
 from dlo_planner import FarEnd, HoldContact, Pose, Thread
 from dlo_planner.execute.causes import Cause, Refused
 from dlo_planner.ros.client import DloCommander

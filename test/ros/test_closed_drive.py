@@ -11,11 +11,15 @@ from closed_loops import Truth
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import (
+    Capsule,
     CutOut,
+    DirectSimulator,
+    HoldContact,
     Insert,
     NotConverged,
     Pose,
     Rod,
+    SlideContact,
     Thread,
     ThreadTwo,
     Uncertainty,
@@ -35,6 +39,7 @@ from dlo_planner.ros.streaming import closed_loop_of, loop_task_of, open_loop_wa
 from dlo_planner.ros.worker import Worker
 from dlo_planner.settings.parameters import PARAMETERS
 from dlo_planner.tasks import MoveTo
+from msg_helpers.obstacles import Body
 
 WIRE = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0.2, 0.1)), radius=2.5e-3)
@@ -78,7 +83,8 @@ class Cell:
         self.rng = np.random.default_rng(8)
         self.truth = Truth.drawn(self.rng, WIRE, SPREAD)
         self.observing = DloEstimator(state.scene.direct, state.scene.seeing)
-        self.here, self.time, self.sent, self.phases = START, 0.0, [], []
+        self.here, self.time, self.sent, self.phases = state.feedback.pose, 0.0, [], []
+        self.start = self.here
         started = state.started(0.0)
         self.drive = closed_loop_of(started, self.observing, worker)
         self.store, self.health = Store(self.drive.begun(started)), Statistics()
@@ -87,13 +93,17 @@ class Cell:
     def state(self):
         return self.store.state
 
+    def shape(self):
+        """Return the true Shape."""
+        return self.truth.shape(self.here)
+
     def step(self):
         """Go on by one period; return the Execution."""
         state = self.store.change(lambda now: now.with_feedback(Feedback(
             self.here, self.time, 0.0, self.observing.off, self.time)))
         self.observing.gripper(self.time, self.here)
         if self.observing.due(self.time):
-            shape = self.truth.shape(self.here)
+            shape = self.shape()
             points = shape.positions_at(np.linspace(0, 1, 20) * shape.s[-1])
             self.observing.look(self.time, points + 3e-4 * self.rng.standard_normal((20, 3)))
         execution = self.drive.tick(self.store, self.health, self.time, self.time)
@@ -114,7 +124,7 @@ class Cell:
 
     def part(self):
         """Return the part of the limits that commands have used: standing still counts."""
-        poses, here = [], START
+        poses, here = [], self.start
         for sent in self.sent:
             here = here if sent is None else sent
             poses.append(here)
@@ -219,6 +229,50 @@ def test_what_is_barred_ends_a_motion(proved, worker):
     assert 'the last one is' in execution.reason
 
 
+BAR = Capsule((0.0, -0.1, 0.98), (0.0, 0.1, 0.98), 0.02)
+ON_BAR = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
+ABOVE = Pose.looking_along((-0.2, 0.0, 1.24), (1.0, 0.0, 0.2))
+
+
+class OverBar(Cell):
+    """A Cell whose DLO may lie on a bar."""
+
+    known = None
+
+    def shape(self):
+        """Return the true Shape, that follows the last one."""
+        over = DirectSimulator(self.truth.simulator.rod, obstacles=[BAR])
+        self.known = over.track([self.here.compose(self.truth.offset)], initial=self.known)[0]
+        return self.known
+
+
+def test_a_contact_is_held_in_a_loop_that_looks_until_it_is_touched(worker):
+    scene = Scene.of({**VALUES, 'contacts.tolerance': 3e-3, 'obstacles.friction': 0.3},
+                     {('cell', 1): Body(BAR)})
+    task = HoldContact(ON_BAR, 0.2, 'least_force')
+    plan, before = make_plan(scene, task, ABOVE, None)
+    state = State(scene).with_plan(PlanResult(scene, plan, before, None, task, None))
+    proof = list(proofs(replay, scene, plan, before))[-1]
+    assert proof.safe, proof.reason
+    assert proof.report.trajectory.duration < 10
+    state = state.with_proof(proof).with_feedback(Feedback(ABOVE, 0.0))
+    cell = OverBar(state, worker)
+    execution = cell.until(ended)
+    assert (execution.phase, execution.cause) == ('succeeded', Cause.DONE), execution.reason
+    assert cell.part() < 1.001
+    shape = cell.shape()
+    assert shape.contacts
+    axes, place = shape.frame_at(0.2)
+    off = axes[:, 1:].T @ (place - ON_BAR.position - (0, 0, WIRE.radius))  # across it
+    assert np.linalg.norm(off) < cell.state.looking.promised < 3e-3
+    for other in (task, SlideContact(ON_BAR, [0.2, 0.21])):
+        silent = replace(state.planned, task=other, scene=Scene.of(VALUES))
+        seen = DloEstimator(scene.direct, scene.seeing)
+        said = open_loop_warning(replace(state, running=silent), seen)
+        assert 'contacts.tolerance = 0: expected by how much' in said
+        assert type(other).__name__ in said and loop_task_of(silent) is None
+
+
 def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(proved, worker):
     started = proved.started(0.0)
     scene = started.scene
@@ -261,4 +315,4 @@ def test_a_plan_that_could_be_looked_at_and_is_not_says_so(proved):
     assert 'in open loop' in said and 'cutout.radius = None' in said
     moved = replace(made, running=replace(made.running, task=MoveTo((HOLE.pose,))))
     said = open_loop_warning(moved, DloEstimator(scene.direct, scene.seeing))
-    assert 'in open loop' in said and said.endswith('MoveTo passes no cut-out or bore')
+    assert 'in open loop' in said and 'MoveTo passes no cut-out or bore, and touches' in said

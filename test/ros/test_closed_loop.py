@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from closed_loops import Truth
 from diagnostic_msgs.msg import DiagnosticStatus
+from follower import Follower
 from geometry_msgs.msg import PoseStamped
 from node_inside import Alive, state
 from planner_process import PATIENCE, ROOM, connected_client, drain, first, until
 from rclpy.exceptions import InvalidHandle
 from sensor_msgs.msg import PointCloud2
 
-from demo.follower import Follower
 from dlo_planner import CutOut, Pose, Rod, Uncertainty
 from dlo_planner.execute.causes import Cause
 from dlo_planner.penalties import Through

@@ -6,6 +6,7 @@ import signal
 
 import numpy as np
 import pytest
+from follower import Follower
 from planner_process import (
     PATIENCE,
     ROOM,
@@ -17,7 +18,6 @@ from planner_process import (
 )
 from streams import largest
 
-from demo.follower import Follower
 from dlo_planner import Limits, Pose
 
 AWAY = Pose.looking_along((-1.3, 0.2, 1.1), (1.0, 0.2, 0.1))

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from follower import Follower
 from geometry_msgs.msg import PoseStamped
 from node_inside import GOAL, HERE, box, clear, state
 from planner_process import PATIENCE, drain, first, until
@@ -16,7 +17,6 @@ from std_msgs.msg import Bool
 from streams import largest
 from visualization_msgs.msg import MarkerArray
 
-from demo.follower import Follower
 from dlo_planner.execute.causes import Cause
 from dlo_planner.ros.plan import make_plan
 from msg_helpers.poses import pose_from_msg, pose_msg

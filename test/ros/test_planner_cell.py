@@ -7,12 +7,12 @@ import time
 
 import numpy as np
 import pytest
+from follower import Follower
 from planner_process import drain, first, quiet, steps, under_way, until
 from scipy.interpolate import CubicSpline
 from streams import largest
 from visualization_msgs.msg import Marker
 
-from demo.follower import Follower
 from dlo_planner import DirectSimulator, Limits, Pose, Rod
 from msg_helpers.poses import pose_from_msg, pose_msg
 from msg_helpers.trajectories import poses_from_path

@@ -77,16 +77,9 @@ def test_a_file_that_is_not_there_is_said_in_a_line(domain, tmp_path):
         assert 'Traceback' not in planner.log
 
 
-def test_bad_parameters_end_the_start_with_a_reason(domain, tmp_path):
-    with running_planner(tmp_path, '-p', 'gravity:=[down]') as planner:
-        assert planner.process.wait(timeout=2 * PATIENCE) == 1
-        assert 'cannot start' in planner.log and 'gravity' in planner.log
-        assert 'Traceback' not in planner.log
-
-
 @pytest.mark.parametrize(('given', 'reason'), [
     ({'rod__length': -1.0}, r'rod\.length'),
-    ({'rod__section': 'oval'}, r"rod\.section = 'oval'"),
+    ({'rod__section': 'oval'}, r"rod\.section = 'oval'"), ({'gravity': ['down']}, 'gravity'),
     ({'rod__natural_twist': 'long'}, r"rod\.natural_twist = 'long'"),
 ])
 def test_parameters_that_make_no_sense_are_refused_by_name(domain, monkeypatch, given, reason):

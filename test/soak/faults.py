@@ -24,7 +24,7 @@ SOON = 60.0     # s for what has to be done soon, on a busy machine
 DRIVER = """
 import sys, rclpy
 from dlo_planner import Pose
-from demo.follower import Follower
+from follower import Follower
 rclpy.init()
 node = rclpy.create_node('driver')
 numbers = [float(one) for one in sys.argv[2:]]

@@ -7,6 +7,7 @@ from queue import Queue
 from time import monotonic, sleep
 
 import numpy as np
+from follower import Follower
 from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.srv import GetState
 from planner_process import connected_client, drain, running_planner
@@ -14,7 +15,6 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 from visualization_msgs.msg import Marker
 
-from demo.follower import Follower
 from dlo_planner import Pose
 from dlo_planner.settings.parameters import PARAMETERS
 from msg_helpers.poses import pose_from_msg

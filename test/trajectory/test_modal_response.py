@@ -11,7 +11,13 @@ from dlo_planner import DirectSimulator, Pose, Rod
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.rods import with_plug
-from dlo_planner.trajectory.modal_response import Response, _turning, slowest_period, vibrated
+from dlo_planner.trajectory.modal_response import (
+    Response,
+    Turns,
+    _turning,
+    slowest_period,
+    vibrated,
+)
 from dlo_planner.trajectory.time_law import TimeLaw
 from dlo_planner.trajectory.timed_path import TimedPath, fastest_law
 
@@ -28,7 +34,7 @@ def test_oscillators_whose_frequency_changes_against_an_integrator(ratio):
 
     middle = (np.arange(count) + 0.5) * duration / count
     found = vibrated(duration / count, rate(middle)[:, None], np.full((count, 1), ratio),
-                     np.ones((count, 1, 1)), force(middle)[None, :, None],
+                     Turns.none(count, 1), force(middle)[None, :, None],
                      np.zeros((2, 1, 1)))[:, 0]
     times = np.linspace(0, duration, count + 1)
     known = solve_ivp(lambda t, y: (y[1], force(t) - 2 * ratio * rate(t) * y[1]
@@ -43,7 +49,7 @@ def test_oscillators_whose_frequency_changes_against_an_integrator(ratio):
 
 def test_a_step_under_steady_force_is_exact():
     w, ratio, step = 7.0, 0.1, 0.05
-    found = vibrated(step, np.full((40, 1), w), np.full((40, 1), ratio), np.ones((40, 1, 1)),
+    found = vibrated(step, np.full((40, 1), w), np.full((40, 1), ratio), Turns.none(40, 1),
                      np.full((1, 40, 1), 3.0), np.zeros((2, 1, 1)))[:, 0]
     t = step * np.arange(41)
     free = w * np.sqrt(1 - ratio**2)
@@ -54,7 +60,7 @@ def test_a_step_under_steady_force_is_exact():
 
 def test_what_vibrates_at_first_swings_on():
     w, ratio, step = 7.0, 0.1, 0.05
-    found = vibrated(step, np.full((40, 1), w), np.full((40, 1), ratio), np.ones((40, 1, 1)),
+    found = vibrated(step, np.full((40, 1), w), np.full((40, 1), ratio), Turns.none(40, 1),
                      np.zeros((1, 40, 1)), np.array([[[2.0]], [[-0.5]]]))[:, 0, :, 0]
     t, free = step * np.arange(41), np.sqrt(1 - ratio**2)
     known = np.exp(-ratio * w * t) * (2.0 * np.cos(free * w * t)

@@ -30,7 +30,7 @@ from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.plan import PlanStatus, truncate
 from dlo_planner.progress import Progress
 from dlo_planner.results import ValidationReport
-from dlo_planner.trajectory import calm_search
+from dlo_planner.trajectory import calm_search, shaping
 from dlo_planner.trajectory.calm_search import CalmSearch, holes_passed
 from dlo_planner.trajectory.dynamic_check import goals_between, in_motion, worst_miss
 from dlo_planner.trajectory.modal_response import Case, Response, slowest_period
@@ -232,7 +232,27 @@ def test_the_default_tolerance_is_a_quarter_of_the_room(plan):
     assert Trajectory(free).tolerance == 1e-3
     endless = Trajectory(plan, tolerance=np.inf)
     assert endless.motion is None and np.isnan(endless.mode_margin)
-    assert endless.duration <= way.duration
+    assert endless.duration <= way.duration and np.isnan(endless.slowest_period)
+
+
+def test_a_trajectory_says_why_it_takes_so_long(plan):
+    way = Trajectory(plan)
+    assert way.least_duration == Trajectory(plan, tolerance=np.inf).duration < way.duration
+    slowest = max(shape.modes(1).periods[0] for shape in plan.shapes)
+    assert way.slowest_period == pytest.approx(slowest, rel=0.02)
+    assert 'slowest vibration on the way' in way.summary()
+
+
+def test_the_quickest_law_is_found_before_slower_ones_are_judged(monkeypatch):
+    task = tasks('wire')[0]
+    judged = []
+    real = shaping.predicted
+    monkeypatch.setattr(shaping, 'predicted', lambda *rest: judged.append(rest[1].duration) or
+                        real(*rest))
+    law = calm_law(task, 1.0)
+    assert law.duration < 1.1 * min(judged)
+    assert len(judged) <= 12  # nine of the fastest rates, and the one that is kept
+    assert all(one[0].duration <= shaping.SLOWEST * law.duration for one in task.laws())
 
 
 def test_of_several_holes_the_narrowest_one_gives_the_tolerance():

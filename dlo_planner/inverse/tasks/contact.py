@@ -95,7 +95,7 @@ class ContactProblem:
         if merit <= 0:
             return merit
         broken = self.demands.violation(self.waypoint(self.family.shape(force)))
-        return merit if broken is None else -broken[1]
+        return merit if broken is None else broken.room
 
     def waypoint(self, shape: Shape) -> Waypoint:
         """Return the Waypoint of a Shape."""
@@ -261,22 +261,21 @@ class ContactProblem:
         family = self.family
         good = [force for force in family.known if family.merit(force) > 0]
         if good:
-            violations = (self.demands.violation(self.waypoint(family.shape(force)))
-                          for force in good)
-            constraint, amount, why = min((one for one in violations if one is not None),
-                                          key=lambda one: one[1])
-            return builder.refusal(constraint, amount, f'none of {len(good)} contact forces is '
-                                   f'admissible; with the best of them, {why}')
+            broken = (self.demands.violation(self.waypoint(family.shape(force)))
+                      for force in good)
+            best = max((one for one in broken if one is not None), key=lambda one: one.room)
+            return builder.refusal(best.name, -best.room, f'none of {len(good)} contact forces is '
+                                   f'admissible; with the best of them, {best.message}')
         looked = (f'no contact force of {min(family.known):.3g} to {max(family.known):.3g} N keeps '
                   f'the DLO touching at s = {self.s:g} m')
-        best = family.most_stable()
-        if best is None:
+        stable = family.most_stable()
+        if stable is None:
             least = min(family.shape(force).violation for force in family.known)
             return builder.refusal('contact', least, f'{looked}: with each of them it would be in '
                                    f'an obstacle, by {least:.3g} m at least')
-        settled = step(best.state.made_on, best.gripper, best)
-        return self._left(builder, best, settled, f'{looked} in a stable shape: the best one has a '
-                          f'stability of {best.stability:.3g}')
+        settled = step(stable.state.made_on, stable.gripper, stable)
+        return self._left(builder, stable, settled, f'{looked} in a stable shape: the best one has '
+                          f'a stability of {stable.stability:.3g}')
 
     def unconfirmed(self, builder: PlanBuilder) -> Infeasible:
         """Return Infeasible because the direct simulation confirms no admissible force."""
@@ -369,7 +368,7 @@ class AlignedSlide(Family):
 
     def passing(self, shape: Shape, depth: float) -> Passing:
         """Return the Passing of a Shape at a depth, m."""
-        return Passing(shape, shape.gripper.position - self.problem.family.place, depth=depth)
+        return Passing(shape, depth=depth)
 
     def at(self, before: Passing, depth: float, roll: float = 0.0,
            final: bool = False) -> Passing | None:

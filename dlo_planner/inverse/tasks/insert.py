@@ -108,13 +108,13 @@ class Insertion(Family):
             return None
         if final:
             shape = self._held(stop, outside, shape)
-        return Passing(shape, shape.gripper.position - self._bore.center, depth=way)
+        return Passing(shape, depth=way)
 
     def _shape(self, outside: DirectSimulator) -> Shape | None:
         """Return the Shape of the part outside, free of force at its end, or None."""
         found = goal_shape(outside, shape_with_end(outside.mesh, self._end), self._goals,
-                           outside.rod.length, self._bore.normal)
-        return found and found.shape.moved(self._bore.center - found.shape.positions[-1])
+                           outside.rod.length, place=self._bore.center)
+        return found and found.shape
 
     def _held(self, stop: _Stop, outside: DirectSimulator, shape: Shape) -> Shape:
         """Return a Shape with its end held by the bore.

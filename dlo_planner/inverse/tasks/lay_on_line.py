@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, carried
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import InvalidTask
 from dlo_planner.inverse.continuation import Aligned, Step
@@ -30,7 +30,7 @@ from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.goal_rows import DIRECTION, POSITION, ROLL, GoalTable
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import Waypoint, waypoint_of
+from dlo_planner.plan.waypoint import Waypoint, waypoint_at
 
 _TANGENTS = 9        # of the part, evenly: as `KeepTangent`
 _PLACES = 5          # of it that a plan says
@@ -132,12 +132,12 @@ class LayOnLine(Task):
             np.array([1 / whole, *[_TANGENTS**-0.5] * _TANGENTS, _FREE]))
         found = goal_shape(simulator, shape, goals, goals.s, origin=shape.gripper.position,
                            reach=(_REACH, _REACH * whole))
-        return found and found.placed
+        return found and found.shape
 
     def _waypoint(self, shape: Shape, position: float) -> Waypoint:
         whole, direction = float(shape.s[-1]), self.line.direction
         end = self.line.position + position * direction
-        waypoint = waypoint_of(shape, end, whole, direction)
+        waypoint = waypoint_at(carried(shape, end - shape.positions[-1]), end, whole, direction)
         for before in np.linspace(0, self.length, _PLACES)[1:] if self.length else ():
             waypoint = waypoint.with_via_point(end - before * direction, whole - before, direction)
         return waypoint

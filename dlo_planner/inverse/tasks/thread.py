@@ -59,7 +59,7 @@ from dlo_planner.model.pose import Pose, angle_between
 from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder, kept_between
 from dlo_planner.plan.plan import Plan, PlanStatus, truncate
-from dlo_planner.plan.waypoint import Waypoint, waypoint_of
+from dlo_planner.plan.waypoint import Waypoint
 
 _FIRM = (1e3, 1e2, 1e1, 1.0)  # how much smoothness counts: features of 35 to 6 waypoints go
 _NO_ROLL = 1e-3     # rad between two waypoints
@@ -103,12 +103,13 @@ def thread_from(simulator: DirectSimulator, task: Threading, begin: Candidate,
                 route: Rolls | None = None) -> Plan:
     """Return the Plan that continues a Candidate through all depths."""
     cutout, length = task.cutouts[0], simulator.rod.length
-    aligned, holes = Aligned(simulator, cutout.normal, task.method), task.holes(length)
+    aligned = Aligned(simulator, cutout.normal, cutout.center, task.method)
+    holes = task.holes(length)
     guess, reference, depth = begin
 
     def waypoint(passing: Passing) -> Waypoint:
-        return holes.passed(waypoint_of(passing.shape, cutout.center, length - passing.depth,
-                                        cutout.normal, passing.known))
+        return holes.passed(passing.waypoint(cutout.center, length - passing.depth,
+                                             cutout.normal))
 
     builder = PlanBuilder(task.depths, task.demands, initial=task.initial)
     passings, rolled = continue_family(

@@ -81,14 +81,14 @@ class NearestToCenters(Family):
                                   _PART * largest_shift(part) * length))
         if found is None:
             return None
-        shape = found.placed
+        shape = found.shape
         further: list[float] = []
         for center in self.centers[1:] if final else ():
             s = Through(center, length - depth).passage(shape)
             if s > length:
                 break
             further.append(s)
-        return Passing(shape, shape.gripper.position - self.centers[0], tuple(further), depth)
+        return Passing(shape, tuple(further), depth)
 
     def settled(self, passing: Passing) -> Passing:
         """Return the Passing that is nearest at its depth, however far away."""
@@ -188,7 +188,7 @@ def _thread(simulator: DirectSimulator, task: Threading, weights: Floats) -> Pla
         return holes.passed(made)
 
     builder = PlanBuilder(task.depths, task.demands)
-    passing = family.settled(Passing(begin, begin.gripper.position - first, depth=0.0))
+    passing = family.settled(Passing(begin, depth=0.0))
     continue_family(builder, Follower(family, passing, 0.0, task.depths), waypoint)
     return builder.finished()
 

@@ -57,7 +57,6 @@ from dlo_planner.model.value import put
 from dlo_planner.plan.builder import PlanBuilder
 from dlo_planner.plan.checks import Judge
 from dlo_planner.plan.plan import Plan
-from dlo_planner.plan.waypoint import waypoint_of
 
 _CURVES = 16        # depths at which a route is looked for, before the change and after it
 _CHANGES = 8        # changes that are tried
@@ -81,6 +80,11 @@ def _chord(task: Threading) -> Floats:
     """Return (3,) from the first center to the second, m."""
     first, second = task.cutouts
     return second.center - first.center
+
+
+def _both(simulator: DirectSimulator, task: Threading) -> TwoPoints:
+    """Return the shapes that pass both centers."""
+    return TwoPoints(simulator, _chord(task), task.cutouts[0].center)
 
 
 def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
@@ -112,7 +116,7 @@ def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
     if own:
         return plan
     shape = simulator.solve(change.passing.shape.gripper, change.passing.shape)
-    refined = TwoPoints(simulator, _chord(task)).from_end(
+    refined = _both(simulator, task).from_end(
         shape, change.passing.depth) if shape.converged else None
     if refined is None:
         raise _unreached(simulator, task)
@@ -123,9 +127,9 @@ def _thread_through(simulator: DirectSimulator, task: Threading, change: Change)
     """Return the Plan that goes through a Change, before and after it; raise Infeasible."""
     length, depths, at = simulator.rod.length, task.depths, change.passing.depth
     (first, second), builder = task.cutouts, PlanBuilder(task.depths, task.demands)
-    aligned = Aligned(simulator, change.passing.shape.frame_at(length - at)[0][:, 0])
+    aligned = Aligned(simulator, change.passing.shape.frame_at(length - at)[0][:, 0], first.center)
     aligned.normals = (first.normal,)
-    two = TwoPoints(simulator, _chord(task))
+    two = _both(simulator, task)
     two.normals = (first.normal, second.normal)
     if depths[0] < at and aligned.normal @ first.normal <= 0:  # so it is from the beginning
         raise builder.refusal('direction', -float(aligned.normal @ first.normal), 'the DLO would '
@@ -153,7 +157,7 @@ def _thread_through(simulator: DirectSimulator, task: Threading, change: Change)
             assert refusal is not None  # else there is one
             raise refusal
         last = family.replayed(builder.last, step.passing)
-        waypoint = waypoint_of(last.shape, first.center, length - depth, None, last.known)
+        waypoint = last.waypoint(first.center, length - depth, None)
         for s in last.further if family is two else ():
             waypoint = waypoint.with_via_point(second.center, s)
         builder.add(holes.passed(waypoint))
@@ -172,7 +176,7 @@ def _unreached(simulator: DirectSimulator, task: Threading,
             return builder.refusal(
                 begin.constraint, begin.amount, 'stable shapes pass both centers, but the DLO, set '
                 'down in its natural shape, falls into none that leads to them')
-        missing = TwoPoints(simulator, _chord(task)).least_miss(shapes)
+        missing = _both(simulator, task).least_miss(shapes)
     waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
                       'their directions as the free end reaches the second one', waypoint, 'reach',
@@ -191,7 +195,7 @@ def certificate(simulator: DirectSimulator, task: Threading) -> str:
         return (f'{begin}about {depths.size} stable ones pass both centers in their directions as '
                 f'the free end comes to the second, {depths.min():.4g} to {depths.max():.4g} m '
                 'deep in the first')
-    least = TwoPoints(quick, _chord(task)).least_miss(shapes)
+    least = _both(quick, task).least_miss(shapes)
     return (f'{begin}no stable one passes both centers in their directions as the free end comes '
             f'to the second; it is missed by {least:.3g} m at least')
 
@@ -232,7 +236,7 @@ def _straight_there(simulator: DirectSimulator, task: Threading) -> Change | Non
             plan = first_choice(simulator, _alone(task, chord, np.linspace(0, depth, 6)))
         except Infeasible:
             continue
-        found = TwoPoints(simulator, chord).from_end(plan.shapes[-1], depth)
+        found = _both(simulator, task).from_end(plan.shapes[-1], depth)
         if found is not None:
             return Change(found)
     return None
@@ -241,7 +245,7 @@ def _straight_there(simulator: DirectSimulator, task: Threading) -> Change | Non
 def other_changes(simulator: DirectSimulator, task: Threading,
                   shapes: HangingShapes) -> Iterator[Change]:
     """Yield Changes with their Routes, found among all HangingShapes, the best first."""
-    condition = TwoPoints(simulator, _chord(task))
+    condition = _both(simulator, task)
     changes, depths, along = at_the_second(simulator, task, shapes)
     routes_on = _routes_on(condition, shapes, changes, depths, task)
     for k in _unlike(changes, np.array([cost for cost, _ in routes_on])):
@@ -262,7 +266,7 @@ def at_the_second(simulator: DirectSimulator, task: Threading,
 
     And their depths (m,) and directions (m, 3) in the first one.
     """
-    changes, depths = TwoPoints(simulator, _chord(task)).last_crossings(shapes)
+    changes, depths = _both(simulator, task).last_crossings(shapes)
     along = _directions(shapes, changes, simulator.rod.length - depths)
     first, second = task.cutouts
     right = (along @ first.normal > 0) & (changes.ends[:, :, 0] @ second.normal > 0)

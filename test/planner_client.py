@@ -36,17 +36,7 @@ Told = tuple[int, str, dict[str, str]]  # code, message, values
 
 
 class PlannerClient:
-    """Talks to a running planner node; a thread of its own receives what comes.
-
-    Parameters
-    ----------
-    planner : str, optional
-        Full name of the node, e.g. '/dlo_planner'.
-    frame_id : str, optional
-        Frame id of the poses that are sent.
-    timeout : float, optional
-        s to wait for any one answer.
-    """
+    """Talks to a running planner node; a thread of its own receives what comes."""
 
     def __init__(self, planner: str = '/dlo_planner', frame_id: str = 'world',
                  timeout: float = 10.0) -> None:
@@ -129,13 +119,7 @@ class PlannerClient:
         return stamp
 
     def shape_for(self, pose: Pose) -> tuple[Path, float]:
-        """Publish a gripper Pose and return the shape (Path) that answers it, and the s it took.
-
-        Raises
-        ------
-        TimeoutError
-            Nothing came, though poses are sent again as a robot would do.
-        """
+        """Publish a gripper Pose and return the shape (Path) that answers it, and the s it took."""
         started = monotonic()
         stamps = []
         while monotonic() - started < self.timeout:
@@ -157,15 +141,7 @@ class PlannerClient:
         return response.plan, seconds
 
     def plan_threading(self, start: Pose, goal: Pose) -> tuple[Path, float]:
-        """Return the Path that the service plan_threading answers, and the s it took.
-
-        Parameters
-        ----------
-        start : Pose
-            Pose of the gripper now.
-        goal : Pose
-            Pose of the cut-out.
-        """
+        """Return the Path that the service plan_threading answers, and the s it took."""
         request = GetPlan.Request(start=pose_stamped_msg(start, self.frame_id),
                                   goal=pose_stamped_msg(goal, self.frame_id))
         response, seconds = self._call(GetPlan, 'plan_threading', request)
@@ -192,16 +168,8 @@ class PlannerClient:
         return self._call(Trigger, name, Trigger.Request())[0]
 
     def execute(self, path: Path) -> Told:
-        """Have the plan (Path) executed; return the outcome as (code, message, values): 0 if it is.
-
-        Another one that was made since is not executed in its place.
-
-        Raises
-        ------
-        TimeoutError
-            No answer came.
-        """
-        drained(self.statuses)
+        """Have the plan (Path) executed; return the outcome as (code, message, values)."""
+        drain(self.statuses)
         answer, _ = self._call(GetPlan, 'execute_plan', GetPlan.Request(start=path.poses[0]))
         outcome = self.status_of('execute')
         assert (outcome[0] == 0) == bool(answer.plan.poses)
@@ -216,14 +184,7 @@ class PlannerClient:
         return list(answer.results)
 
     def proof(self, path: Path, timeout: float | None = None) -> dict[str, str]:
-        """Return what /diagnostics says of a plan (Path), name -> text, once its proof is done.
-
-        Raises
-        ------
-        TimeoutError
-            It is not done within `timeout` s (None: six times the client's), or a newer plan was
-            made.
-        """
+        """Return what /diagnostics says of a plan (Path), name -> text, once its proof is done."""
         wanted = stamp_text(path.header.stamp)
         timeout = 6 * self.timeout if timeout is None else timeout
         end = monotonic() + timeout
@@ -236,13 +197,7 @@ class PlannerClient:
         raise TimeoutError(f'the plan was not proved within {timeout} s')
 
     def timed_for(self, path: Path) -> MultiDOFJointTrajectory:
-        """Return the timed trajectory (MultiDOFJointTrajectory) of a proved plan (Path).
-
-        Raises
-        ------
-        TimeoutError
-            None came; only a plan that may be executed has one.
-        """
+        """Return the timed trajectory (MultiDOFJointTrajectory) of a proved plan (Path)."""
         end = monotonic() + self.timeout
         while monotonic() < end:
             with suppress(queue.Empty):
@@ -252,13 +207,7 @@ class PlannerClient:
         raise TimeoutError(f'no timed trajectory of this plan came within {self.timeout} s')
 
     def status_of(self, request: str, timeout: float | None = None) -> Told:
-        """Return the next outcome of a request by its name, as (code, message, values).
-
-        Raises
-        ------
-        TimeoutError
-            None came within `timeout` s (None: the client's).
-        """
+        """Return the next outcome of a request by its name, as (code, message, values)."""
         return self._next(self.statuses, timeout, lambda values: values['request'] == request)
 
     def execution_in(self, *states: str, timeout: float | None = None) -> Told:
@@ -295,7 +244,7 @@ class PlannerClient:
         return future.result(), monotonic() - started
 
 
-def drained(messages: queue.Queue[Any]) -> list[Any]:
+def drain(messages: queue.Queue[Any]) -> list[Any]:
     """Empty a queue; return what was in it."""
     taken = []
     with suppress(queue.Empty):

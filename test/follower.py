@@ -26,20 +26,7 @@ class Follower:
     """Publishes the commands of a planner as the gripper's poses, some time after they are due.
 
     Commands with stamps are due then, and single ones, which count where there are no others, when
-    they come.
-
-    Parameters
-    ----------
-    node : Node
-        Rclpy Node that it lives in.
-    planner : str
-        Full name of the planner node.
-    pose : Pose
-        Pose of the tool frame at which it stands.
-    lag : float, optional
-        s by which it is late.
-    rate : float, optional
-        Poses in a second.
+    they come. It stands at `pose` of the tool frame first, and is `lag` s late.
     """
 
     def __init__(self, node: Node, planner: str, pose: Pose, lag: float = 0.05,
