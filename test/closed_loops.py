@@ -102,7 +102,6 @@ def looked(truth, observer, rng, gripper, looks=30, estimate=None, **how):
 
 
 def plan_of(rod=WIRE, hole=HOLE, start=None, depths=DEPTHS):
-    """Return the Plan of a threading."""
     return InverseSimulator(DirectSimulator(rod)).thread(hole, depths=depths, start=start)
 
 
@@ -156,7 +155,6 @@ def best(function, times=10):
 
 
 def print_times(plan):
-    """Print how long a look and a correction take."""
     rng = np.random.default_rng(0)
     truth, observer = Truth.drawn(rng), Observer(DirectSimulator(WIRE), SPREAD, noise=NOISE)
     look = truth.seen(rng, START)
@@ -169,7 +167,6 @@ def print_times(plan):
 
 
 def main(seeds):
-    """Print a table."""
     print_times(plan_of(depths=np.linspace(0, 0.3, 30)))
     plan = plan_of()
     for name, errors in (('DLO and gripper', {}),

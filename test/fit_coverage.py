@@ -62,7 +62,6 @@ def coverage(case, repeats, seed=0):
 
 
 def main():
-    """Print a table of how much of the errors is within 1 and 1.96 stated deviations."""
     repeats = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     for case in sys.argv[2:] or CASES:
         begun = perf_counter()

@@ -81,7 +81,6 @@ def away(plant, shape):
 
 
 def main(tasks=20, first=0):
-    """Print what comes of each task, and the largest distances of all."""
     found = []
     for seed in range(first, first + tasks):
         word, numbers = moved(seed)

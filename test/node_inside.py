@@ -64,17 +64,14 @@ class Alive:
     log = ''
 
     def alive(self):
-        """Whether it runs."""
         return True
 
 
 def state(node):
-    """Return what the node knows."""
     return node.shared.store.state
 
 
 def box(number, x=3.0, size=0.1, namespace='cell'):
-    """Return the Marker of a cube."""
     marker = Marker(ns=namespace, id=number, type=Marker.CUBE, action=Marker.ADD)
     marker.header.frame_id = 'world'
     marker.pose = pose_msg(Pose((x, 5.0, 0.0), (0, 0, 0, 1)))
@@ -83,6 +80,5 @@ def box(number, x=3.0, size=0.1, namespace='cell'):
 
 
 def clear(client, node):
-    """Take all obstacles away."""
     client.send_obstacles([Marker(action=Marker.DELETEALL)])
     assert until(lambda: not state(node).scene.bodies)

@@ -17,7 +17,6 @@ from dlo_planner.ros.lifecycle import PatientExecutor
 
 @contextlib.contextmanager
 def context_of_its_own():
-    """Yield a Context."""
     context = rclpy.Context()
     rclpy.init(context=context)
     try:
@@ -77,7 +76,6 @@ class Witness:
         return bool(wanted())
 
     def ask(self, kind, service, request=None):
-        """Return the answer of a service."""
         client = self.node.create_client(kind, service)
         assert client.wait_for_service(PATIENCE), service
         future = client.call_async(request or kind.Request())
@@ -86,7 +84,6 @@ class Witness:
         return future.result()
 
     def close(self):
-        """Leave."""
         self.executor.shutdown()
         self.node.destroy_node()
 

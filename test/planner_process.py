@@ -47,11 +47,9 @@ class Planner:
 
     @property
     def log(self):
-        """Everything that it has printed so far."""
         return self.log_file.read_text()
 
     def alive(self):
-        """Whether it runs."""
         return self.process.poll() is None
 
     def heeds(self, number):

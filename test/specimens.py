@@ -264,7 +264,6 @@ def arguments():
 
 
 def _of_tasks(known):
-    """Return examples of arguments of tasks."""
     back = Pose((-1.2, 0, 1), (0, 0, 0, 1))
     over_bar = known['InverseSimulator.hold_contact'].simulator
     free, touching = (PlanContext(one, one, start, touching=start is LEVEL)

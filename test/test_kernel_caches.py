@@ -146,7 +146,6 @@ def used(_used):
 
 
 def kept(folder):
-    """Return where what has been compiled there is kept."""
     return folder / 'home/.cache/dlo_planner/kernels'
 
 

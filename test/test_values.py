@@ -87,7 +87,6 @@ def arrays_in(content, depth=0):
 
 
 def judge(value):
-    """Check everything that makes a value one."""
     assert all(not array.flags.writeable for array in arrays_in(value))
     again = pickle.loads(pickle.dumps(value))
     assert again is not value

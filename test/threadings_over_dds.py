@@ -157,7 +157,6 @@ class Ears:
             self.phases.append(f'{monotonic() - self.begun:.0f} {said}')
 
     def begin(self):
-        """Count from now on."""
         self.last, self.gap, self.phases, self.begun = None, 0.0, [], monotonic()
 
     def outcome(self):
@@ -166,7 +165,6 @@ class Ears:
         return {item.key: item.value for item in newest(self.heard['outcome']).values}
 
     def close(self):
-        """Hear no more."""
         for one in self._made:
             self.node.destroy_subscription(one)
 

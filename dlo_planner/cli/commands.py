@@ -54,7 +54,7 @@ from dlo_planner.settings.build import (
     parameters_of_fit,
     tolerance_of,
 )
-from dlo_planner.settings.tasks import Present, Wanted, plan_task, read_task
+from dlo_planner.settings.tasks import plan_task, read_task
 from dlo_planner.settings.yaml_files import write_values
 from dlo_planner.trajectory.trajectory import Trajectory
 from dlo_planner.verify.replay import replay as replayed
@@ -225,8 +225,7 @@ def _planned(dlo: Described, task: Task, start: Pose | None, deadline: float | N
     """Return the Plan of a task, as the node makes it."""
     values = dlo.values
     with Bar('waypoints') as bar:
-        return plan_task(inverse_of(values, dlo.direct), task, Wanted.of(values),
-                         Present(start), progress=bar,
+        return plan_task(inverse_of(values, dlo.direct), task, values, start=start, progress=bar,
                          deadline=deadline or values['threading.planning_deadline'])
 
 

@@ -18,6 +18,7 @@ from dlo_planner.identify.online_trajectory import NARROWEST, Steered
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.obstacles import Obstacle, Sheet
+from dlo_planner.plan.checks import Margin, violated
 from dlo_planner.plan.plan import Plan
 from dlo_planner.trajectory.trajectory import Trajectory
 
@@ -60,12 +61,14 @@ def misfit_reason(observing: DloEstimator, speed: float = 0.0) -> str:
 
 def rejection_reason(correction: Correction, largest: float) -> str:
     """Return in words why a Correction must not be executed, '' if it may; see `correct`."""
-    if not correction.converged:
-        return 'a waypoint has no stable shape for the DLO as it is estimated'
     moved = float(np.linalg.norm(correction.offsets[:, 3:], axis=1).max(initial=0.0))
-    if moved > largest:
-        return (f'it moves the gripper by {moved:.3g} m: expected observe.largest_correction = '
-                f'{largest:g} m at most')
+    broken = violated((
+        Margin('equilibrium', 0.0 if correction.converged else -np.inf,
+               'a waypoint has no stable shape for the DLO as it is estimated'),
+        Margin('largest_correction', largest - moved, 'it moves the gripper by {found:.3g} m: '
+               'expected observe.largest_correction = {limit:g} m at most', moved, largest)))
+    if broken is not None:
+        return broken.message
     return correction.violation or ''
 
 
@@ -99,9 +102,10 @@ def stop_before_entry(miss: float, room: float, left: float) -> str:
     It goes in if the DLO is inside the cut-out with 95 %. Whether it is, is judged when the stop
     has to begin; after the entry it would be of no use.
     """
-    return '' if not 0 < left <= _STOPPING or miss <= room else (
-        f'the DLO may miss the cut-out by {miss:.3g} m (95 %): expected at most the room of '
-        f'{room:.3g} m; let it hang at rest before the camera, call ~/identify, and plan again')
+    margin = Margin('miss', room - miss, 'the DLO may miss the cut-out by {found:.3g} m (95 %): '
+                    'expected at most the room of {limit:.3g} m; let it hang at rest before the '
+                    'camera, call ~/identify, and plan again', miss, room)
+    return margin.message if 0 < left <= _STOPPING and violated([margin]) else ''
 
 
 def motion_bound(execution: Execution) -> float:

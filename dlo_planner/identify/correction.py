@@ -22,6 +22,7 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_forces
 from dlo_planner.errors import InvalidTask
+from dlo_planner.geometry.so3 import turn_between
 from dlo_planner.identify.estimate import Estimate, miss_of, passages_in
 from dlo_planner.identify.predicted_miss import PredictedMiss
 from dlo_planner.identify.uncertain_state import stretched
@@ -211,6 +212,7 @@ class _Aim:
         # from the planned gripper: what is expected of a waypoint in contact, and was of the last
         self._twist = np.zeros(6)
         self._last: Floats | None = None
+        self._touching_shape: Shape | None = None  # of the last waypoint in contact
         length = estimate.uncertain.simulator.rod.length
         for shape in plan.shapes:
             s = shape.s[-1] / length - 1
@@ -273,7 +275,8 @@ class _Aim:
                  GripperNear(planned.gripper, _STILL / length)]
         simulator, scale = self._touching(planned), np.array([1.0] * 3 + [length] * 3)
         begin = displaced(guess.gripper, self._twist) if guess is planned else guess.gripper
-        shape = simulator.solve(begin, stretched(guess, simulator.rod.length))
+        shape = simulator.solve(begin, self._touching_shape or stretched(
+            guess, simulator.rod.length))
         for _ in range(_IN_CONTACT):
             if not shape.converged:
                 return None
@@ -283,9 +286,12 @@ class _Aim:
             step = np.linalg.lstsq(rows * scale, -missed, rcond=None)[0]
             shape = simulator.solve(displaced(shape.gripper, step * scale), shape)
             if np.abs(step).max() < _THERE:
-                twist = _offsets([planned.gripper], [shape.gripper])[0]
+                twist = np.append(
+                    turn_between(planned.gripper.rotation, shape.gripper.rotation),
+                    shape.gripper.position - planned.gripper.position)
                 before = twist if self._last is None else self._last
                 self._last, self._twist = twist, 2 * twist - before
+                self._touching_shape = shape
                 return shape if shape.converged and shape.contacts else None
         return None
 

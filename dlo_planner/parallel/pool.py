@@ -128,15 +128,22 @@ class Pool:
         if broken := next(filter(None, errors.values()), None):
             self._vain = False  # none of them is needed: it may go on so
             self._renew(broken)
-        return [future.result() if errors[future] is None else None for future in futures]
+        return [None if errors.get(future, broken) else future.result() for future in futures]
 
     def _as_completed(self, futures: Iterable[Future[Any]]) -> Iterable[Future[Any]]:
-        """Yield Futures as they end, with a look at the deadline now and then."""
-        waiting = set(futures)
+        """Yield Futures as they end, with a look at the deadline now and then.
+
+        Where some have ended with their pool, those that do not end within a look never may:
+        Python 3.11 forgets a task that is given to a pool while it finds that it is broken.
+        """
+        waiting, broken = set(futures), False
         while waiting:
             self._check()
             done, waiting = wait(waiting, _LOOK, FIRST_COMPLETED)
             yield from done
+            if broken and not done:
+                return
+            broken = broken or any(isinstance(one.exception(), BrokenExecutor) for one in done)
 
     def _renew(self, error: BaseException) -> None:
         """Take a new executor; raise `error` where there is none, or the last one broke, too."""

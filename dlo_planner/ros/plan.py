@@ -35,7 +35,6 @@ from dlo_planner.ros.scene import Scene
 from dlo_planner.ros.state import PlanResult, Proof, State
 from dlo_planner.ros.status import Outcome, Part, Shared, proof_figures
 from dlo_planner.settings.tasks import (
-    Present,
     close_task,
     open_task,
     plan_task,
@@ -247,7 +246,7 @@ def make_plan(scene: Scene, task: Task, start: Pose | None, shape: Shape | None,
     """Return the Plan of a task, and the Shape that it begins with, None: any."""
     here = shape if shape is not None and start is not None and shape.far_end is None and (
         _same(shape.gripper, start)) else None
-    plan = plan_task(scene.inverse, task, scene.wanted, Present(start, here), miss=miss)
+    plan = plan_task(scene.inverse, task, scene.values, start=start, initial=here, miss=miss)
     if len(plan) == 1:
         raise InvalidTask('start = None: expected the pose of the gripper now, where a plan of '
                           f'one pose, as of this {type(task).__name__}, begins')

@@ -37,7 +37,7 @@ def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan:
     slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before,
               'workspace': scene.workspace, 'obstacles': [  # of which the DLO has to stay clear
                   one for one in scene.direct.obstacles if one not in touched]}
-    moving = {**slowly, 'limits': scene.motion_limits, 'tolerance': scene.wanted.tolerance,
+    moving = {**slowly, 'limits': scene.motion_limits, 'tolerance': scene.tolerance,
               'deadline': scene['threading.deadline']}
     known = None
     for step in (slowly, moving):

@@ -27,9 +27,11 @@ from dlo_planner.settings.build import (
     direct_of,
     grasped_of,
     inverse_of,
+    limits_of,
     spread_of,
+    tolerance_of,
 )
-from dlo_planner.settings.tasks import Wanted, open_task
+from dlo_planner.settings.tasks import open_task
 from dlo_planner.view.colors import COLORINGS
 from msg_helpers.obstacles import Body
 
@@ -52,7 +54,8 @@ class Scene:
     grasped: GraspedInside | None
     tool: Pose
     task: Mapping[str, Any]
-    wanted: Wanted
+    limits: Limits           # of all motions
+    tolerance: float | None  # of a motion, m; None: the default
     guards: Guards
     seeing: EstimatorConfig
 
@@ -69,8 +72,8 @@ class Scene:
         grasped = grasped_of(values, solids['all']) if values['rod.grasped_at'] else None
         return cls(values, bodies, direct, inverse_of(values, direct, solids['workspace only']),
                    grasped, Pose(values['tool.position'], values['tool.orientation']),
-                   _OPEN(values['task'], 'parameter task'), Wanted.of(values), _guards(values),
-                   _seeing(values))
+                   _OPEN(values['task'], 'parameter task'), limits_of(values),
+                   tolerance_of(values), _guards(values), _seeing(values))
 
     def __getitem__(self, name: str) -> Any:
         return self.values[name]
@@ -99,11 +102,6 @@ class Scene:
     def solid(self) -> Workspace:
         """Return what nothing can be inside of."""
         return Workspace(keep_out=self.direct.obstacles)
-
-    @property
-    def limits(self) -> Limits:
-        """Limits of all motions."""
-        return self.wanted.limits
 
     @property
     def workspace(self) -> Workspace:

@@ -68,13 +68,13 @@ def loop_task_of(made: PlanResult) -> LoopTask | None:
 def _loop_task(made: PlanResult) -> LoopTask:
     """Return the task of a plan for the closed loop; raise InvalidTask, which says why not."""
     plan, scene, task = made.plan, made.scene, made.task
-    far = STANDOFF * scene.direct.rod.length
+    far, given = STANDOFF * scene.direct.rod.length, scene['threading.standoff']
     if isinstance(task, HoldContact | SlideContact):
         if not scene['contacts.tolerance']:
             raise InvalidTask('parameter contacts.tolerance = 0: expected by how much the DLO may '
                               f'miss the place that it touches in a {type(task).__name__}, m')
-        return LoopTask(scene.inverse, task, scene.wanted.standoff if scene.wanted.standoff > 0
-                        else far, scene.limits, scene['contacts.tolerance'])
+        return LoopTask(scene.inverse, task, given if given > 0 else far, scene.limits,
+                        scene['contacts.tolerance'])
     passing = [bool(passes) for passes in plan.via_points]
     depths = np.unique(plan.depths[passing])  # a bore takes over a mass in several waypoints
     if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or not depths.size:
@@ -84,8 +84,7 @@ def _loop_task(made: PlanResult) -> LoopTask:
     first = cutouts_of(task)[0]
     stops = [first.normal @ (first.center - plan.shapes[k].positions[-1]) for k in plan.stops
              if not passing[k]]
-    standoff = scene.wanted.standoff if scene.wanted.standoff > 0 else float(
-        max(stops, default=0.0)) or far
+    standoff = given if given > 0 else float(max(stops, default=0.0)) or far
     task = Thread(first, depths) if isinstance(task, Thread) else replace(task, depths=depths)
     return LoopTask(scene.inverse, task, standoff, scene.limits)  # refuses what has no room
 

@@ -26,10 +26,9 @@ from dlo_planner.model.checks import instance, shown
 from dlo_planner.model.cutout import CutOut
 from dlo_planner.model.pose import Pose
 from dlo_planner.plan.plan import Plan, concatenate
-from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.waypoint import Waypoint
 from dlo_planner.progress import OnProgress
-from dlo_planner.settings.build import limits_of, tolerance_of
+from dlo_planner.settings.build import Values, limits_of, tolerance_of
 from dlo_planner.settings.yaml_files import load_yaml, yaml_of
 
 _LONGEST = 100_000  # characters of a text: read within a second
@@ -175,63 +174,38 @@ MOST_INSERTED = 0.99  # of the length, by `Insert`
 STANDOFF = 0.05       # of the length, where none is given
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """What is asked of the way; attributes are the parameters `threading.*` of the same names.
-
-    `limits` are all those of the motion. With a standoff below 0 it is found; a tolerance of None
-    is the default one. `may_miss` is `contacts.tolerance`, m.
-    """
-
-    waypoints: int
-    deepest: float
-    limits: Limits
-    standoff: float
-    gripper_clearance: float
-    tolerance: float | None = None
-    may_miss: float = 0.0
-
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> 'Wanted':
-        """Return that of parameter values."""
-        return cls(values['threading.waypoints'], values['threading.deepest'], limits_of(values),
-                   values['threading.standoff'], values['threading.gripper_clearance'],
-                   tolerance_of(values), values['contacts.tolerance'])
-
-
-@dataclass(frozen=True)
-class Present:
-    """Where the gripper and the DLO are now; None where that is not known."""
-
-    gripper: Pose | None = None  # Pose of the gripper
-    # Shape of the DLO, which matters where the plan begins at the gripper's pose
-    shape: Shape | None = None
-
-
-def plan_task(inverse: InverseSimulator, task: Task, wanted: Wanted,
-              present: Present = Present(), *, miss: float | None = None,  # noqa: B008 - frozen
+def plan_task(inverse: InverseSimulator, task: Task, values: Values, *,
+              start: Pose | None = None, initial: Shape | None = None, miss: float | None = None,
               progress: OnProgress = None, deadline: float | None = None) -> Plan:
-    """Return the Plan of a task, where `wanted` says what the task leaves open.
+    """Return the Plan of a task, where parameter values say what the task leaves open.
 
-    With a standoff, a threading begins at the gripper's present pose, if that is known, and what
-    touches comes straight down from there. A plan of one pose begins there, too.
+    `start` and `initial` are where gripper and DLO are now, where that is known. With a standoff, a
+    threading begins there, and what touches comes straight down from there. A plan of one pose
+    begins there, too.
     """
-    start, task = present.gripper, _with_depths(task, wanted, inverse.simulator.rod.length)
+    length, standoff = inverse.simulator.rod.length, values['threading.standoff']
+    task = _with_depths(task, values, length)
     options: dict[str, Any] = {'progress': progress, 'requirements': replace(
-        inverse.requirements, deadline=deadline, limits=wanted.limits, tolerance=miss)}
-    if isinstance(task, HoldContact | SlideContact) and wanted.standoff and start is not None:
-        standoff = wanted.standoff if wanted.standoff > 0 else (
-            STANDOFF * inverse.simulator.rod.length)
-        return inverse.check(concatenate(*way_onto(inverse, task, start, standoff,
-                                                   wanted.may_miss, **options)))
+        inverse.requirements, deadline=deadline, limits=limits_of(values), tolerance=miss)}
+    if isinstance(task, HoldContact | SlideContact) and standoff and start is not None:
+        return inverse.check(concatenate(*way_onto(
+            inverse, task, start, standoff if standoff > 0 else STANDOFF * length,
+            values['contacts.tolerance'], **options)))
     threads = isinstance(task, Thread | ThreadTwo | ThreadSequence)
-    before = present.shape if task.takes_initial and not threads else None
-    plan = inverse.plan(task, start=start, initial=before, **options)
+    plan = inverse.plan(task, start=start, initial=initial if task.takes_initial and not threads
+                        else None, **options)
     if len(plan) == 1 and start is not None:
-        first = present.shape or inverse.simulator.track([start])[0]
+        first = initial or inverse.simulator.track([start])[0]
         plan = inverse.plan(_From(first, plan, task.touches), start=start, **options)
     elif isinstance(task, Thread | ThreadTwo | ThreadSequence):
-        plan = _with_way_there(inverse, task, plan, wanted, present, options)
+        hole, clearance = cutouts_of(task)[0], values['threading.gripper_clearance']
+        if clearance and getattr(task, 'gripper_clearance', None) is None:
+            plan = inverse.check(trim_to_clearance(plan, hole, clearance, True))
+        if standoff and start is not None:
+            way = inverse.plan(Approach(hole, plan.shapes[0], standoff if standoff > 0 else None,
+                                        plan, tolerance_of(values)),
+                               start=start, initial=initial, **options)
+            plan = inverse.check(concatenate(way, plan))
     if miss is not None and not plan.position_error.max() <= miss:
         worst = int(plan.position_error.argmax())
         raise Infeasible(f'waypoint {worst} misses its place by {plan.position_error[worst]:.3g} '
@@ -240,28 +214,14 @@ def plan_task(inverse: InverseSimulator, task: Task, wanted: Wanted,
     return plan
 
 
-def _with_depths(task: Task, wanted: Wanted, length: float) -> Task:
-    """Return a task with the depths that are wanted, if it has none of its own."""
+def _with_depths(task: Task, values: Values, length: float) -> Task:
+    """Return a task with the depths of the parameters, if it has none of its own."""
     if not isinstance(task, Thread | ThreadTwo | ThreadSequence | Insert) or (
             task.depths is not None):
         return task
-    most = min(wanted.deepest, MOST_INSERTED) if isinstance(task, Insert) else wanted.deepest
-    return replace(task, depths=np.linspace(0.0, most * length, wanted.waypoints))
-
-
-def _with_way_there(inverse: InverseSimulator, task: Thread | ThreadTwo | ThreadSequence,
-                    plan: Plan, wanted: Wanted, present: Present,
-                    options: Mapping[str, Any]) -> Plan:
-    """Return the plan of a threading, trimmed, and with the way to where it begins."""
-    first = cutouts_of(task)[0]
-    if wanted.gripper_clearance and getattr(task, 'gripper_clearance', None) is None:
-        plan = inverse.check(trim_to_clearance(plan, first, wanted.gripper_clearance, True))
-    if not wanted.standoff or present.gripper is None:
-        return plan
-    standoff = None if wanted.standoff < 0 else wanted.standoff
-    way = inverse.plan(Approach(first, plan.shapes[0], standoff, plan, wanted.tolerance),
-                       start=present.gripper, initial=present.shape, **options)
-    return inverse.check(concatenate(way, plan))
+    deepest = values['threading.deepest']
+    most = min(deepest, MOST_INSERTED) if isinstance(task, Insert) else deepest
+    return replace(task, depths=np.linspace(0.0, most * length, values['threading.waypoints']))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

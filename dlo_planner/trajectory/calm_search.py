@@ -19,6 +19,7 @@ from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.rod import Surface
 from dlo_planner.model.varying import scaled
 from dlo_planner.plan.checks import Margin, motion_margins
+from dlo_planner.plan.clearance import Bodies
 from dlo_planner.plan.path import GripperPath, Leg, held_after
 from dlo_planner.plan.plan import Plan, arc_length_at, means_to_touch
 from dlo_planner.plan.requirements import Limits
@@ -27,7 +28,6 @@ from dlo_planner.trajectory.dynamic_check import (
     InMotion,
     calm_shapes,
     in_motion,
-    least_clearance,
     step_error,
     unplanned,
 )
@@ -164,8 +164,8 @@ class CalmSearch:
     @cached_property
     def _room(self) -> float:
         """Clearance as planned, m; nan if there is nothing to be near to."""
-        return least_clearance(self.plan, self.obstacles, Surface.of(self.simulator.rod),
-                               self.plan.shapes)
+        return Bodies(self.plan.sheets, self.obstacles,
+                      Surface.of(self.simulator.rod)).least(self.plan.shapes)
 
     @property
     def over(self) -> bool:
@@ -185,54 +185,50 @@ class CalmSearch:
         motions = self._moved(timed)
         motion = _worst(motions)
         worst = self._most_used(motion)
-        name, used = worst.name, worst.used
-        if used <= 1:
+        if worst.used <= 1:
             return Calm(self, timed, motions, _worst([
                 replace(one, error_estimate=np.inf) for one in motions]))
         if motion.converged:
             self._inside = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
         missed = self._missed_by
-        if not missed.what or used < missed.least:
-            missed = _Missed(name, used, timed.duration, missed.slowest)
+        if missed.margin is None or worst.used < missed.margin.used:
+            missed = _Missed(worst, timed.duration, missed.slowest)
         # lower than what this way seemed to keep: else the same one would be found again
         kept = max((one for one in known if one <= self._aim), default=self._aim)
         self._missed_by = replace(missed, slowest=max(missed.slowest, timed.duration))
-        self._aim = kept * max(min(_SPARE / used, _SPARE), 0.25)
-        self._slower *= np.sqrt(2) if used < 4 else 2.0
+        self._aim = kept * max(min(_SPARE / worst.used, _SPARE), 0.25)
+        self._slower *= np.sqrt(2) if worst.used < 4 else 2.0
         self._rounds += 1
         return None
 
     def refusal(self) -> Infeasible:
         """Return Infeasible: no law that was tried is calm."""
-        what, least = self._missed_by.what, self._missed_by.least
-        touch = ('loses a contact that the plan keeps' if means_to_touch(self.plan) else
-                 'touches what the plan does not')
+        broken = self._missed_by.margin
         if not self._first.converged:
             return Infeasible(f'limits: where the motion begins, the DLO is '
                               f'{self._first.status}', 0, 'motion', np.inf, self.plan)
+        assert broken is not None  # of the laws that were tried
+        said, amount = f'limits: {self.reached}', -broken.room
         if self._inside > 0:
-            said = ('limits: however slow it is, the DLO touches what the plan does not, '
-                    f'{self._inside:.3g} m deep')
-        elif what == 'contact':
-            said = f'limits: in motion the DLO {touch}'
-        elif what in ('motion', 'max_bend_curvature'):
-            said = f'limits: {self.reached}'
-        else:
+            said, amount = ('limits: however slow it is, the DLO touches what the plan does not, '
+                            f'{self._inside:.3g} m deep'), self._inside
+        elif broken.name in ('miss', 'departure', 'clearance'):
             said = (f'limits: the DLO is not calm: {self.reached}: expected at most '
                     f'{self.tolerance:.3g} m')
-        return Infeasible(said, len(self.plan) - 1, what, float((least - 1) * self.tolerance),
-                          self.plan)
+        return Infeasible(said, len(self.plan) - 1, broken.name, float(amount), self.plan)
 
     @property
     def reached(self) -> str:
         """What the best laws so far come to, in words; empty before there are any."""
-        missed = self._missed_by
-        if missed.what == 'motion':
+        broken, duration = self._missed_by.margin, self._missed_by.duration
+        if broken is None:
+            return ''
+        if broken.name == 'motion':
             return 'no motion that was tried could be simulated to its end'
-        if missed.what == 'max_bend_curvature':
-            return 'in motion the DLO is bent by more than max_bend_curvature'
-        return missed.what and (f'{missed.what} in motion, {missed.least * self.tolerance:.3g} m '
-                                f'at best, in {missed.duration:.3g} s')
+        if broken.name in ('contact', 'max_bend_curvature'):
+            return f'{broken.message}, at best, in {duration:.3g} s'
+        return (f'{broken.name} in motion, {broken.used * self.tolerance:.3g} m at best, in '
+                f'{duration:.3g} s')
 
     def _timed(self, aim: float, slower: float) -> tuple[TimedPath, list[float]]:
         """Return a TimedPath, and the largest deviations of its legs as far as modes tell, m."""
@@ -306,10 +302,9 @@ class CalmSearch:
 
 @dataclass(frozen=True)
 class _Missed:
-    """What a search came to: the figure that fails least, its part of the tolerance, s, s."""
+    """What a search came to: the margin that fails least, the duration with it, the longest one."""
 
-    what: str = ''
-    least: float = np.inf
+    margin: Margin | None = None
     duration: float = np.inf
     slowest: float = 0.0
 

@@ -158,7 +158,7 @@ def _figures(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first: Sh
              obstacles: tuple[Obstacle, ...], progress: Progress,
              around: tuple[Obstacle, ...] = (), calm: Sequence[Shape] | None = None) -> InMotion:
     """Return InMotion; of a DLO that comes near to `around` the contact force is infinite."""
-    times = _instants(simulator, timed)
+    times = instants(simulator, timed)
     grippers, reached = timed.poses(times), timed.progress(times)
     simulated = _simulated(simulator, plan, Instants(grippers, reached, times[1]), first, progress,
                            calm)
@@ -277,7 +277,7 @@ def calm_shapes(simulator: DirectSimulator, plan: Plan, timed: TimedPath, first:
     """
     if held_after(plan) is not None:
         return None
-    return simulator.track(timed.poses(_instants(simulator, timed)), progress.done, first)
+    return simulator.track(timed.poses(instants(simulator, timed)), progress.done, first)
 
 
 def _without_bore(simulator: DirectSimulator, plan: Plan, instants: Instants, first: Shape,
@@ -309,7 +309,7 @@ def watched(simulator: DirectSimulator, plan: Plan,
     return obstacles if held_after(plan) is None else (*obstacles, *simulator.obstacles)
 
 
-def _instants(simulator: DirectSimulator, timed: TimedPath) -> Floats:
+def instants(simulator: DirectSimulator, timed: TimedPath) -> Floats:
     """Return the times (n,), s, that are looked at: to a slowest period after the end."""
     period = slowest_period(simulator.rod)
     duration = timed.duration + period
@@ -319,12 +319,6 @@ def _instants(simulator: DirectSimulator, timed: TimedPath) -> Floats:
                           f'1/{_PER_PERIOD} of the slowest period of {period:.3g} s: expected at '
                           f'most {_MOST} steps')
     return np.linspace(0, duration, count)
-
-
-def least_clearance(plan: Plan, obstacles: Sequence[Obstacle], surface: Surface,
-                    shapes: Sequence[Shape]) -> float:
-    """Return the least clearance in m of Shapes from a Plan's sheets and obstacles, nan if none."""
-    return Bodies(plan.sheets, obstacles, surface).least(shapes)
 
 
 def goals_between(plan: Plan, k: int) -> list[tuple[Through, bool]]:

@@ -25,7 +25,7 @@ from dlo_planner.plan.plan import Plan, means_to_touch
 from dlo_planner.plan.requirements import Limits
 from dlo_planner.progress import OnProgress, Progress
 from dlo_planner.trajectory.calm_search import CalmSearch, quickest
-from dlo_planner.trajectory.dynamic_check import InMotion, watched
+from dlo_planner.trajectory.dynamic_check import InMotion, instants, watched
 from dlo_planner.trajectory.time_law import Shift, TimeLaw
 from dlo_planner.trajectory.timed_path import TimedPath, fastest_law
 
@@ -96,7 +96,8 @@ class Trajectory(TimedPath, Reported):
     Infeasible
         The DLO cannot be made calm within 16 times the fastest duration; the constraint is 'miss',
         'clearance', 'contact' (a touch that is not planned, or a planned one that is lost),
-        'max_bend_curvature', 'departure' or 'motion', the amount is in m.
+        'max_bend_curvature', 'departure' or 'motion'; the amount is what is missing, in the unit of
+        the constraint.
     DeadlineExceeded
         The deadline is over before a calm motion was found; the message says what was reached.
     """
@@ -129,6 +130,7 @@ class Trajectory(TimedPath, Reported):
             least_duration=timed.duration, slowest_period=np.nan)
         if simulator is None or tolerance == np.inf:
             return
+        instants(simulator, timed)  # where the fastest takes too many, so does each that is calm
         search = CalmSearch(plan, timed, tolerance, simulator, initial or plan.shapes[0],
                             obstacles, still_to_go)
         calm = search.assessed(quickest([search]))

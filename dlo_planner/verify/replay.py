@@ -30,7 +30,6 @@ from dlo_planner.trajectory.dynamic_check import (
     InMotion,
     contact_lost,
     in_motion,
-    least_clearance,
     unplanned,
     watched,
 )
@@ -296,7 +295,7 @@ def _figures_at_rest(simulator: DirectSimulator, plan: Plan, shapes: Sequence[Sh
         'insertion_force': max((force for force, shape in zip(
             plan.insertion_force, plan.shapes, strict=True) if shape.far_end is not None),
             key=lambda force: (np.isnan(force), force), default=np.nan),
-        'clearance': least_clearance(plan, obstacles, Surface.of(simulator.rod), shapes),
+        'clearance': Bodies(plan.sheets, obstacles, Surface.of(simulator.rod)).least(shapes),
         'deviation': deviation}
 
 

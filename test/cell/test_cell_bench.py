@@ -28,7 +28,6 @@ def bar_task(aside=0.0):
 
 
 def pushed(task):
-    """Return poses that go straight on."""
     steps = np.linspace(0, 1, 151)[1:]
     way = PUSHED * steps**3 * (10 - 15 * steps + 6 * steps**2)
     start = task.start.position

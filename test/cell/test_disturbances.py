@@ -33,7 +33,6 @@ TASK = Task('bar', BAR, HOLE, LEVEL, 0.2)
 
 
 def drawn(seed=0, **disturbances):
-    """Return a Course."""
     return Disturbances(**disturbances).draw(np.random.default_rng(seed))
 
 

@@ -22,7 +22,6 @@ def bent(length, curvature, twist=0.0, elements=100, **more):
 
 
 def helix(turns, wide, pitch, **more):
-    """Return the Shape of a helix."""
     rise = pitch / (2 * np.pi)
     square = wide**2 + rise**2
     return bent(2 * np.pi * turns * np.sqrt(square), (0.0, wide / square), rise / square, **more)

@@ -32,7 +32,6 @@ TEXT = '\n'.join(page.read_text() for page in PAGES).replace('\\\n', ' ')
 
 
 def blocks(page, language):
-    """Return the blocks of a language in a page."""
     return [re.sub('^   ', '', block, flags=re.M) if block.startswith('   ') else block
             for block in re.findall(rf'```{language}\n(.*?)```', (DOCS / page).read_text(), re.S)]
 

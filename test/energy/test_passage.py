@@ -31,7 +31,6 @@ def runs_through(obstacle, old, new):
 
 
 def level(z, y=0.0, x=(0.0, 0.5, 1.0)):
-    """Return nodes along x."""
     return np.array([[value, y, z] for value in x])
 
 

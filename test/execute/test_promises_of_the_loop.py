@@ -111,7 +111,6 @@ class Cell:
         self.loop = TaskLoop(task(), self.seen, START, look=0.1, period=PERIOD, **options)
 
     def step(self):
-        """Go on by one period."""
         self.loop.gripper(Feedback(self.here, self.time, stamp=self.time))
         self.here = self.loop.tick(self.time) or self.here
         if self.loop.waits and self.plans and self.loop.phase is Phase.PLAN:
@@ -119,14 +118,12 @@ class Cell:
         self.time += PERIOD
 
     def until(self, wanted):
-        """Go on until `wanted()`."""
         while not wanted():
             assert self.time < 120
             self.step()
         return self
 
     def entering(self):
-        """Go on until it enters."""
         return self.until(lambda: self.loop.phase is Phase.ENTER and self.loop.execution)
 
 

@@ -56,7 +56,6 @@ class Swinging:
         return np.linalg.norm(np.ptp(self.ends, axis=0)) / 2
 
     def seen(self, **known):
-        """Return the vibration of 2.5 s."""
         self.pass_by(2.5)
         return FreeVibration.of(self.shape, self.clouds, **known)
 

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from sweeps.cutouts import random_pair, threaded_two
+from sweeps.cutouts import distance, random_pair, threaded_two
 
 from dlo_planner import (
     CutOut,
@@ -25,16 +25,6 @@ def hole(position):
     return CutOut(Pose.looking_along(position, (1, 0, 0)))
 
 
-def nearest(shape, point):
-    """Return the distance of `point` from the DLO, on its arcs."""
-    s = np.linspace(0, shape.s[-1], 400)
-    for _ in range(12):
-        best = s[np.argmin(np.linalg.norm(shape.positions_at(s) - point, axis=1))]
-        width = s[1] - s[0]
-        s = np.clip(np.linspace(best - width, best + width, 21), 0, shape.s[-1])
-    return np.linalg.norm(shape.positions_at([best]) - point)
-
-
 @pytest.mark.every(3)
 @pytest.mark.parametrize('rod', [STIFF, CURVED], ids=['round', 'curved'])
 @pytest.mark.parametrize('basis', ['local', 'chebyshev'])
@@ -48,10 +38,10 @@ def test_both_centers_are_hit(rod, basis):
     apart = np.linalg.norm(second.center - first.center)
     for depth, shape in zip(plan.depths, replayed, strict=True):
         assert shape.converged and not shape.jumped
-        assert nearest(shape, first.center) < 1e-6
+        assert distance(shape, first.center) < 1e-6
         assert np.linalg.norm(shape.at(1 - depth).position - first.center) < 1e-8
         if depth > 1.05 * apart:
-            assert nearest(shape, second.center) < 1e-6
+            assert distance(shape, second.center) < 1e-6
 
 
 def test_the_way_is_continuous_where_the_motion_changes():

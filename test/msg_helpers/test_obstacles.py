@@ -41,7 +41,6 @@ def after(message, known=()):
 
 
 def numbers(obstacle):
-    """Return all numbers of an obstacle in a row."""
     parts = [obstacle.friction]
     for name in ('center', 'radius', 'start', 'end', 'point', 'normal', 'size', 'width', 'height',
                  'thickness'):

@@ -184,6 +184,27 @@ class _Broken(Executor):
         return future
 
 
+class _Forgetful(_Broken):
+    """As that of Python 3.11: what is submitted while it finds that it is broken never ends."""
+
+    made = given = 0
+
+    def submit(self, function, /, *args, **kwargs):
+        self.given += 1
+        future = Future()
+        if self.made > 1:
+            future.set_result(function(*args, **kwargs))
+        elif self.given < 3:
+            future.set_exception(BrokenExecutor('gone'))
+        return future
+
+
+def test_what_a_broken_pool_forgets_is_done_by_the_next(simulator, anywhere):
+    _Forgetful.made = 0
+    assert parallel.map(simulator, anywhere, _Forgetful, chunk=7) == solve_many(simulator, anywhere)
+    assert _Forgetful.made == 2
+
+
 def test_a_pool_is_made_anew_once_in_a_row(simulator, anywhere):
     _Broken.made = 0
     with pytest.raises(BrokenExecutor):

@@ -54,7 +54,6 @@ def test_a_part_says_how_much_of_the_whole_it_is(plan):
 
 
 def back(plan):
-    """Return a plan the other way round."""
     turned = {name: getattr(plan, name)[::-1] for name in (
         'depths', 'grippers', 'shapes', 'misalignment', 'position_error', 'via_points',
         'clearances')}

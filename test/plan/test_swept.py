@@ -95,7 +95,6 @@ def test_the_box_is_kept_between_waypoints(axis, side):
 
 
 def random_body(rng, place):
-    """Return a body near a place."""
     place = place + rng.normal(size=3) * 0.02
     pose = Pose.from_rotation(place, Rotation.from_rotvec(rng.normal(size=3)).as_matrix())
     size = rng.uniform(1e-3, 0.02)

@@ -183,7 +183,6 @@ CASES = {'column, mu 0.2': lambda *how: column(0.2, *how),
 
 
 def main():
-    """Print the tables, what is wrong, and the worst."""
     most, least = [*map(int, sys.argv[1:]), 20, 1][:2]
     steps = [step for step in STEPS if least <= 1000 * step <= most]
     worst, wrong = 0.0, []

@@ -229,7 +229,6 @@ def _say(name, begun, motion, true, doubtful):
 
 
 def main():
-    """Print the table."""
     for case in CASES:
         known, doubtful = reference(case, (16, 32))
         begun = process_time()

@@ -29,7 +29,6 @@ def domain(coordinator):
 
 @pytest.fixture
 def context(domain):
-    """Yield a Context of that domain."""
     with context_of_its_own() as made:
         yield made
 
@@ -78,7 +77,6 @@ def planner(_running):
 
 @pytest.fixture(scope='module')
 def client(planner):
-    """Yield a client of `planner`."""
     with connected_client(planner) as connected:
         yield connected
 

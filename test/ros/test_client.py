@@ -20,7 +20,6 @@ TASK = Thread(HOLES[0], (0.0, 0.1, 0.2, 0.3))
 
 @pytest.fixture(scope='module')
 def robot(node):
-    """Yield a commander of `node`."""
     rclpy.init()
     try:
         made = DloCommander()

@@ -58,7 +58,6 @@ LONGEST = 60.0  # s
 
 @pytest.fixture(scope='module')
 def worker():
-    """Return the process that plans."""
     made = Worker('plans')
     yield made
     made.close()
@@ -98,7 +97,6 @@ class Cell:
         return self.truth.shape(self.here)
 
     def step(self):
-        """Go on by one period; return the Execution."""
         state = self.store.change(lambda now: now.with_feedback(Feedback(
             self.here, self.time, 0.0, self.observing.off, self.time)))
         self.observing.gripper(self.time, self.here)
@@ -296,7 +294,7 @@ def test_a_plan_is_threaded_in_a_loop_where_somebody_looks_and_room_is_known(pro
     assert (np.diff(depths) > 0).all()
     assert (task.standoff, task.limits) == (0.02, scene.limits)
     without = replace(made, scene=replace(
-        scene, wanted=replace(scene.wanted, standoff=-1.0)))
+        scene, values={**scene.values, 'threading.standoff': -1.0}))
     assert loop_task_of(without).standoff == pytest.approx(0.02, rel=1e-2)  # where the plan stops
     straight = replace(without, plan=replace(made.plan, stops=()))
     assert loop_task_of(straight).standoff == pytest.approx(0.015)

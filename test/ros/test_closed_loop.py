@@ -64,7 +64,6 @@ class Tracker:
         self._timer = client.node.create_timer(1 / 15, self.publish)
 
     def publish(self):
-        """Publish a cloud as it is now."""
         shape = self._truth.shape(self._robot._pose)
         points = shape.positions_at(np.linspace(0, 1, 20) * shape.s[-1])
         points += 3e-4 * self._rng.standard_normal(points.shape)
@@ -73,7 +72,6 @@ class Tracker:
                                        self._client.node.get_clock().now().to_msg()))
 
     def close(self):
-        """Stop publishing."""
         self._client.node.destroy_timer(self._timer)
         self._client.node.destroy_publisher(self.out)
 

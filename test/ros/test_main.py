@@ -45,7 +45,6 @@ QUICK = 4.0  # s in which a signal is answered; what does not end is left after 
 
 
 def started(code):
-    """Start it; return the process once it says that it has begun."""
     process = subprocess.Popen([sys.executable, '-c', PROCESS.format(code=code)], cwd=ROOT,
                                bufsize=0,
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE)

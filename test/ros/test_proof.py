@@ -59,7 +59,7 @@ def test_limits_and_tolerance_are_the_parameters():
 
 @pytest.mark.parametrize('value', [0.0, float('nan')])
 def test_no_tolerance_given_is_a_quarter_of_the_room(value):
-    assert scene_with(threading__tolerance=value).wanted.tolerance is None
+    assert scene_with(threading__tolerance=value).tolerance is None
 
 
 @pytest.mark.parametrize('value', [-1e-3, 1.5, float('inf')])

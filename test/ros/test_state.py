@@ -211,7 +211,7 @@ def test_who_is_not_enabled_does_not_start(proved, enabled, named):
 
 def test_a_motion_beyond_its_limits_is_not_executed(proved):
     limits = Limits(*(0.9 * proved.scene.motion_limits.sizes).ravel())
-    slower = replace(proved.scene, wanted=replace(proved.scene.wanted, limits=limits))
+    slower = replace(proved.scene, limits=limits)
     with pytest.raises(Refused, match='of its limits') as refused:
         replace(proved, planned=replace(proved.planned, scene=slower)).started(10.0)
     assert refused.value.cause == Cause.LIMITS

@@ -10,11 +10,11 @@ import sys
 import threading
 import time
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 from planner_process import PATIENCE, ROOT, until
+from soak.watching import runs
 
 from dlo_planner import CutOut, DirectSimulator, InverseSimulator, Limits, Pose, Rod, replay
 from dlo_planner.errors import DeadlineExceeded, DloPlannerError, Infeasible, InvalidTask
@@ -23,7 +23,6 @@ from dlo_planner.ros.worker import ProcessLost, Worker, persistent
 
 DIRECT = DirectSimulator(Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34))
 HOLE = CutOut(Pose.looking_along((0, 0, 1), (1, 0, 0)), radius=0.01)
-PLAN = InverseSimulator(DIRECT).thread(HOLE, depths=[0.0, 0.1, 0.2])
 
 
 def endless():
@@ -33,12 +32,9 @@ def endless():
         steps.check()
 
 
-def runs(number):
-    """Return whether a process is there and is not only waiting to be counted."""
-    try:
-        return Path(f'/proc/{number}/stat').read_text().rsplit(')', 1)[1].split()[0] != 'Z'
-    except FileNotFoundError:
-        return False
+@pytest.fixture(scope='module')
+def plan():
+    return InverseSimulator(DIRECT).thread(HOLE, depths=[0.0, 0.1, 0.2])
 
 
 @pytest.fixture(scope='module')
@@ -48,17 +44,17 @@ def worker():
     made.close()
 
 
-def test_the_result_is_the_same_as_here(worker):
-    here = replay(DIRECT, PLAN)
-    there = worker.result(partial(replay, DIRECT, PLAN))
+def test_the_result_is_the_same_as_here(worker, plan):
+    here = replay(DIRECT, plan)
+    there = worker.result(partial(replay, DIRECT, plan))
     assert (there.converged, there.clearance) == (here.converged, here.clearance)
     assert there.position_error == pytest.approx(here.position_error, abs=1e-9)
     assert worker.result(os.getpid) != os.getpid()
 
 
-def test_errors_are_told_as_they_are_and_the_process_goes_on(worker):
+def test_errors_are_told_as_they_are_and_the_process_goes_on(worker, plan):
     with pytest.raises(InvalidTask, match=r'tolerance = -1\.0'):
-        worker.result(partial(replay, DIRECT, PLAN, limits=Limits(), tolerance=-1.0))
+        worker.result(partial(replay, DIRECT, plan, limits=Limits(), tolerance=-1.0))
     number = worker.result(os.getpid)
     refused = partial(InverseSimulator(DIRECT, workspace=None).thread,
                       CutOut(HOLE.pose, radius=1e-4), depths=[0.0, 0.1])
@@ -78,16 +74,16 @@ def test_errors_are_told_as_they_are_and_the_process_goes_on(worker):
     assert persistent(lambda: worker.result(os.getpid)) != number
 
 
-def test_the_trajectory_that_comes_back_is_the_one_that_would_be_made_here(worker):
-    there = worker.result(partial(replay, DIRECT, PLAN, limits=Limits()))
+def test_the_trajectory_that_comes_back_is_the_one_that_would_be_made_here(worker, plan):
+    there = worker.result(partial(replay, DIRECT, plan, limits=Limits()))
     assert there.safe and there.trajectory.tolerance == pytest.approx(there.tolerance)
     times = np.linspace(0, there.duration, 50)
-    here = replay(DIRECT, PLAN, trajectory=there.trajectory)  # looked at again: as it said
+    here = replay(DIRECT, plan, trajectory=there.trajectory)  # looked at again: as it said
     assert here.safe and here.max_tracking_error == pytest.approx(there.max_tracking_error,
                                                                   rel=1e-6)
     poses = there.trajectory.at(times)[0]
     np.testing.assert_allclose([poses[0].matrix, poses[-1].matrix],
-                               [PLAN.grippers[0].matrix, PLAN.grippers[-1].matrix], atol=1e-9)
+                               [plan.grippers[0].matrix, plan.grippers[-1].matrix], atol=1e-9)
 
 
 def test_what_is_not_wanted_any_more_ends_between_two_steps_and_the_process_stays(

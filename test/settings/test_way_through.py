@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole way through a cut-out, as parameters ask for it: what is cut or joined is checked."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,16 +9,17 @@ import pytest
 from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod, Sphere
 from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.plan.path import GripperPath
-from dlo_planner.plan.requirements import Limits
 from dlo_planner.plan.workspace import Workspace
 from dlo_planner.settings.build import direct_of, inverse_of
-from dlo_planner.settings.tasks import Present, Wanted, plan_task
+from dlo_planner.settings.parameters import PARAMETERS
+from dlo_planner.settings.tasks import plan_task
 from dlo_planner.settings.yaml_files import read_values
 
 WIRE = Rod.circular(1.0, 1.5e-3, 8960.0, 110e9, 0.34)
 DIRECT = DirectSimulator(WIRE, n_elements=32)
 HOLE = CutOut(Pose.looking_along((0.3, 0.1, 1.0), (0.95782629, 0.28734789, 0.0)))
-WANTED = Wanted(4, 0.9, Limits(0.1, 0.5), 0.0, 0.0)
+WANTED = {name: entry.default for name, entry in PARAMETERS.items()} | {
+    'threading.waypoints': 4, 'threading.deepest': 0.9}
 
 
 def way(plan, count=2001):
@@ -38,8 +38,8 @@ def apart_from(places, *others):
 def test_a_plan_that_ends_before_the_sheet_is_checked_again():
     inverse = InverseSimulator(DIRECT)
     whole = plan_task(inverse, threading_of([HOLE]), WANTED)
-    cut = replace(WANTED, gripper_clearance=float(
-        (HOLE.center - whole.grippers[-1].position) @ HOLE.normal) + 1e-3)
+    cut = WANTED | {'threading.gripper_clearance': float(
+        (HOLE.center - whole.grippers[-1].position) @ HOLE.normal) + 1e-3}
     part = plan_task(inverse, threading_of([HOLE]), cut)
     assert len(part) == 3 < len(whole)
     place, far = apart_from(way(part), way(whole))  # without its last pose it bulges elsewhere
@@ -54,16 +54,17 @@ def test_a_plan_that_ends_before_the_sheet_is_checked_again():
 
 def test_what_is_joined_is_in_time_by_its_speeds_and_begins_with_the_present_shape():
     start = Pose.looking_along(HOLE.center - 1.3 * HOLE.normal + (0, 0.2, 0.1), HOLE.normal)
-    wanted = replace(WANTED, standoff=0.05, limits=Limits(0.02, 0.05))
+    wanted = WANTED | {'threading.standoff': 0.05, 'threading.linear_speed': 0.02,
+                       'threading.angular_speed': 0.05}
     inverse = InverseSimulator(DIRECT)
-    plan = plan_task(inverse, threading_of([HOLE]), wanted, Present(start))
+    plan = plan_task(inverse, threading_of([HOLE]), wanted, start=start)
     assert np.allclose(plan.grippers[0].matrix, start.matrix)
     speeds = plan.velocities
     assert np.linalg.norm(speeds[:, :3], axis=1).max() < 0.02 * (1 + 1e-9)
     assert np.linalg.norm(speeds[:, 3:], axis=1).max() < 0.05 * (1 + 1e-9)
     held = DIRECT.solve(start, far_end=start.position + (0.5, 0.0, 0.0))
     with pytest.raises(ValueError, match='initial'):  # what is held now is no beginning
-        plan_task(inverse, threading_of([HOLE]), wanted, Present(start, held))
+        plan_task(inverse, threading_of([HOLE]), wanted, start=start, initial=held)
 
 
 def test_what_is_joined_is_checked_as_a_whole(monkeypatch):
@@ -71,7 +72,7 @@ def test_what_is_joined_is_checked_as_a_whole(monkeypatch):
     monkeypatch.setattr(InverseSimulator, 'check', lambda _, plan: checked.append(plan) or plan)
     start = Pose.looking_along(HOLE.center - 1.3 * HOLE.normal, HOLE.normal)
     plan = plan_task(InverseSimulator(DIRECT), threading_of([HOLE]),
-                     replace(WANTED, standoff=0.05), Present(start))
+                     WANTED | {'threading.standoff': 0.05}, start=start)
     assert len(plan) > 4
     assert len(checked) == 1
     assert checked[0] is plan

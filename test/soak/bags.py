@@ -60,7 +60,6 @@ class Recorder:
                 self._writer.write(connection, self._node.get_clock().now().nanoseconds, data)
 
     def close(self):
-        """End the bag."""
         for one in self._heard:
             self._node.destroy_subscription(one)
         with self._lock:
@@ -149,7 +148,6 @@ def short_run(client, folder: Path, poses: int = 12):
 
 
 def main(folder: str):
-    """Record a short run to a folder."""
     from tempfile import TemporaryDirectory  # noqa: PLC0415
 
     from soak.stage import stage  # noqa: PLC0415

@@ -59,24 +59,20 @@ PATIENCE = 60.0      # s for an answer
 
 
 def plain(kind):
-    """Return the maker of a request without fields."""
     return lambda odd, faults: kind.Request()
 
 
 def a_plan(odd, faults):
-    """Return a nav_msgs/GetPlan request."""
     return GetPlan.Request(start=odd.pose_stamped(faults), goal=odd.pose_stamped(faults),
                            tolerance=odd.one_of((0.0, float('nan'))))
 
 
 def names_of(kind):
-    """Return the maker of a request with names of parameters."""
     return lambda odd, _: kind.Request(names=[
         odd.one_of((*PARAMETERS, *TEXTS)) for _ in range(odd.one_of((0, 1, 300)))])
 
 
 def some_names(odd, _):
-    """Return a ListParameters request."""
     return ListParameters.Request(prefixes=[odd.one_of((*PARAMETERS, *TEXTS))] * odd.one_of((0, 3)),
                                   depth=abs(odd.one_of(INTEGERS[:-1])))
 
@@ -87,7 +83,6 @@ def values_of(kind, most, odd, faults):
 
 
 def a_transition(odd, _):
-    """Return a ChangeState request that an active node refuses."""
     request = ChangeState.Request()
     request.transition.id = odd.one_of(NOT_A_TRANSITION)
     request.transition.label = odd.one_of(('', '', *NOT_LABELS))
@@ -95,7 +90,6 @@ def a_transition(odd, _):
 
 
 def a_type(odd, _):
-    """Return a GetTypeDescription request."""
     return GetTypeDescription.Request(type_name=odd.one_of((*TEXTS, 'std_msgs/msg/String')),
                                       type_hash=odd.one_of((*TEXTS, 'RIHS01_' + 64 * '0')),
                                       include_type_sources=bool(odd.rng.random() < 0.5))
@@ -196,11 +190,9 @@ class Fuzzer:
         return True
 
     def all_answered(self) -> bool:
-        """Wait for all answers; return whether they came."""
         return self._wait()
 
     def close(self):
-        """Leave."""
         for publisher in self._topics.values():
             self._node.destroy_publisher(publisher)
         for client in self._services.values():

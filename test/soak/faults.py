@@ -9,9 +9,9 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import monotonic, sleep
+from time import sleep
 
-from planner_process import ROOT
+from planner_process import ROOT, until
 from rosgraph_msgs.msg import Clock
 
 from dlo_planner import Pose
@@ -19,7 +19,6 @@ from soak.stage import GOAL, GRIPPERS, STEP, Stage, poses, robot, stage
 from soak.watching import children, runs
 
 LONG = 300.0    # s, a proof on a busy machine
-SOON = 60.0     # s for what has to be done soon, on a busy machine
 # A robot's driver, in a process of its own, which is killed.
 DRIVER = """
 import sys, rclpy
@@ -40,28 +39,17 @@ class Driver:
         self._planner, self.process = planner, None
 
     def put(self, pose):
-        """Start it there."""
         numbers = map(str, (*pose.position, *pose.quaternion))
         self.process = subprocess.Popen([sys.executable, '-c', DRIVER, self._planner, *numbers],
                                         cwd=ROOT)
 
     def kill(self):
-        """Kill it, if it runs."""
         if self.process is not None:
             self.process.kill()
             self.process.wait()
 
 
-def until(wanted, seconds=SOON) -> bool:
-    """Wait until `wanted()`; return whether it is."""
-    end = monotonic() + seconds
-    while not wanted() and monotonic() < end:
-        sleep(0.02)
-    return bool(wanted())
-
-
 def problems(**right) -> list[str]:
-    """Return, in words, what is not right."""
     return ['not so: ' + name.replace('_', ' ') for name, one in right.items() if not one]
 
 

@@ -85,7 +85,6 @@ class Soak:
                                    opened_files(number), threads(number)))
 
     def close(self) -> Result:
-        """Leave; return the Result."""
         self.result.sent, self.result.answered = self._fuzzer.sent, self._fuzzer.answered
         self.result.came = self._watch.came
         self._fuzzer.close()

@@ -44,7 +44,6 @@ class Odd:
         self.rng, self._now = rng, now
 
     def one_of(self, items):
-        """Return one of a sequence."""
         return items[int(self.rng.integers(len(items)))]
 
     def spoiled(self, msg, faults: int, kinds):
@@ -56,16 +55,13 @@ class Odd:
     # ---- poses ------------------------------------------------------------------------------
 
     def pose(self) -> Pose:
-        """Return a Pose within reach."""
         return Pose(self.rng.uniform(-REACH, REACH, 3), self.rng.normal(size=4))
 
     def stamp(self) -> Time:
-        """Return a stamp: now, 0, long ago, or far in the future."""
         return self.one_of((self._now(), Time(), Time(sec=1), Time(sec=LAST_SECOND),
                             Time(sec=-5), Time(sec=LAST_SECOND, nanosec=LAST_NANOSECOND)))
 
     def pose_stamped(self, faults: int) -> PoseStamped:
-        """Return a geometry_msgs/PoseStamped."""
         msg = PoseStamped(header=Header(frame_id='world', stamp=self.stamp()),
                           pose=pose_msg(self.pose()))
         return self.spoiled(msg, faults, (self._frame, self._position, self._quaternion))
@@ -130,7 +126,6 @@ class Odd:
     # ---- points of the DLO ------------------------------------------------------------------
 
     def cloud(self, faults: int) -> PointCloud2:
-        """Return a sensor_msgs/PointCloud2."""
         number = self.one_of((1, 3, 20, MANY))
         points = self.rng.uniform(-REACH, REACH, (number, 3))
         msg = cloud_msg(points, 'world', self.stamp())
@@ -155,7 +150,6 @@ class Odd:
     # ---- the robot --------------------------------------------------------------------------
 
     def joint_state(self, _) -> JointState:
-        """Return a sensor_msgs/JointState; there is no arm that it could be wrong for."""
         number = self.one_of((0, 1, 7, MANY))
         return JointState(name=[f'joint{int(self.rng.integers(10**9))}' for _ in range(number)],
                           position=[self.one_of(FLOATS) for _ in range(

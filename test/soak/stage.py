@@ -63,7 +63,6 @@ class Stage:
 
     @property
     def process(self) -> int:
-        """Number of the planner's process."""
         return self.planner.process.pid
 
     def restore(self):
@@ -158,7 +157,6 @@ def plain(value):
 
 
 def same(one, other) -> bool:
-    """Whether two values of a parameter are the same, nan and all."""
     return str(one) == str(other)
 
 
@@ -186,7 +184,6 @@ def stage(directory, *extra, name='/dlo_planner'):
 
 @contextmanager
 def robot(stage: Stage):
-    """Yield a Follower on a Stage."""
     follower = Follower(stage.client.node, stage.client.planner, GRIPPERS[1])
     try:
         yield follower

@@ -62,7 +62,6 @@ class Watch:
             self.odd.append(found)
 
     def close(self):
-        """Leave."""
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
 

@@ -36,7 +36,6 @@ def leaps(plan, length=1.0):
 
 
 def random_cutout(rng):
-    """Return a Rod and a CutOut."""
     return random_rod(rng), CutOut(Pose.looking_along(rng.normal(size=3), rng.normal(size=3)))
 
 

@@ -43,7 +43,6 @@ def planned(rod):
 
 @cache
 def fastest(rod):
-    """Return the Trajectory of that plan within limits alone."""
     return Trajectory(planned(rod)[1], tolerance=np.inf)
 
 
