@@ -295,12 +295,12 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
     steps, payload = Progress(progress, deadline), CachedPayload(query)
     batches = [Batch(payload, begin, min(begin + chunk, len(grid)))
                for begin in range(0, len(grid), chunk)]
-    cache, parts = None, {}
+    kept, parts = None, {}
     if folder is not None:
-        cache = ResultCache(folder, fingerprint(tuple(query), chunk), {
+        kept = _folder_of(folder, fingerprint(tuple(query), chunk), {
             'positions': grid.positions, 'directions': grid.directions, 'radii': grid.radii,
             'chunk': np.asarray(chunk)})
-        parts = {k: part for k in range(len(batches)) if (part := cache.get(k)) is not None}
+        parts = {k: part for k in range(len(batches)) if (part := _part_in(kept, k)) is not None}
     left = [k for k in range(len(batches)) if k not in parts]
     done = len(grid) - sum(batches[k].end - batches[k].begin for k in left)
 
@@ -308,8 +308,8 @@ def capability_map(inverse: InverseSimulator, grid: CellGrid, executor: Workers 
         nonlocal done
         k = left[index]
         parts[k] = part
-        if cache is not None:
-            cache.put(k, part)
+        if kept is not None:
+            _written(kept / _PART.format(k), part)
         done += batches[k].end - batches[k].begin
         steps.done(done, len(grid))
 
@@ -422,35 +422,25 @@ def _margins(plan: Plan) -> dict[str, Any]:
 # What is done already, kept in a folder.
 
 
-class ResultCache:
-    """Keeps numbered parts of one task, each a dict of arrays, in a folder.
+def _folder_of(folder: str | PathLike[str], name: str, task: dict[str, NDArray[Any]]) -> Path:
+    """Return the folder in which parts of a task are kept; `name` identifies it, `task` tells it.
 
     A file is written beside its place and then put there in one step: after a crash it is whole, or
-    not there at all. `name` identifies the task, which the arrays of `task` describe.
+    not there at all.
     """
-
-    def __init__(self, folder: str | os.PathLike[str], name: str,
-                 task: dict[str, NDArray[Any]]) -> None:
-        self.folder = Path(instance('folder', folder, (str, os.PathLike)))
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            if not (self.folder / _TASK).exists():
-                _written(self.folder / _TASK, {'name': np.asarray(name), **task})
-            known = str(_read(self.folder / _TASK)['name'])
-        except (OSError, ValueError) as error:
-            raise InvalidTask(f'folder = {shown(str(folder))}: expected one that can be written, '
-                              f'{error}') from None
-        if known != name:
-            raise InvalidTask(f'folder = {shown(str(folder))}: expected one for this task, it '
-                              'has parts of another one (its cut-outs, DLO or options differ)')
-
-    def put(self, index: int, part: dict[str, NDArray[Any]]) -> None:
-        """Write a part."""
-        _written(self.folder / _PART.format(index), part)
-
-    def get(self, index: int) -> dict[str, NDArray[Any]] | None:
-        """Return a part; None if it has not been done, or its file is damaged."""
-        return _part_in(self.folder, index)
+    path = Path(instance('folder', folder, (str, PathLike)))
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if not (path / _TASK).exists():
+            _written(path / _TASK, {'name': np.asarray(name), **task})
+        known = str(_read(path / _TASK)['name'])
+    except (OSError, ValueError) as error:
+        raise InvalidTask(f'folder = {shown(str(folder))}: expected one that can be written, '
+                          f'{error}') from None
+    if known != name:
+        raise InvalidTask(f'folder = {shown(str(folder))}: expected one for this task, it '
+                          'has parts of another one (its cut-outs, DLO or options differ)')
+    return path
 
 
 def _part_in(folder: Path, index: int) -> dict[str, NDArray[Any]] | None:

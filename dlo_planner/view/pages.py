@@ -35,20 +35,10 @@ _SECONDS = 30.0   # of computing, after which a plan is given up
 _WAYPOINTS = 60   # most of a plan that follows a hand
 
 
-def simulator_of(shape: Shape) -> DirectSimulator | None:
-    """Return a DirectSimulator of a Shape's rod and surroundings; None if it knows none."""
-    if shape.mesh is None:
-        return None
-    around = shape.mesh.surroundings
-    return DirectSimulator(around.rod, gravity=around.gravity, load=around.load, grip=around.grip,
-                           obstacles=around.obstacles, point_loads=around.point_loads)
-
-
 @dataclass(frozen=True)
 class Replanner:
     """Makes plans through one cut-out like a given one, and shapes of the same DLO."""
 
-    direct: DirectSimulator
     inverse: InverseSimulator
     depths: Floats  # (n,) Depths in m, of the waypoints
 
@@ -57,15 +47,20 @@ class Replanner:
         """Return one for a Plan."""
         if not len(plan):
             raise InvalidTask('plan: expected one with a waypoint')
-        direct = simulator_of(plan.shapes[-1]) if inverse is None else inverse.simulator
-        if direct is None:
+        last, mesh = plan.shapes[-1], plan.shapes[-1].mesh
+        if inverse is None and mesh is None:
             raise InvalidTask('plan: its shapes know no rod (they come from a file): expected '
                               '`inverse` to plan anew with')
-        if len(cutouts_of(plan)) != 1 or plan.shapes[-1].far_end is not None:
+        if len(cutouts_of(plan)) != 1 or last.far_end is not None:
             raise InvalidTask('plan: expected one through one cut-out where it is to be made anew')
-        deepest = float(plan.depths.max())
-        return cls(direct, InverseSimulator(direct) if inverse is None else inverse,
-                   np.linspace(0.0, deepest, min(len(plan), _WAYPOINTS)))
+        if inverse is None:
+            assert mesh is not None  # see above
+            around = mesh.surroundings
+            inverse = InverseSimulator(DirectSimulator(
+                around.rod, gravity=around.gravity, load=around.load, grip=around.grip,
+                obstacles=around.obstacles, point_loads=around.point_loads))
+        return cls(inverse, np.linspace(0.0, float(plan.depths.max()),
+                                        min(len(plan), _WAYPOINTS)))
 
     def plan(self, cutout: CutOut, gripper: Pose, whole: bool, progress: OnProgress) -> Plan:
         """Return the Plan through a CutOut."""
@@ -73,13 +68,13 @@ class Replanner:
         plan = self.inverse.thread(cutout, start=gripper, depths=self.depths, **options)
         if not whole:
             return plan
-        way = first_approach(self.inverse.approach, self.direct.rod.length, cutout, plan, gripper,
-                             **options)
+        way = first_approach(self.inverse.approach, self.inverse.simulator.rod.length, cutout, plan,
+                             gripper, **options)
         return concatenate(way, plan)
 
     def shape(self, gripper: Pose, before: Shape) -> Shape:
         """Return the Shape at a gripper's Pose, coming from another Shape."""
-        shape = self.direct.track([gripper], initial=before)[0]
+        shape = self.inverse.simulator.track([gripper], initial=before)[0]
         if not shape.converged:
             raise NotConverged(f'no stable shape found: {shape.status}', shape)
         return shape

@@ -4,7 +4,7 @@
 
 import pytest
 import yaml
-from planner_process import ROOT
+from planner_process import ROOT, until
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 CONFIG = yaml.safe_load((ROOT / 'config' / 'planner.rviz').read_text())
@@ -35,12 +35,23 @@ def test_its_frame_is_the_nodes_default():
     assert MANAGER['Global Options']['Fixed Frame'] == 'world'
 
 
+def of_the_planner(ask, topic):
+    """Return what the planner has of a topic, once the graph knows of it."""
+    found = []
+
+    def known():
+        found[:] = [one for one in ask(topic['Value']) if one.node_name == 'dlo_planner']
+        return found
+
+    assert until(known), topic
+    return found
+
+
 @pytest.mark.parametrize('display', FED, ids=lambda display: display['Name'])
 def test_every_display_has_its_topic(client, display):
     topic = display['Topic']
-    found = client.node.get_publishers_info_by_topic(topic['Value'])
-    own = [one for one in found if one.node_name == 'dlo_planner']
-    assert len(own) == 1, f'{topic["Value"]} is published by {[one.node_name for one in found]}'
+    own = of_the_planner(client.node.get_publishers_info_by_topic, topic)
+    assert len(own) == 1
     assert own[0].topic_type == DISPLAYS[display['Class']]
     # the same durability: a latched one is kept for those who come late, and no more is asked for
     assert own[0].qos_profile.durability == DURABILITIES[topic['Durability Policy']]
@@ -50,8 +61,7 @@ def test_every_display_has_its_topic(client, display):
 
 def test_the_goal_tool_sends_where_the_node_listens(client):
     topic = next(tool['Topic'] for tool in MANAGER['Tools'] if tool['Class'].endswith('SetGoal'))
-    found = client.node.get_subscriptions_info_by_topic(topic['Value'])
-    own = [one for one in found if one.node_name == 'dlo_planner']
+    own = of_the_planner(client.node.get_subscriptions_info_by_topic, topic)
     assert {one.topic_type for one in own} == {'geometry_msgs/msg/PoseStamped'}
     durable = {one.qos_profile.durability for one in own}
     assert DURABILITIES[topic['Durability Policy']] in durable

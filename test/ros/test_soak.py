@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from lifecycle_msgs.srv import ChangeState, GetState
 from planner_here import context_of_its_own, opened, planner_here
+from planner_process import until
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from soak.doors import SERVICES, TOPICS
@@ -70,8 +71,9 @@ def test_messages_are_thrown_at_all_that_the_node_opens(domain, monkeypatch):
             return {one.replace('~', name) if '~' in one else f'/{one.lstrip("/")}'
                     for one in names}
 
-        assert full(TOPICS) == opened(node, 'subscriber')
-        assert full(SERVICES) == opened(node, 'service')
+        assert until(lambda: full(TOPICS) == opened(node, 'subscriber'))
+        assert until(lambda: full(SERVICES) == opened(node, 'service'))
         # the log of a second node of this name in a process goes out by the first one's publisher
-        assert full(OUTPUTS) | {'/parameter_events', f'{name}/transition_event'} == (
-            opened(node, 'publisher') - {'/rosout'})
+        assert until(lambda: full(OUTPUTS) | {
+            '/parameter_events', f'{name}/transition_event'} == (
+                opened(node, 'publisher') - {'/rosout'}))

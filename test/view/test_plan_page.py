@@ -125,7 +125,7 @@ def test_what_cannot_be_planned_anew_is_only_shown(plan, tmp_path):
 @pytest.mark.sweep
 def test_it_needs_no_more_than_a_plan(plan):
     replanner = Replanner.of(plan)
-    assert replanner.direct.rod == WIRE
+    assert replanner.inverse.simulator.rod == WIRE
     again = replanner.plan(HOLE, plan.grippers[0], False, None)
     # on another mesh: within the accuracy of 1e-3 of the length
     np.testing.assert_allclose(again.grippers[-1].matrix, plan.grippers[-1].matrix, atol=1e-3)
