@@ -21,7 +21,7 @@ from dlo_planner import (
     Uncertainty,
 )
 from dlo_planner.identify import Estimate, Observation, gripper_at
-from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of
+from dlo_planner.identify.estimate import PredictedMiss, bound_of
 from dlo_planner.identify.smoother import Consistency
 from dlo_planner.penalties import Through
 
