@@ -370,6 +370,12 @@ def miss_of(estimate: Estimate, plan: Plan, waypoints: Sequence[int],
     late = rows[:, :, n:]
     joint = (np.einsum('kia,ab,ljb->kilj', rows, known, rows)
              + np.einsum('kl,kia,ab,ljb->kilj', also, late, robot, late))
+    # what is not known of the place of one cut-out is not that of another
+    columns, _ = estimate.uncertain.columns('cutout')
+    centers = np.array([center for k in waypoints for center, _, _ in plan.via_points[k]]
+                       ).reshape(-1, 3)
+    others, own = (centers[:, None] != centers).any(axis=2), rows[:, :, columns]
+    joint -= np.einsum('kl,kia,ab,ljb->kilj', others, own, known[columns[:, None], columns], own)
     joint[~np.isfinite(bound)] = joint[:, :, ~np.isfinite(bound)] = np.inf
     return PredictedMiss(places.astype(float), off, joint.reshape(3 * count, 3 * count), bound)
 

@@ -74,6 +74,21 @@ def test_conditions_choose_what_they_say():
     assert far.positions[:, 2].min() == pytest.approx(max(lowest), abs=1e-6)
 
 
+def test_a_contact_that_is_stable_because_it_rolls_is_held():
+    # the mesh on which the force is chosen has a node there, and says a stability of -0.4
+    rod = Rod(0.4043, 0.114, 0.00273, 0.000581, radius=2e-3)
+    contact = Pose((0, 0, 0), (0.114, 0.606, 0.615, 0.492))
+    normal = contact.rotation[:, 2]
+    axis = np.cross(normal, np.cross((-0.259, 0.217, 0.222), normal))
+    axis /= np.linalg.norm(axis)
+    bar = Capsule(-0.0964 * normal - 0.2 * axis, -0.0964 * normal + 0.2 * axis, 0.0964)
+    plan = InverseSimulator(DirectSimulator(rod, obstacles=[bar])).hold_contact(contact, 0.2805)
+    fine = DirectSimulator(rod, obstacles=[bar], basis='local', n_elements=200).solve(
+        plan.grippers[0], plan.shapes[0])
+    assert fine.converged and fine.stability == pytest.approx(plan.stability[0], rel=0.1)
+    np.testing.assert_allclose(fine.positions[-1], plan.shapes[0].positions[-1], atol=4e-4)
+
+
 def test_a_leaf_spring_lies_flat_on_the_bar():
     spring = Rod.rectangular(0.5, 12e-3, 0.5e-3, 7850, 206e9, 0.3)
     bar = Capsule((0.2, -0.5, 0.7), (0.2, 0.5, 0.7), 0.02)

@@ -90,6 +90,12 @@ def test_refused_and_named():
         stiff.insert(BORE, depths=[0, 1.0])
 
 
+def test_a_coarse_series_ends_along_the_bore_all_the_same():
+    direct = DirectSimulator(RODS['bent'], basis='fourier', n_elements=64, n_terms=8)
+    plan = InverseSimulator(direct).insert(BORE, depths=[0.0, 0.3])
+    assert max(np.linalg.norm(one.tangents[-1] - BORE.normal) for one in plan.shapes) < 1e-8
+
+
 def test_a_strip_that_slides_out_of_the_mouth_is_not_inserted():
     # free of force at the mouth it is not stable with 1 m outside, and the mouth lets it slide
     strip = Rod(1.1, 0.04, (0.006, 25.0), 0.009)

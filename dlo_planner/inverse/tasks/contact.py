@@ -181,9 +181,15 @@ class ContactProblem:
             best = found(judged)
         return best if self.merit(best) > 0 and cost(best) < cost(force) else force
 
-    def confirmed(self, force: float) -> Shape | None:
-        """Return the Shape if the direct simulator finds it with this force, else None."""
+    def confirmed(self, force: float, rolling: bool = False) -> Shape | None:
+        """Return the Shape if the direct simulator finds it with this force, else None.
+
+        With an accuracy it begins on the mesh of the family, where the contact is at a node and
+        cannot roll: that makes it less stable. If `rolling`, no node is there.
+        """
         guess = self._guess(force)
+        if rolling:
+            guess = _off_the_nodes(guess, self.s)
         shape = self.simulator.solve(guess.gripper, guess)
         off = np.linalg.norm(shape.frame_at(self.s)[1] - self.family.place)
         same = (abs(self.force_of(shape, self.s) - force) <= _SAME_FORCE * force
@@ -208,6 +214,8 @@ class ContactProblem:
                 force = middle
             else:
                 good, shape = middle, trial
+        if shape is None and self.simulator.accuracy is not None:
+            shape, good = self.confirmed(force, rolling=True), force
         return None if shape is None else (good, shape)
 
     def _admissible(self, force: float) -> Shape | None:
@@ -289,6 +297,13 @@ class ContactProblem:
         """Return Infeasible because the DLO is `reached` elsewhere; the amount is how far, in m."""
         amount = apart(reached, shape)
         return builder.refusal('contact', amount, f'{why}; the DLO would be off by {amount:.3g} m')
+
+
+def _off_the_nodes(shape: Shape, s: float) -> Shape:
+    """Return a Shape on even elements none of which ends at the arc length `s`, m."""
+    place, elements = s / shape.s[-1], shape.s.size - 1
+    return shape.resample(min((elements, elements + 1),
+                              key=lambda count: abs(count * place % 1 - 0.5)))
 
 
 def _family(simulator: DirectSimulator, contact: Pose, s: float,

@@ -25,7 +25,12 @@ from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.continuation import Family, Follower, Passing, Step, continue_family
-from dlo_planner.inverse.equilibria import Candidate, shape_with_end, start_candidates
+from dlo_planner.inverse.equilibria import (
+    Candidate,
+    least_turn,
+    shape_with_end,
+    start_candidates,
+)
 from dlo_planner.inverse.route import first_feasible
 from dlo_planner.inverse.task import PlanContext, Task, depths_on, depths_or_none
 from dlo_planner.inverse.waypoint_newton import goal_shape
@@ -214,7 +219,8 @@ def insert(simulator: DirectSimulator, bore: CutOut, depths: Floats, start: Pose
 
     def planned(begin: Candidate) -> Plan:
         demands.progress.check()
-        family = Insertion(simulator, bore, begin.shape.frames[-1], depths)
+        end = np.array(begin.shape.frames[-1])  # of a series, about along the bore
+        family = Insertion(simulator, bore, least_turn(end[:, 0], bore.normal) @ end, depths)
         builder = PlanBuilder(family.depths, demands)
         continue_family(builder, Follower(family, family.first(), 0.0, family.way), waypoint)
         return builder.finished()
