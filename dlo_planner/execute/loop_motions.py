@@ -180,7 +180,8 @@ def way_onto(inverse: InverseSimulator, task: HoldContact | SlideContact, start:
                *map(Waypoint, shapes[1:-1]),
                *(waypoint_at(shape, place, points[0][1], along)
                  for shape, points in zip(held.shapes, held.via_points, strict=True))]
-    builder = PlanBuilder(np.full(len(lowered), held.depths[0]), inverse.demands(held))
+    builder = PlanBuilder(np.full(len(lowered), held.depths[0]), inverse.demands(
+        held, requirements=options.get('requirements')))
     for waypoint in lowered:
         builder.add(waypoint)
     return way, builder.finished()
