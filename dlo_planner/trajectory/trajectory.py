@@ -263,4 +263,4 @@ def trajectory_of(tree: Mapping[str, Any]) -> Trajectory:
         GripperPath(tree['times'], tuple(legs)), tuple(laws),
         Limits(*tree['limits'].ravel().tolist()), float(tree['tolerance']),
         InMotion(**motion) if motion else None, float(tree['mode_margin']), str(tree['status']),
-        float(tree['least_duration']), float(tree['slowest_period']))
+        float(tree.get('least_duration', np.nan)), float(tree.get('slowest_period', np.nan)))

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions that arrive calm, and how they are found."""
 
+import json
 import pickle
 from dataclasses import replace
 from itertools import pairwise
@@ -235,12 +236,20 @@ def test_the_default_tolerance_is_a_quarter_of_the_room(plan):
     assert endless.duration <= way.duration and np.isnan(endless.slowest_period)
 
 
-def test_a_trajectory_says_why_it_takes_so_long(plan):
+def test_a_trajectory_says_why_it_takes_so_long(plan, tmp_path):
     way = Trajectory(plan)
     assert way.least_duration == Trajectory(plan, tolerance=np.inf).duration < way.duration
     slowest = max(shape.modes(1).periods[0] for shape in plan.shapes)
     assert way.slowest_period == pytest.approx(slowest, rel=0.02)
     assert 'slowest vibration on the way' in way.summary()
+    saved = tmp_path / 'way.json'
+    way.save(saved)
+    assert Trajectory.load(saved) == way
+    older = json.loads(saved.read_text())  # files that were written before do not say it
+    del older['least_duration'], older['slowest_period']
+    saved.write_text(json.dumps(older))
+    loaded = Trajectory.load(saved)
+    assert loaded.duration == way.duration and np.isnan(loaded.least_duration)
 
 
 def test_the_quickest_law_is_found_before_slower_ones_are_judged(monkeypatch):
