@@ -92,6 +92,19 @@ class Truth:
         return Through(plan_pass[0] + self.hole).residuals(self.shape(gripper))
 
 
+class Touching:
+    """A Truth whose DLO may touch obstacles: each Shape follows the last one."""
+
+    def __init__(self, truth, *obstacles):
+        self._offset, self._last = truth.offset, None
+        self._simulator = DirectSimulator(truth.simulator.rod, obstacles=obstacles)
+
+    def shape(self, gripper):
+        """Return the Shape where the gripper is said to be at a Pose."""
+        self._last = self._simulator.track([gripper.compose(self._offset)], initial=self._last)[0]
+        return self._last
+
+
 def looked(truth, observer, rng, gripper, looks=30, estimate=None, **how):
     """Return the Estimate after some looks at rest; the same third of the DLO is hidden in all."""
     estimate = observer.begin() if estimate is None else estimate

@@ -133,7 +133,7 @@ class Viewer:
         points += self._bias + camera.noise * rng.standard_normal(points.shape)
         hole = None
         if camera.sees_hole:
-            hole = vector('hole', cutout.center + plant.truth.hole_shift + self._bias
+            hole = vector('hole', cutout.center + plant.truth.shift_of(0) + self._bias
                           + camera.noise * rng.standard_normal(3), 3)
         return Image(plant.time + camera.stamp_error, points, hole)
 

@@ -186,7 +186,9 @@ class Plant:
         """Return the Passage of a cut-out, at its true place (shifted by the Truth)."""
         instance('cutout', cutout, CutOut)
         s = np.linspace(0, self._chain.length, _FINE * len(self._chain.masses) + 1)
-        return passage_of(cutout, s, self._curve(s) - self.truth.hole_shift)
+        known = [one.cutouts for one in self._sheets]  # a bore's mouth is the first
+        number = known.index((cutout,)) if (cutout,) in known else 0
+        return passage_of(cutout, s, self._curve(s) - self.truth.shift_of(number))
 
     def natural_frequencies(self, count: int = 3) -> Floats:
         """Return frequencies (count,) in Hz of small vibrations, the gripper at rest.
@@ -213,6 +215,7 @@ class Plant:
         for k, obstacle in enumerate(obstacles):
             add_obstacle(spec, obstacle, k)
         self._obstacles = obstacles
+        self._sheets = [one for one in obstacles if isinstance(one, Sheet)]
         self._model = model = spec.compile()
         self._stiffness = set_springs(model, self._chain)
         model.geom_solref[:], model.geom_solimp[:] = _STIFF_CONTACT
@@ -226,8 +229,9 @@ class Plant:
 
     def _shift_sheets(self) -> None:
         for geom, owner in enumerate(self._owner):
-            if owner is not None and hasattr(self._obstacles[owner], 'cutouts'):
-                self._model.geom_pos[geom] += self.truth.hole_shift
+            if owner is not None and isinstance(sheet := self._obstacles[owner], Sheet):
+                number = next(k for k, one in enumerate(self._sheets) if one is sheet)
+                self._model.geom_pos[geom] += self.truth.shift_of(number)
 
     def _holding(self, gripper: Pose, time: float) -> tuple[Floats, Floats]:
         """Return where (3,) the DLO truly begins, and its quaternion w, x, y, z."""

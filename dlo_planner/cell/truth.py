@@ -14,6 +14,8 @@ from dlo_planner.model.checks import array, instance, number, vector
 from dlo_planner.model.rod import Rod
 from dlo_planner.model.value import Value, put
 
+_SHEETS = 3  # of a task, at most: each is elsewhere by itself
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Truth(Value):
@@ -33,19 +35,26 @@ class Truth(Value):
     gripper_shift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     # (3,) rotation vector from the commanded to the true gripper, rad, same axes
     gripper_turn: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
-    # (3,) hole shift in m, true minus stated place of all sheets and cut-outs, world axes
+    # (k, 3) or (3,) hole shifts in m, true minus stated place of each sheet and its cut-out, world
+    # axes; the last one is that of all sheets after it
     hole_shift: Floats = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     damping: float = 1.0  # factor of the damping
 
     def __post_init__(self) -> None:
         for name in ('bending_stiffness', 'torsional_stiffness', 'mass', 'damping'):
             put(self, **{name: number(f'Truth.{name}', getattr(self, name), above=0)})
-        for name in ('gripper_shift', 'gripper_turn', 'hole_shift'):
+        for name in ('gripper_shift', 'gripper_turn'):
             put(self, **{name: vector(f'Truth.{name}', getattr(self, name), 3)})
+        put(self, hole_shift=array('Truth.hole_shift', np.atleast_2d(self.hole_shift), (None, 3)))
         put(self, length=number('Truth.length', self.length),
             mass_gradient=number('Truth.mass_gradient', self.mass_gradient, minimum=-2, maximum=2),
             natural_curvature=array('Truth.natural_curvature', self.natural_curvature, (2, None)))
         super().__post_init__()
+
+    def shift_of(self, sheet: int) -> Floats:
+        """Return the shift (3,) of a sheet, by its number among them, m."""
+        shift: Floats = self.hole_shift[min(sheet, len(self.hole_shift) - 1)]
+        return shift
 
     def length_of(self, rod: Rod) -> float:
         """Return the true length in m."""
@@ -84,7 +93,7 @@ class Unknowns(Value):
     length: float = 0.0  # m
     gripper_position: float = 0.0  # m, along each axis
     gripper_rotation: float = 0.0  # rad, about each axis
-    hole_position: float = 0.0  # m, along each axis
+    hole_position: float = 0.0  # m, along each axis, of each hole by itself
     damping: float = 0.0  # of the logarithm of the factor
 
     def __post_init__(self) -> None:
@@ -98,15 +107,18 @@ class Unknowns(Value):
         """Return one Truth."""
         instance('rng', rng, np.random.Generator)
         stiffness = np.exp(self.stiffness * rng.standard_normal())
-        own, = rng.spawn(1)  # what is drawn from rng after it stays as it was without damping
+        own, = rng.spawn(1)  # what is drawn from rng after it stays as it was without what is new
+        damping, others = own.standard_normal(), own.standard_normal((_SHEETS - 1, 3))
+        if not self.hole_position:
+            others = others[:0]
         return Truth(stiffness, stiffness, np.exp(self.mass * rng.standard_normal()),
                      np.clip(self.mass_gradient * rng.standard_normal(), -1, 1),
                      rng.standard_normal((2, self.natural_curvature.size)) * self.natural_curvature,
                      self.length * rng.standard_normal(),
                      self.gripper_position * rng.standard_normal(3),
                      self.gripper_rotation * rng.standard_normal(3),
-                     self.hole_position * rng.standard_normal(3),
-                     np.exp(self.damping * own.standard_normal()))
+                     self.hole_position * np.vstack([rng.standard_normal(3), others]),
+                     np.exp(self.damping * damping))
 
 
 _TILT = np.radians(0.2)

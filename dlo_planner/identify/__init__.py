@@ -4,11 +4,10 @@
 
 from dlo_planner.identify.closed_loop import Phase
 from dlo_planner.identify.correction import Correction, correct
-from dlo_planner.identify.estimate import Estimate
+from dlo_planner.identify.estimate import Estimate, PredictedMiss
 from dlo_planner.identify.fit import Fit
 from dlo_planner.identify.observation import Observation, ObservedMotion, gripper_at
 from dlo_planner.identify.online_trajectory import Steered
-from dlo_planner.identify.predicted_miss import PredictedMiss
 
 __all__ = ['Correction', 'Estimate', 'Fit', 'Observation', 'ObservedMotion', 'Phase',
            'PredictedMiss', 'Steered', 'correct', 'gripper_at']

@@ -23,8 +23,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_forces
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.so3 import turn_between
-from dlo_planner.identify.estimate import Estimate, miss_of, passages_in
-from dlo_planner.identify.predicted_miss import PredictedMiss
+from dlo_planner.identify.estimate import Estimate, PredictedMiss, miss_of, passages_in
 from dlo_planner.identify.uncertain_state import stretched
 from dlo_planner.inverse.simulator import InverseSimulator
 from dlo_planner.inverse.waypoint_newton import follow, free_axis

@@ -52,7 +52,8 @@ class Observer(Value):
     bias : float, optional
         Standard deviation of the camera's constant error along each world axis, m.
     cutout : float, optional
-        Standard deviation of the cut-out's place along each world axis, m.
+        Standard deviation of the place of each cut-out along each world axis, m. Several are off
+        independently; `see_cutout` is of the only one.
     outliers : float, optional
         Part of the points that do not belong to the DLO, 0 to below 1.
     sway : float, optional

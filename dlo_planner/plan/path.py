@@ -118,8 +118,8 @@ class Leg(Value):
 
     def pieces(self, least: int = 1) -> tuple[Floats, Floats]:
         """Return parameters a, b (n,) of the pieces between knots, each cut in `least` parts."""
-        edges = np.concatenate([np.linspace(one, other, least, endpoint=False) for one, other in
-                                zip(self.knots, self.knots[1:], strict=False)] + [self.knots[-1:]])
+        count = self.knots.size
+        edges = np.interp(np.arange((count - 1) * least + 1) / least, np.arange(count), self.knots)
         return edges[:-1], edges[1:]
 
     def _middle(self, a: Floats, b: Floats) -> Ints:
@@ -208,7 +208,8 @@ class GripperPath(Value):
 
     def goal(self, u: float) -> int:
         """Return the index of the waypoint to which the gripper is going at the parameter u."""
-        return int(np.clip(np.searchsorted(self.times, u, side='left'), 1, self.times.size - 1))
+        after = int(np.searchsorted(self.times, u, side='left'))
+        return min(max(after, 1), self.times.size - 1)
 
 
 def _chords(grippers: Sequence[Pose], length: float) -> Floats:

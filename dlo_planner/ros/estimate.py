@@ -22,6 +22,7 @@ from dlo_planner.execute.correction_checks import (
     misfit_reason,
     stop_before_entry,
 )
+from dlo_planner.execute.execution import Execution
 from dlo_planner.identify.estimate import Estimate
 from dlo_planner.identify.estimator import DloEstimator, Swing, deviation
 from dlo_planner.model.arrays import Floats
@@ -188,13 +189,11 @@ class Estimator(Part):
             return
         time = float(execution.way.progress([execution.done_at(stamp)])[0])
         self._seen = stamp, deviation(made.plan, time, points)
-        task = loop_task_of(made)
-        if task is None or task.touches or observing.doubted or not state.scene.seeing.correct:
-            return  # what it misses where it touches is not predicted
-        miss, left = expected_miss(estimate, made.plan, execution)
-        if left > 0:
+        if observing.doubted or not state.scene.seeing.correct:
+            return
+        miss, barred = judged_before_entry(made, execution, estimate)
+        if np.isfinite(miss):
             self.statistics.note({MISS_EXPECTED: miss})
-        barred = stop_before_entry(miss, task.room, left)
         if barred:
             self.store.change(lambda now: now.stopped(Cause.MISS_EXPECTED, barred))
 
@@ -226,6 +225,19 @@ class Estimator(Part):
             outcome.message = estimate_summary(estimate)
             outcome.values = {name: str(value) for name, value in changed.items()}
         return response
+
+
+def judged_before_entry(made: PlanResult, execution: Execution,
+                        estimate: Estimate) -> tuple[float, str]:
+    """Return the miss, m, that is expected of a motion in open loop, and why it stops, '' if not.
+
+    nan after the entry, and where nothing is passed whose room is known.
+    """
+    task = loop_task_of(made)
+    if task is None or task.touches:  # what it misses where it touches is not predicted
+        return np.nan, ''
+    miss, left = expected_miss(estimate, made.plan, execution)
+    return miss if left > 0 else np.nan, stop_before_entry(miss, task.room, left)
 
 
 def cutout_of(state: State) -> Floats | None:

@@ -310,6 +310,18 @@ def test_a_sheet_is_where_the_truth_has_it():
         assert (plant.largest_forces[0] > 1e-3) == touches
 
 
+def test_each_sheet_is_elsewhere_by_itself():
+    next_hole = CutOut(Pose.looking_along((0.85, 0, 1), (1, 0, 0)), radius=0.01)
+    plant = Plant(beam(), at(x=-0.25), [Sheet.around(HOLE), Sheet.around(next_hole)],
+                  gravity=FLOATING, cells=20,
+                  truth=Truth(hole_shift=((0, 0.003, 0), (0, 0, -0.002))))
+    for k in range(1, 31):
+        plant.move(at(x=-0.25 + 5e-3 * k), 0.01)
+    for hole, y, z in ((HOLE, -0.003, 0.0), (next_hole, 0.0, 0.002)):
+        passage = plant.passage(hole)
+        assert (passage.y, passage.z) == pytest.approx((y, z), abs=1e-6)
+
+
 def test_what_is_unknown_is_drawn(rng):
     drawn = [VERY_UNCERTAIN.draw(rng) for _ in range(400)]
     assert np.std([one.bending_stiffness for one in drawn]) == pytest.approx(0.05, rel=0.15)

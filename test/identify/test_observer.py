@@ -21,7 +21,7 @@ from dlo_planner import (
     Uncertainty,
 )
 from dlo_planner.identify import Estimate, Observation, gripper_at
-from dlo_planner.identify.predicted_miss import PredictedMiss, bound_of
+from dlo_planner.identify.estimate import PredictedMiss, bound_of
 from dlo_planner.identify.smoother import Consistency
 from dlo_planner.penalties import Through
 
@@ -401,6 +401,10 @@ def test_of_two_centers_both_count(rng):
         np.testing.assert_allclose(getattr(both, name), np.concatenate(
             [getattr(one, name) for one in single]), rtol=1e-12)
     assert both.together > max(one.together for one in single)
+    places = Observer(DirectSimulator(WIRE), Uncertainty(mass=1e-9), noise=NOISE, cutout=1e-3)
+    apart = places.begin().miss(plan, [index])  # each is elsewhere by itself
+    np.testing.assert_allclose(apart.joint[:3, 3:], 0.0, atol=1e-12)
+    assert np.diag(apart.joint).sum() == pytest.approx(4e-6, rel=1e-3)
     # of one number that is not known, both misses are the same number times their slopes
     uncertain = OBSERVER.uncertain
     step = 1e-2 * uncertain.deviations * rng.normal(size=uncertain.size)

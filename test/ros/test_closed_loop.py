@@ -7,21 +7,23 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from closed_loops import Truth
+from closed_loops import Touching, Truth
 from diagnostic_msgs.msg import DiagnosticStatus
 from follower import Follower
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.srv import GetPlan
 from node_inside import Alive, state
 from planner_process import PATIENCE, ROOM, connected_client, drain, first, until
 from rclpy.exceptions import InvalidHandle
 from sensor_msgs.msg import PointCloud2
 
-from dlo_planner import CutOut, Pose, Rod, Uncertainty
+from dlo_planner import Capsule, CutOut, Pose, Rod, Uncertainty
 from dlo_planner.execute.causes import Cause
 from dlo_planner.penalties import Through
 from dlo_planner.ros.lifecycle import ALL_LATCHED, LATEST, REQUEST
 from msg_helpers.clouds import cloud_msg
 from msg_helpers.diagnostics import WARN
+from msg_helpers.obstacles import obstacles_msg
 from msg_helpers.poses import pose_stamped_msg
 
 # short and stiff: it is threaded within seconds
@@ -151,6 +153,39 @@ def test_an_execution_is_corrected_by_what_is_seen(client, node, robot, tracker,
     missed = [np.linalg.norm(Through(center).residuals(truth.shape(gripper)))
               for gripper in (plan.grippers[-1], robot._pose)]
     assert missed[1] < 1e-3 < 0.5 * missed[0]
+
+
+@pytest.mark.sweep
+def test_a_contact_is_held_as_what_is_seen_says(client, node, robot, truth, restored):
+    bar, above = Capsule((0.0, -0.1, 0.98), (0.0, 0.1, 0.98), 0.02, 0.3), Pose.looking_along(
+        (-0.2, 0.0, 1.24), (1.0, 0.0, 0.2))
+    contact, true = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0)), Touching(truth, bar)
+    client._obstacles_out.publish(obstacles_msg([bar], 'world'))
+    client.set_parameters(contacts__tolerance=3e-3,
+                          task='{type: HoldContact, s: 0.2, condition: least_force}')
+    robot.put(above)
+    tracker = Tracker(client, robot, true)
+    try:
+        assert until(lambda: int(values(client).get('estimate looks', 0)) >= 10)
+        request = GetPlan.Request(start=pose_stamped_msg(above, 'world'),
+                                  goal=pose_stamped_msg(contact, 'world'))
+        path = client._call(GetPlan, 'plan_hold_contact', request)[0].plan
+        proof = client.proof(path)
+        assert proof['report'] == 'held', proof['report reason']
+        answer = client.trigger('execute')
+        assert answer.success and 'it looks before it goes' in answer.message, answer.message
+        _, said, told = client.execution_in('succeeded', 'stopped', timeout=2 * PATIENCE)
+        assert told['state'] == 'succeeded', said
+    finally:
+        tracker.close()
+        client._obstacles_out.publish(obstacles_msg([], 'world'))
+    last = state(node).execution.command
+    assert until(lambda: np.allclose(robot._pose.matrix, last.matrix, atol=1e-6))
+    shape = true.shape(robot._pose)
+    axes, place = shape.frame_at(0.2)
+    across = axes[:, 1:].T @ (place - contact.position - (0, 0, WIRE.radius))
+    assert shape.contacts
+    assert np.linalg.norm(across) < float(told['expected miss [m]']) < 3e-3
 
 
 def test_a_cutout_that_is_seen_counts_for_the_plan_through_it(client, node, restored):

@@ -168,12 +168,20 @@ def comes_to_rest(client, done):
 
 
 def comes_slower(came):
-    """Look whether commands go, and come to rest."""
+    """Look whether commands go, and come to rest.
+
+    Where none goes out for a quarter of a second, a robot that waits for each stands still: then
+    the motion begins again from rest, as far as the machine lets it. Else each is near the one
+    before, whenever it comes.
+    """
     places = np.array([pose_from_msg(one.pose).position for one in came])
+    stamps = np.array([one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec for one in came])
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     assert steps.max() > 5e-4, steps.max()
     assert steps[-1] < 1e-5
-    assert np.abs(np.diff(steps)).max() < 1.5 * 0.5 * 0.02**2 + 1e-4
+    again = np.diff(stamps)[1:] > 0.2
+    changes = np.diff(steps)
+    assert np.abs(changes[~again]).max() < 1.5 * 0.5 * 0.02**2 + 1e-4, changes
 
 
 def test_what_streams_is_what_was_proved_until_it_is_canceled_and_decelerates(client, begun):
