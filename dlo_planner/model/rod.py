@@ -392,6 +392,7 @@ class Surface(Value):
 
 
 _RIGID = 1e6  # times the rod's stiffness
+_FLUSH = 1e-12  # of the length
 
 
 def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = None,
@@ -438,7 +439,9 @@ def with_plug(rod: Rod, length: float, mass: float, *, radius: float | None = No
                              'touches with its section')
     begin, end = rod.length, rod.length + size
     arm = _arm(rod, size, mass, radius, center, inertia)
-    places = (max(begin + center - arm, begin), min(begin + center + arm, end))  # but for rounding
+    faces = begin, end  # masses are at them, or not next to them: a node is at each
+    places = tuple(next((face for face in faces if abs(place - face) < _FLUSH * end), place)
+                   for place in (begin + center - arm, begin + center + arm))
     rigid = _RIGID * float(rod.stiffness.max())
     beyond: dict[str, Any] = {'mass_per_length': 0.0, 'bending_stiffness': (rigid, rigid),
               'torsional_stiffness': rigid, 'natural_curvature': (0.0, 0.0), 'natural_twist': 0.0}

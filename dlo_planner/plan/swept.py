@@ -15,10 +15,11 @@ bounded, and a point that turns about the gripper by an angle goes along an arc 
 lever angle^2/8. The lever is the point's distance from the gripper or, if that is larger, its
 motion per angle between both shapes: a DLO that is softer than stiff answers a turn by more. Then
 the point turns by its motion over its distance, which may be more than the gripper turns, and that
-angle counts. A distance from obstacles changes no more than the place does, so if it exceeds
-delta / 2 and both bulges at each point of both shapes, nothing is touched between. It is assumed,
-not proved, that the DLO responds alike between both ends: a jump is noticed where the DLO is
-simulated, and `plan.continuity` checks the straight motion.
+angle counts. And where the DLO is drawn along itself by d, its points go straight and not along the
+curve: d^2/8 times the largest curvature more. A distance from obstacles changes no more than the
+place does, so if it exceeds delta / 2 and these bulges at each point of both shapes, nothing is
+touched between. It is assumed, not proved, that the DLO responds alike between both ends: a jump is
+noticed where the DLO is simulated, and `plan.continuity` checks the straight motion.
 
 Between two instants of a motion in time (`least_between`) the nodes go along cubic polynomials that
 keep their places and velocities (Hermite). A point leaves the even way by at most h^2/8 times its
@@ -185,6 +186,12 @@ def _short(one: _Look, other: _Look, bends: Floats) -> tuple[float, float]:
         motion = np.sqrt(((other.arms - one.arms) ** 2).sum(axis=1))
     moved = float(motion.max())
     lever = moved / max(turn, 1e-9) if moved > 1e-12 * length else 0.0
+    curved = max(float(np.hypot(*look.shape.element_strains[:, 1:].T).max())
+                 for look in (one, other))
+    drawn = max(abs(float(look.shape.tangents[k] @ (
+        other.shape.positions[k] - one.shape.positions[k])))
+        for look in (one, other) for k in (0, -1))
+    shift += 0.125 * drawn**2 * curved
     bulges = []
     for look in (one, other):
         angles = np.maximum(turn, motion / np.maximum(look.levers, _TINY * length))

@@ -183,6 +183,19 @@ def test_the_dlo_in_the_hole_between_waypoints(depths):
     assert caught.value.amount == pytest.approx(-rooms[there].min(), rel=0.1)
 
 
+def test_a_bent_dlo_that_is_drawn_along_itself_goes_straight_between_waypoints():
+    # weightless it is an arc, and slides along it from one waypoint to the other: the gripper,
+    # which goes straight, takes it 13 mm off that arc
+    bent = Rod(0.6, 0.06, 0.005, 0.003, natural_curvature=(0.0, 0.4), radius=4e-3)
+    inverse = InverseSimulator(DirectSimulator(bent, gravity=(0, 0, 0), basis='local'))
+    hole = CutOut(Pose.looking_along((0, 0, 0), (1, 0, 0)), radius=0.01)
+    with pytest.raises(Infeasible, match='on the way there') as refused:
+        inverse.thread(hole, depths=[0.0, 0.5])
+    assert refused.value.waypoint == 1
+    assert refused.value.amount == pytest.approx(0.4 * 0.5**2 / 8 - 0.006, rel=0.1)
+    assert len(inverse.thread(hole, depths=np.linspace(0, 0.5, 11))) == 11
+
+
 def test_the_sheet_around_a_hole_is_the_one_among_the_obstacles():
     sheet = Sheet.around(HOLE, thickness=0.03)
     depths = np.linspace(0, 0.9, 12)
