@@ -21,6 +21,7 @@ from dlo_planner import (
     Infeasible,
     InverseSimulator,
     Limits,
+    Plane,
     Pose,
     Rod,
     Sphere,
@@ -300,6 +301,26 @@ def test_an_obstacle_that_is_only_met_in_motion_refuses(plan, monkeypatch):
     with pytest.raises(Infeasible) as caught:
         Trajectory(plan, obstacles=[inside])
     assert caught.value.constraint == 'clearance'
+
+
+def test_what_only_a_shift_brings_into_the_way_is_not_said_of_every_speed(monkeypatch):
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
+    way = InverseSimulator(DirectSimulator(damped_wire())).thread(
+        HOLE, depths=np.linspace(0, 0.5, 30))
+    low = min(shape.positions[:, 2].min() for shape in way.shapes) - 0.75e-3
+    for gap, slow in ((1e-4, False), (-1e-3, True)):
+        with pytest.raises(Infeasible, match='limits: ') as caught:
+            Trajectory(way, tolerance=2e-4, obstacles=[Plane((0, 0, low - gap), (0, 0, 1))])
+        assert ('however slow it is' in str(caught.value)) == slow
+        assert caught.value.constraint == 'clearance'
+    assert caught.value.amount == pytest.approx(1e-3)  # as deep as the plan is
+
+
+def test_what_hangs_straight_down_and_goes_down_does_not_vibrate():
+    down = CutOut(Pose.looking_along((0, 0, 0), (0, 0, -1)), radius=0.01)
+    plumb = DirectSimulator(replace(damped_wire(), tip_mass=0.05))
+    way = Trajectory(InverseSimulator(plumb).thread(down, depths=np.linspace(0, 0.5, 6)))
+    assert way.motion.departure < 1e-12 and way.mode_margin == pytest.approx(0.3)
 
 
 @pytest.mark.sweep
