@@ -97,7 +97,7 @@ class Trajectory(TimedPath, Reported):
         The DLO cannot be made calm within 16 times the fastest duration; the constraint is 'miss',
         'clearance', 'contact' (a touch that is not planned, or a planned one that is lost),
         'max_bend_curvature', 'departure' or 'motion'; the amount is what is missing, in the unit of
-        the constraint.
+        the constraint, or how deep the DLO touches something at any speed, m.
     DeadlineExceeded
         The deadline is over before a calm motion was found; the message says what was reached.
     """
