@@ -44,6 +44,13 @@ def in_domain(number):
         os.environ['ROS_DOMAIN_ID'] = before
 
 
+@pytest.fixture(scope='module')
+def own_domain(domain, coordinator):
+    """Let a file be in a domain where no node of another file has been."""
+    with coordinator.domain_id() as number, in_domain(number):
+        yield number
+
+
 # One planner as a process and one in this process serve all modules, each in a domain of its own:
 # others of the same name, each for a while, are in that of the tests.
 
