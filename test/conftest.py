@@ -16,15 +16,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
-from hypothesis import HealthCheck, settings  # noqa: E402
 from wires import copper_wire  # noqa: E402
 
 from dlo_planner import Pose, Rod  # noqa: E402
-
-# The same examples in every run, however busy the machine is.
-settings.register_profile('steady', derandomize=True, deadline=None,
-                          suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile('steady')
 
 # They time threads, processes and pages, without the fixture `domain`.
 _TIMED = ('test/ros/test_main.py', 'test/view/test_plan_page.py')

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from properties import given, settings
+from properties import strategies as st
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import DirectSimulator, InvalidTask, Plane, Pose, Rod, Sphere

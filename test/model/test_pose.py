@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from properties import given
+from properties import strategies as st
 from scipy.spatial.transform import Rotation
 
 from dlo_planner import CutOut, InvalidTask, Pose

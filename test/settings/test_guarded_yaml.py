@@ -10,8 +10,8 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from properties import given, settings
+from properties import strategies as st
 
 from dlo_planner import InvalidTask
 from dlo_planner.cli.io import read_observations, read_obstacles, read_poses
