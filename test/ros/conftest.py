@@ -44,9 +44,9 @@ def in_domain(number):
         os.environ['ROS_DOMAIN_ID'] = before
 
 
-@pytest.fixture(scope='module')
+@pytest.fixture
 def own_domain(domain, coordinator):
-    """Let a file be in a domain where no node of another file has been."""
+    """Let a test be in a domain of its own: of two nodes of one name the graph says either."""
     with coordinator.domain_id() as number, in_domain(number):
         yield number
 

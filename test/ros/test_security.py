@@ -29,10 +29,9 @@ def allowed(group, verb):
     return names
 
 
-@pytest.fixture(scope='module')
-def active(own_domain):
-    with pytest.MonkeyPatch.context() as monkeypatch, context_of_its_own() as context, \
-            planner_here(monkeypatch, context) as node:
+@pytest.fixture
+def active(own_domain, monkeypatch):
+    with context_of_its_own() as context, planner_here(monkeypatch, context) as node:
         yield node
 
 
@@ -45,8 +44,8 @@ def test_the_policy_is_what_the_node_opens(active, kind):
 
 
 @pytest.mark.sweep
-def test_simulated_time_is_allowed(domain, monkeypatch):
+def test_simulated_time_is_allowed(own_domain, monkeypatch):
     with context_of_its_own() as context, \
             planner_here(monkeypatch, context, use_sim_time=True) as node:
+        assert until(lambda: '/clock' in opened(node, 'subscriber'))
         assert opened(node, 'subscriber') - allowed('topics', 'subscribe') == set()
-        assert '/clock' in opened(node, 'subscriber')
