@@ -88,7 +88,6 @@ def times_from_path(path: Path) -> Floats:
                      for one in stamps])
 
 
-
 def timed_trajectory(trajectory: Trajectory, number: int, tool: Pose, frame_id: str,
                      stamp: Time) -> MultiDOFJointTrajectory:
     """Return `number` poses, velocities and accelerations of the tool frame at even times.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright 2026 the dlo_planner contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A robot that does as it is told, a little later: for demonstrations and tests."""
+"""A robot that does as it is told, a little later."""
 
 from bisect import bisect_left, bisect_right
 from collections import deque

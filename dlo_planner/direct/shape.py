@@ -38,7 +38,7 @@ from dlo_planner.model.obstacles import Obstacle
 from dlo_planner.model.pose import Pose, shifted
 from dlo_planner.model.rod import Rod, Surface
 from dlo_planner.model.section import Section
-from dlo_planner.model.supports import FarEnd, distance, spans
+from dlo_planner.model.supports import FarEnd, Surroundings, distance, spans
 from dlo_planner.model.value import Constant, Value, brief, freeze, owned, put
 from dlo_planner.pictured import Pictured
 
@@ -700,12 +700,17 @@ def _hinge(rod: Rod, bent: Floats) -> tuple[int, float] | None:
     return None
 
 
+def check_movable(surroundings: Surroundings) -> None:
+    """Raise InvalidTask if a load depends on where the DLO is: elsewhere its shape is another."""
+    if surroundings.other_loads:
+        raise InvalidTask('point_loads: expected PointLoads alone where a shape is moved, got '
+                          f'{shown(surroundings.other_loads[0])}, which depends on where it is')
+
+
 def carried(shape: Shape, displacement: Floats) -> Shape:
     """Return what `Shape.moved` does, of an array (3,); what it touches has to be carried, too."""
-    local = () if shape.state.mesh is None else shape.state.mesh.surroundings.other_loads
-    if local:
-        raise InvalidTask(f'point_loads: expected PointLoads alone where a shape is moved, got '
-                          f'{shown(local[0])}, which depends on where it is')
+    if shape.state.mesh is not None:
+        check_movable(shape.state.mesh.surroundings)
     return replace(shape, gripper=shifted(shape.gripper, displacement),
                    positions=shape.positions + displacement,
                    energy=shape.energy + float(displacement @ shape.gripper_wrench[:3]))

@@ -147,9 +147,10 @@ class LoopTask:
 
 def way_onto(inverse: InverseSimulator, task: HoldContact | SlideContact, start: Pose,
              standoff: float, room: float, **options: Any) -> tuple[Plan, Plan]:
-    """Return the ways to the entry above a contact, `room` before it, and straight down onto it.
+    """Return the ways to the entry above a contact, and straight down onto it.
 
-    The obstacle stands where it is stated. `standoff` = 0: it begins at the entry already.
+    The entry is `room` (m) above where the DLO begins to touch. The first way stops `standoff` (m)
+    above the entry; 0: it begins at the entry already. The obstacle stands where it is stated.
     """
     held, outwards = inverse.plan(task, start=start, **options), task.contact.rotation[:, 2]
     (place, s, along), = held.via_points[0]
@@ -180,7 +181,8 @@ def way_onto(inverse: InverseSimulator, task: HoldContact | SlideContact, start:
                *map(Waypoint, shapes[1:-1]),
                *(waypoint_at(shape, place, points[0][1], along)
                  for shape, points in zip(held.shapes, held.via_points, strict=True))]
-    builder = PlanBuilder(np.full(len(lowered), held.depths[0]), inverse.demands(held))
+    builder = PlanBuilder(np.full(len(lowered), held.depths[0]), inverse.demands(
+        held, requirements=options.get('requirements')))
     for waypoint in lowered:
         builder.add(waypoint)
     return way, builder.finished()

@@ -449,12 +449,17 @@ class InverseSimulator(Value):
         """
         return kept_between(plan, self.demands(plan, Progress(progress, deadline)))
 
-    def demands(self, plan: Plan, progress: Progress | None = None) -> Judge:
-        """Return the demands by which a Plan is judged, which touches what it touches."""
+    def demands(self, plan: Plan, progress: Progress | None = None,
+                requirements: Requirements | None = None) -> Judge:
+        """Return the demands by which a Plan is judged, which touches what it touches.
+
+        requirements: None: those of this simulator.
+        """
         touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
         instance('progress', progress, Progress, optional=True)
-        return PlanContext(self._given, self.simulator, requirements=self.requirements,
-                           touching=touching, progress=progress or Progress()).demands
+        return PlanContext(self._given, self.simulator, touching=touching,
+                           requirements=requirements or self.requirements,
+                           progress=progress or Progress()).demands
 
     def _shorthand(self, task: Task, start: Pose | None, initial: Shape | None,
                    linear_speed: float, angular_speed: float, progress: OnProgress,

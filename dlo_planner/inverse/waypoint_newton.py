@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from dlo_planner.direct.discretization import Discretization
 from dlo_planner.direct.search import TOLERANCE
-from dlo_planner.direct.shape import Shape
+from dlo_planner.direct.shape import Shape, check_movable
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.direct.statics import UNWATCHED, hanging_shape
 from dlo_planner.energy.potential import evaluate, project, unknowns_of
@@ -559,6 +559,7 @@ def follow(mesh: Discretization, shape: Shape, goals: GoalTable, s: Floats, free
     Shapes: s (k, g); origin (3,): of the gripper, from `place` (3,), m: where the first goal is
     that is no given one, or what given ones count from.
     """
+    check_movable(mesh.surroundings)  # it is solved in a gripper at the origin
     begin = mesh.strains_from(shape.s, shape.element_strains)
     earlier, ahead = trend or (shape, 0.0)
     if trend is None or not mesh.has_nodes(earlier.s):

@@ -87,7 +87,7 @@ class PlanBuilder:
         if broken is not None:
             raise self.refusal(broken.name, -broken.room, broken.message)
         self.waypoints.append(waypoint)
-        self._rooms.append(None if waypoint.sheets and np.isinf(waypoint.clearance) else min(
+        self._rooms.append(None if waypoint.sheets and not waypoint.measured else min(
             one.room for one in margins if one.name == 'clearance'))
         self._demands.progress.done(len(self.waypoints), len(self._depths))
 

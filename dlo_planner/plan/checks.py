@@ -118,7 +118,7 @@ class Judge:
         yield Margin('clearance', waypoint.clearance, 'the DLO is {over:.3g} m in the sheet around '
                      'a cut-out (infinite, if no Sheet among the obstacles has this hole): it '
                      'would need as much more room')
-        around = [sheet for sheet, _ in waypoint.sheets] if np.isfinite(waypoint.clearance) else []
+        around = [sheet for sheet, _ in waypoint.sheets] if waypoint.measured else []
         for index, (obstacle, body) in enumerate(zip(self.obstacles, self._bodies, strict=True)):
             if any(obstacle is sheet for sheet in around):
                 continue  # that is its clearance

@@ -30,6 +30,7 @@ class Waypoint(NamedTuple):
     via_points: Passes = ()
     clearances: tuple[Sequence[float] | Floats, ...] = ()
     sheets: tuple[tuple[Sheet, Floats], ...] = ()
+    measured: bool = False  # whether the clearances are all that the DLO has beside the sheets
 
     @property
     def clearance(self) -> float:
@@ -62,7 +63,7 @@ class Holes:
     def passed(self, waypoint: Waypoint) -> Waypoint:
         """Return a Waypoint with its clearances."""
         rooms = iter(self._bodies.holes(waypoint.shape))
-        return waypoint._replace(sheets=self._sheets, clearances=tuple(
+        return waypoint._replace(sheets=self._sheets, measured=True, clearances=tuple(
             next(rooms) if sized else _FREE for sized in self._sized))
 
 

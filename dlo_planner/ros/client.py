@@ -127,7 +127,7 @@ class DloCommander(Node):
         end = None
         while end is None:
             self.wait_for(lambda: self._progress or self._found('execute', {'stamp': stamp}),
-                       'execution')
+                          'execution')
             end = self._found('execute', {'stamp': stamp})
             while self._progress:
                 values = values_of(self._progress.popleft())

@@ -189,7 +189,7 @@ class CalmSearch:
             return Calm(self, timed, motions, _worst([
                 replace(one, error_estimate=np.inf) for one in motions]))
         if motion.converged:
-            self._inside = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
+            self._inside = self._depth(timed, motion)
         missed = self._missed_by
         if missed.margin is None or worst.used < missed.margin.used:
             missed = _Missed(worst, timed.duration, missed.slowest)
@@ -201,6 +201,17 @@ class CalmSearch:
         self._rounds += 1
         return None
 
+    def _depth(self, timed: TimedPath, motion: InMotion) -> float:
+        """Return how deep the DLO that follows slowly is in something, m; not by a shift alone."""
+        deep = -float(np.fmin(motion.calm_gap, np.fmin(motion.calm_clearance, 0.0)))
+        if deep > 0 and any(law is not None and law.shift is not None for law in timed.laws):
+            slow = calm_shapes(self._free, self.plan, self.fastest, self._first, self.progress)
+            if slow is not None:
+                bodies = Bodies(self.plan.sheets, (*self.obstacles, *unplanned(
+                    self.simulator, self.plan)), Surface.of(self.simulator.rod))
+                return -float(np.fmin(bodies.least(slow), 0.0))
+        return deep
+
     def refusal(self) -> Infeasible:
         """Return Infeasible: no law that was tried is calm."""
         broken = self._missed_by.margin
@@ -208,14 +219,15 @@ class CalmSearch:
             return Infeasible(f'limits: where the motion begins, the DLO is '
                               f'{self._first.status}', 0, 'motion', np.inf, self.plan)
         assert broken is not None  # of the laws that were tried
-        said, amount = f'limits: {self.reached}', -broken.room
+        name, said, amount = broken.name, f'limits: {self.reached}', -broken.room
         if self._inside > 0:
-            said, amount = ('limits: however slow it is, the DLO touches what the plan does not, '
-                            f'{self._inside:.3g} m deep'), self._inside
-        elif broken.name in ('miss', 'departure', 'clearance'):
+            name, amount = name if name == 'contact' else 'clearance', self._inside
+            said = ('limits: however slow it is, the DLO touches what the plan does not, '
+                    f'{amount:.3g} m deep')
+        elif broken.name in ('miss', 'departure'):
             said = (f'limits: the DLO is not calm: {self.reached}: expected at most '
                     f'{self.tolerance:.3g} m')
-        return Infeasible(said, len(self.plan) - 1, broken.name, float(amount), self.plan)
+        return Infeasible(said, len(self.plan) - 1, name, float(amount), self.plan)
 
     @property
     def reached(self) -> str:
@@ -225,7 +237,7 @@ class CalmSearch:
             return ''
         if broken.name == 'motion':
             return 'no motion that was tried could be simulated to its end'
-        if broken.name in ('contact', 'max_bend_curvature'):
+        if broken.name not in ('miss', 'departure'):
             return f'{broken.message}, at best, in {duration:.3g} s'
         return (f'{broken.name} in motion, {broken.used * self.tolerance:.3g} m at best, in '
                 f'{duration:.3g} s')
@@ -296,8 +308,10 @@ class CalmSearch:
         if not known:
             return np.nan
         worst = max(motion.departure, np.nan_to_num(self._missed(motion)))
-        return min(margin(task, law, 2 * self.tolerance * max(
-            1.0, predicted(task, law) / worst), self.progress.check) for task, law in known)
+        # what hangs straight down and goes down does not vibrate at all
+        return min(margin(task, law, 2 * self.tolerance * (max(
+            1.0, predicted(task, law) / worst) if worst else 1.0), self.progress.check)
+            for task, law in known)
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ class Trajectory(TimedPath, Reported):
         The DLO cannot be made calm within 16 times the fastest duration; the constraint is 'miss',
         'clearance', 'contact' (a touch that is not planned, or a planned one that is lost),
         'max_bend_curvature', 'departure' or 'motion'; the amount is what is missing, in the unit of
-        the constraint.
+        the constraint, or how deep the DLO touches something at any speed, m.
     DeadlineExceeded
         The deadline is over before a calm motion was found; the message says what was reached.
     """
@@ -263,4 +263,4 @@ def trajectory_of(tree: Mapping[str, Any]) -> Trajectory:
         GripperPath(tree['times'], tuple(legs)), tuple(laws),
         Limits(*tree['limits'].ravel().tolist()), float(tree['tolerance']),
         InMotion(**motion) if motion else None, float(tree['mode_margin']), str(tree['status']),
-        float(tree['least_duration']), float(tree['slowest_period']))
+        float(tree.get('least_duration', np.nan)), float(tree.get('slowest_period', np.nan)))

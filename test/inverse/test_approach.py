@@ -16,9 +16,12 @@ from dlo_planner import (
     InverseSimulator,
     Pose,
     Rod,
+    Sheet,
     Trajectory,
 )
 from dlo_planner.inverse.tasks.approach import Approach
+from dlo_planner.model.rod import Surface
+from dlo_planner.plan.clearance import clearance
 from dlo_planner.tasks import concatenate
 from dlo_planner.trajectory.calm_search import CalmSearch
 from dlo_planner.trajectory.dynamic_check import InMotion
@@ -59,6 +62,20 @@ def test_a_standoff_below_the_dlos_radius(inverse, plan, standoff):
     start = Pose((-1.3, 0.4, 1.2), (0, 0, 0, 1))
     way = inverse.approach(HOLE, plan, start, standoff=standoff)
     np.testing.assert_allclose(way.grippers[-1].matrix, plan.grippers[0].matrix, atol=1e-12)
+
+
+def test_it_keeps_out_of_a_thick_plate():
+    # behind its middle is not behind its face: from 5 cm beside a hole of 2 cm it meets that
+    rod, hole = Rod(1.0, 0.01, 5.0, 4.0, radius=2e-3), CutOut(Pose.looking_along(
+        (0, 0, 1), (1, 0, 0)), radius=0.02)
+    plate = Sheet(hole.pose, 3.0, 3.0, 0.2, (hole,))
+    inverse = InverseSimulator(DirectSimulator(rod, obstacles=[plate]))
+    plan = inverse.thread(hole, depths=[0.0, 0.1])
+    place, turn = plan.grippers[0].position, plan.grippers[0].quaternion
+    way = inverse.approach(hole, plan, Pose(place + (-0.12, 0.02, 0), turn), standoff=0.02)
+    assert min(clearance([plate], Surface.of(rod), shape) for shape in way.shapes) > 1e-3
+    with pytest.raises(Infeasible, match='the DLO is .* m in .*[Ss]heet'):
+        inverse.approach(hole, plan, Pose(place + (-0.12, 0.05, 0), turn), standoff=0.02)
 
 
 def test_it_goes_back_no_farther_than_it_must(inverse, plan):

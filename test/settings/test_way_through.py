@@ -2,11 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole way through a cut-out, as parameters ask for it: what is cut or joined is checked."""
 
-
 import numpy as np
 import pytest
 
-from dlo_planner import CutOut, DirectSimulator, Infeasible, InverseSimulator, Pose, Rod, Sphere
+from dlo_planner import (
+    Capsule,
+    CutOut,
+    DirectSimulator,
+    HoldContact,
+    Infeasible,
+    InverseSimulator,
+    Pose,
+    Rod,
+    Sphere,
+)
 from dlo_planner.inverse.tasks.thread_sequence import threading_of
 from dlo_planner.plan.path import GripperPath
 from dlo_planner.plan.workspace import Workspace
@@ -65,6 +74,18 @@ def test_what_is_joined_is_in_time_by_its_speeds_and_begins_with_the_present_sha
     held = DIRECT.solve(start, far_end=start.position + (0.5, 0.0, 0.0))
     with pytest.raises(ValueError, match='initial'):  # what is held now is no beginning
         plan_task(inverse, threading_of([HOLE]), wanted, start=start, initial=held)
+
+
+def test_the_way_down_to_a_contact_keeps_the_speeds_too():
+    bar, on_bar = Capsule((0, -0.1, 0.98), (0, 0.1, 0.98), 0.02, 0.3), Pose((0, 0, 1), (0, 0, 0, 1))
+    wire = Rod.circular(0.3, 1e-3, 8960.0, 110e9, 0.34)
+    wanted = WANTED | {'threading.standoff': 0.02, 'threading.linear_speed': 0.02,
+                       'contacts.tolerance': 3e-3}
+    plan = plan_task(InverseSimulator(DirectSimulator(wire, obstacles=[bar])),
+                     HoldContact(on_bar, 0.2, 'least_force'), wanted,
+                     start=Pose.looking_along((-0.2, 0, 1.24), (1, 0, 0.2)))
+    assert plan.shapes[-1].contacts and not plan.shapes[-3].contacts
+    assert np.linalg.norm(plan.velocities[:, :3], axis=1).max() < 0.02 * (1 + 1e-9)
 
 
 def test_what_is_joined_is_checked_as_a_whole(monkeypatch):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions that arrive calm, and how they are found."""
 
+import json
 import pickle
 from dataclasses import replace
 from itertools import pairwise
@@ -20,6 +21,7 @@ from dlo_planner import (
     Infeasible,
     InverseSimulator,
     Limits,
+    Plane,
     Pose,
     Rod,
     Sphere,
@@ -235,12 +237,20 @@ def test_the_default_tolerance_is_a_quarter_of_the_room(plan):
     assert endless.duration <= way.duration and np.isnan(endless.slowest_period)
 
 
-def test_a_trajectory_says_why_it_takes_so_long(plan):
+def test_a_trajectory_says_why_it_takes_so_long(plan, tmp_path):
     way = Trajectory(plan)
     assert way.least_duration == Trajectory(plan, tolerance=np.inf).duration < way.duration
     slowest = max(shape.modes(1).periods[0] for shape in plan.shapes)
     assert way.slowest_period == pytest.approx(slowest, rel=0.02)
     assert 'slowest vibration on the way' in way.summary()
+    saved = tmp_path / 'way.json'
+    way.save(saved)
+    assert Trajectory.load(saved) == way
+    older = json.loads(saved.read_text())  # files that were written before do not say it
+    del older['least_duration'], older['slowest_period']
+    saved.write_text(json.dumps(older))
+    loaded = Trajectory.load(saved)
+    assert loaded.duration == way.duration and np.isnan(loaded.least_duration)
 
 
 def test_the_quickest_law_is_found_before_slower_ones_are_judged(monkeypatch):
@@ -291,6 +301,26 @@ def test_an_obstacle_that_is_only_met_in_motion_refuses(plan, monkeypatch):
     with pytest.raises(Infeasible) as caught:
         Trajectory(plan, obstacles=[inside])
     assert caught.value.constraint == 'clearance'
+
+
+def test_what_only_a_shift_brings_into_the_way_is_not_said_of_every_speed(monkeypatch):
+    monkeypatch.setattr('dlo_planner.trajectory.calm_search._ROUNDS', 1)
+    way = InverseSimulator(DirectSimulator(damped_wire())).thread(
+        HOLE, depths=np.linspace(0, 0.5, 30))
+    low = min(shape.positions[:, 2].min() for shape in way.shapes) - 0.75e-3
+    for gap, slow in ((1e-4, False), (-1e-3, True)):
+        with pytest.raises(Infeasible, match='limits: ') as caught:
+            Trajectory(way, tolerance=2e-4, obstacles=[Plane((0, 0, low - gap), (0, 0, 1))])
+        assert ('however slow it is' in str(caught.value)) == slow
+        assert caught.value.constraint == 'clearance'
+    assert caught.value.amount == pytest.approx(1e-3)  # as deep as the plan is
+
+
+def test_what_hangs_straight_down_and_goes_down_does_not_vibrate():
+    down = CutOut(Pose.looking_along((0, 0, 0), (0, 0, -1)), radius=0.01)
+    plumb = DirectSimulator(replace(damped_wire(), tip_mass=0.05))
+    way = Trajectory(InverseSimulator(plumb).thread(down, depths=np.linspace(0, 0.5, 6)))
+    assert way.motion.departure < 1e-12 and way.mode_margin == pytest.approx(0.3)
 
 
 @pytest.mark.sweep
