@@ -3,9 +3,9 @@
 """Shape and contact forces at once: a semismooth Newton method (Alart and Curnier 1991).
 
 With the compliance of the DLO at its contacts, from solves with Newton's Hessian, all multipliers
-follow to first order: no gap where it bears, no sliding where it sticks, mu times the force where
-it slides. Where that cannot be trusted each multiplier becomes the force that it has (augmented
-Lagrangian).
+follow to first order, with the reaction of a held far end: no gap where it bears, no sliding where
+it sticks, mu times the force where it slides. Where that cannot be trusted each multiplier becomes
+the force that it has (augmented Lagrangian).
 
 In `semismooth_newton` the springs of contacts push with the forces themselves, whatever their gaps
 are, so that a gap of the start is closed by the forces and not fought by the springs. It begins
@@ -202,8 +202,8 @@ def _pushing_only(system, table, first, laws, compliance, free, exchanges, norma
         bears[a] = normal[a] > 2.0 * _HARDLY * k * abs(table.gap[a])
     last, change = bears.copy(), np.zeros(free.size)
     for turn in range(turns + 1):
-        _, moved, reaction = _linear_response(system, table, first, laws, compliance, free, bears)
-        matrix, right, soft = _equations(system, table, first, laws, reaction, moved, bears)
+        _, moved, response = _linear_response(system, table, first, laws, compliance, free, bears)
+        matrix, right, soft = _equations(system, table, first, laws, response, moved, bears)
         known, there = softly_solved(matrix, right, soft, times)
         if not known:  # those before do
             return turn > 0, change, last
@@ -211,7 +211,7 @@ def _pushing_only(system, table, first, laws, compliance, free, exchanges, norma
         last[:] = bears
         for a in range(table.gap.size if turn < turns else 0):
             i = first[a]
-            gap = table.gap[a] + moved[i] - np.sum(reaction[i] * change)
+            gap = table.gap[a] + moved[i] - np.sum(response[i] * change)
             # after some turns nothing bears again: so they come to an end
             bears[a] = (normal[a] + k * table.gap[a] + change[i] >= 0.0 if bears[a]
                         else gap < 0.0 and turn < turns // 2)
@@ -230,10 +230,10 @@ def _linear_response(system, table, first, laws, compliance, free, bears):
     (K, K) the displacements against changes of the multipliers.
     """
     contacts, size = system.effects.contact.contacts, free.size
-    shift, moved, reaction = np.zeros(size), free.copy(), np.empty((size, size))
+    shift, moved, response = np.zeros(size), free.copy(), np.empty((size, size))
     for a in range(table.gap.size):
         i, c = first[a], table.rubbing[a]
-        reaction[:, i] = -compliance[:, i]
+        response[:, i] = -compliance[:, i]
         if c < 0:
             continue
         slides = laws[i + 1, 0] > 0.0
@@ -242,14 +242,14 @@ def _linear_response(system, table, first, laws, compliance, free, bears):
                             else -contacts.multiplier[c])
             moved -= shift[i + 1] * compliance[:, i + 1]
             if bears[a]:
-                reaction[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
-        reaction[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
-        reaction[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
-    return shift, moved, reaction
+                response[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
+        response[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
+        response[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
+    return shift, moved, response
 
 
 @kernel
-def _equations(system, table, first, laws, reaction, moved, bears):
+def _equations(system, table, first, laws, response, moved, bears):
     """Return matrix (K, K), right side (K,) for the changes of the multipliers, what is soft (K,).
 
     What does not bear has multipliers with which neither its spring nor its friction has a force.
@@ -258,16 +258,16 @@ def _equations(system, table, first, laws, reaction, moved, bears):
     matrix, right, soft = np.zeros((size, size)), np.empty(size), np.zeros(size)
     for a in range(table.gap.size):
         i, c = first[a], table.rubbing[a]
-        _put_law(matrix, right, soft, reaction, moved, i, -contacts.stiffness,
+        _put_law(matrix, right, soft, response, moved, i, -contacts.stiffness,
                  -contacts.stiffness * table.gap[a], table.force[a], bears[a])
         if c < 0:
             continue
         along, across, trial = laws[i + 2]
         part = laws[i + 1, 1]
         if laws[i + 1, 0] == 0.0:
-            _put_law(matrix, right, soft, reaction, moved, i + 1, contacts.grip, trial - along,
+            _put_law(matrix, right, soft, response, moved, i + 1, contacts.grip, trial - along,
                      trial, bears[a])
-            _put_law(matrix, right, soft, reaction, moved, i + 2, contacts.grip,
+            _put_law(matrix, right, soft, response, moved, i + 2, contacts.grip,
                      laws[i + 1, 2] - across, laws[i + 1, 2], bears[a])
         else:
             matrix[i + 1, i + 1] = matrix[i + 2, i + 2] = 1.0
@@ -277,22 +277,22 @@ def _equations(system, table, first, laws, reaction, moved, bears):
                 # the limit is that of the force here; the multiplier's change counts from m
                 right[i + 1] = (contacts.multiplier[c] - along
                                 + laws[i + 1, 2] * contacts.stiffness * table.gap[a])
-                matrix[i + 2] = contacts.grip * part * reaction[i + 2]
+                matrix[i + 2] = contacts.grip * part * response[i + 2]
                 matrix[i + 2, i + 2] += 1.0 - part
                 right[i + 2] = -across + contacts.grip * part * moved[i + 2]
     return matrix, right, soft
 
 
 @kernel
-def _put_law(matrix, right, soft, reaction, moved, i, spring, yielded, force, bears):
+def _put_law(matrix, right, soft, response, moved, i, spring, yielded, force, bears):
     """Write row i: nothing moves there, or, where nothing bears, no force is left."""
     if bears:
-        matrix[i] = spring * reaction[i]
+        matrix[i] = spring * response[i]
         right[i] = yielded + spring * moved[i]
         soft[i] = _SOFT
         matrix[i, i] += _SOFT
     else:
-        matrix[i] = -spring * reaction[i]
+        matrix[i] = -spring * response[i]
         matrix[i, i] += 1.0
         right[i] = -force - spring * moved[i]
 
