@@ -46,6 +46,7 @@ _FOLLOWING = 3.0        # rad of shape per rad of the gripper: more is looked at
 _SLIDING = 2.0          # the same, where it slides
 _SPREAD = 0.2           # of how much the work depends on when forces change in a step: its error
 _ROUGH = 0.01           # of the elastic energy: what a mesh makes of it
+_EXACT = 1e-6           # the same, of two shapes on one mesh
 _EVENLY = 0.75          # of a step's change: more in half of it is a leap, perhaps
 _SAME = 0.01            # rad: two shapes that differ by less are one
 _SLIDES = 1 - 1e-6      # of friction's limit
@@ -223,19 +224,27 @@ def _lost(previous: Shape, shape: Shape) -> bool:
                             shape.positions[-1], previous.far_wrench, shape.far_wrench)
         work, spread = work + more, spread + wider
     lost = previous.energy + work - shape.energy - (shape.dissipated - previous.dissipated)
-    least = _SPREAD * spread + _ROUGH * max(previous.elastic_energy, shape.elastic_energy)
+    least = _SPREAD * spread
+    energy = max(previous.elastic_energy, shape.elastic_energy)
+    if lost <= least + _EXACT * energy:
+        return False
+    past = shape.history
+    if past is not None and shape.contacts:
+        lost -= past.friction_work
+    one_mesh = np.array_equal(previous.s, shape.s)
+    leaps = shape_change(previous, shape) > _LEAP_ON
+    if shape.far_end is not None and one_mesh and leaps:
+        return lost > least + _EXACT * energy
+    least += _ROUGH * energy
     if lost <= least:
         return False
-    mesh, past = shape.mesh, shape.history
+    mesh = shape.mesh
     if mesh is not None:
         stiffness = float(mesh.free.stiffness[:, 1:].min())
         least += 0.5 * _LEAP_ON**2 * stiffness / float(shape.s[-1])
-    if past is not None and shape.contacts:
-        lost -= past.friction_work
     # of two meshes one may be far too stiff for a DLO that clamps bend sharply: energies of both
     # tell a fall only where it is seen
-    return lost > least and (np.array_equal(previous.s, shape.s)
-                             or shape_change(previous, shape) > _LEAP_ON)
+    return lost > least and (one_mesh or leaps)
 
 
 @kernel

@@ -316,7 +316,7 @@ def _fill_twists(system: Problem, state: Configuration, answers: Floats, nodes: 
             for j in range(3):
                 twists[g, i, j] = twist[i, j]
                 twists[g, i, 3 + j] = 1.0 if i == 3 + j else 0.0
-            twists[g, i, 6] = twist[i, 3] - (1.0 if i == 3 else 0.0)  # it began as a shift
+            twists[g, i, 6] = twist[i, 3]
 
 
 @kernel

@@ -77,13 +77,14 @@ def node_twists(system: Problem, state: Configuration, answers: Floats, columns:
     """Return (N + 1, 6, 6) the twists of the nodes' frames by that of the gripper.
 
     Args:
-        columns: of the gripper's twist, 3 where its displacement moves all alike, else 6
+        columns: of the gripper's twist, 3 where its displacement moves all alike, else 6; 4: its
+            turns, and a change of the strains while it rests
     """
     n = system.lengths.size
     out = np.zeros((n + 1, 6, 6))
     part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
     for i in range(6):
-        out[0, i, i] = 1.0
+        out[0, i, i] = 1.0 if i < 3 or columns != 4 else 0.0
     for e in range(n):
         for i in range(6):
             for j in range(6):

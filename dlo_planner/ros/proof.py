@@ -33,7 +33,8 @@ _MOVED = 'the motion along the plan is still being made and checked: ask again'
 def proofs(replayed: Callable[..., ValidationReport | None], scene: Scene, plan: Plan,
            before: Shape | None) -> Iterator[Proof]:
     """Yield the Proof of a Plan after each step; the last one is `done`."""
-    touched = [shape.obstacles[one.obstacle] for shape in plan.shapes for one in shape.contacts]
+    end = plan.shapes[-1]  # what is touched on the way alone, the plan does not mean to touch
+    touched = [end.obstacles[one.obstacle] for one in end.contacts]
     slowly = {'simulator': scene.direct, 'plan': plan, 'initial': before,
               'workspace': scene.workspace, 'obstacles': [  # of which the DLO has to stay clear
                   one for one in scene.direct.obstacles if one not in touched]}

@@ -266,7 +266,7 @@ def test_what_is_not_stated_is_not_looked_at_and_named():
         assert np.isnan(report.insertion_force) and 'insertion_force' in report.not_looked_at
         row, = (line for line in plan.summary().splitlines() if 'push into the bore' in line)
         assert 'not looked at' in row
-    threaded = INVERSE.thread(bore(), depths=(0.0, 0.3))
+    threaded = INVERSE.thread(bore(), depths=np.linspace(0.0, 0.3, 4))
     assert 'push' not in threaded.summary()
     assert 'insertion_force' not in replay(INVERSE.simulator, threaded).not_looked_at
     with pytest.raises(InvalidTask, match='friction = -1'):

@@ -262,8 +262,8 @@ def test_no_waypoint_is_less_stable_than_the_margin(stability):
     shape = DirectSimulator(STIFF, n_elements=32).solve(START)
     demands = Judge((1.0, 1.0), stability=Requirements().stability)
     assert demands.violation(Waypoint(replace(shape, stability=1.1 * STABILITY))) is None
-    constraint, _, text = demands.violation(Waypoint(replace(shape, stability=stability)))
-    assert constraint == 'stability' and '0.0003 is required' in text
+    broken = demands.violation(Waypoint(replace(shape, stability=stability)))
+    assert broken.name == 'stability' and '0.0003 is required' in broken.message
 
 
 def test_a_least_penalty_keeps_the_workspace():

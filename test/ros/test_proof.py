@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The steps of a proof, and what each of them allows: without a node."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -128,6 +130,22 @@ def test_a_search_that_takes_too_long_is_given_up():
 
 def test_what_is_not_wanted_any_more_ends_the_proof():
     assert proved(scene_with(), replayed=lambda **given: None)[1] == []
+
+
+def test_what_is_touched_on_the_way_alone_has_to_be_kept_clear_of():
+    floor = Plane((0.0, 0.0, 0.5), (0.0, 0.0, 1.0))
+    direct = scene_with([floor]).direct
+    free = direct.solve(Pose.looking_along((0.0, 0.0, 2.5), (1.0, 0.0, 0.0)))
+    lying = direct.solve(Pose.looking_along((0.0, 0.0, 0.9), (1.0, 0.0, 0.0)))
+    assert lying.contacts and not free.contacts
+    kept_clear = []
+
+    def replayed(**given):
+        kept_clear.append(given['obstacles'])
+
+    for shapes in ([lying, free], [free, lying]):
+        assert not list(proofs(replayed, scene_with([floor]), SimpleNamespace(shapes=shapes), None))
+    assert kept_clear == [[floor], []]
 
 
 def test_what_may_not_be_touched_counts_in_motion_as_well(monkeypatch):

@@ -125,7 +125,7 @@ class NearestToCenters(Family):
             np.vstack([self.centers[0], self.normals[0], self.centers[1:], rotation[:, 0]]),
             np.tile(rotation, (further + 3, 1, 1)),
             np.array([weights[0], _FREE * float(1 - share[1]) * length, *weights[1:],
-                      turns]))
+                      turns]) / length)
 
 
 def thread_sequence(simulator: DirectSimulator, task: Threading, weights: Floats) -> Plan:
