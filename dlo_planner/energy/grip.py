@@ -102,6 +102,22 @@ def move_multipliers(hold, part, reaction):
 
 
 @kernel
+def reaction_of(hold, count):
+    """Return a copy (K,) of the forces of a grip with so many."""
+    reaction = np.zeros(count)
+    if hold is not None:
+        reaction[:] = hold.multiplier
+    return reaction
+
+
+@kernel
+def set_reaction(hold, reaction):
+    """Make `reaction` (K,) the forces of a grip."""
+    if hold is not None:
+        hold.multiplier[:] = reaction
+
+
+@kernel
 def held_twists(hold, rotation, position, out):
     """Fill out (K, 6): change of c per twist (rotation, displacement) at the gripper's origin."""
     for row in range(out.shape[0]):

@@ -9,6 +9,9 @@ ch. 17.4): minimize, move each multiplier by what its constraint is violated by,
 nothing is violated. Between two minimizations the active set is looked at anew, and the limits of
 friction follow from the forces found. What is judged is the residual with these limits: friction
 has no potential.
+
+Both are needed: between two grips turns often go on without an end, so that forces are sought at
+once from several starts there; but only turns bring out what begins deep inside an obstacle.
 """
 
 from __future__ import annotations
@@ -17,8 +20,9 @@ import numpy as np
 
 from dlo_planner.energy.contact import obstructed, trial_traction
 from dlo_planner.energy.gap import closest_point
-from dlo_planner.energy.grip import holds
+from dlo_planner.energy.grip import holds, reaction_of, set_reaction
 from dlo_planner.energy.problem import Configuration, Problem, hinged, new_configuration
+from dlo_planner.energy.terms import row_count
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.geometry.record import copy
 from dlo_planner.geometry.so3 import matrix, put_vector, rotation_vector, times_transposed
@@ -46,7 +50,9 @@ from dlo_planner.minimize.newton import (
     thorough,
 )
 from dlo_planner.minimize.semismooth import (
+    forces,
     place,
+    put_forces,
     semismooth_newton,
     tangent_predictor,
     update_multipliers,
@@ -56,8 +62,10 @@ from dlo_planner.model.arrays import Floats
 _FIRM = 1e2      # times the stiffness of contacts' springs, where they are to hardly give
 COARSER = 10.0  # times the tolerance: the springs' rounding errors leave no more of it
 _FEW, _SOON = 12, 40  # rounds and steps in which a DLO that goes on bearing has to come to rest
+_STARTS = 8         # between two grips, see `_starts`
 _EXCHANGES = 6      # of points that bear, with forces at once; then by turns
 _ON_A_WAY = 20      # steps: who allows no more wants no equilibrium
+_BETWEEN_GRIPS = 100  # the same: what is deep inside an obstacle comes out by springs
 _ROUNDS = 100
 _TURN = 12          # rounds in which points are chosen anew, then as many in which they are kept
 _SLOW = 0.3         # a violation that falls less than this in a round needs a stiffer spring
@@ -136,16 +144,53 @@ def _keep_forces(system: Problem, state: Configuration, more: float) -> None:
 @kernel
 def solve_contact(system, q, tolerance, exact, max_iterations, check, previous):
     """Do as `augmented_lagrangian`, but seek shape and forces at once before, where it bears."""
-    before = 0
-    if not is_held(system) and max_iterations > _ON_A_WAY:
+    before, hold = 0, system.effects.hold
+    reaction = reaction_of(hold, row_count(system.needs.border))
+    there, begin = system, q
+    for start in _starts(system, max_iterations):
+        if start > 0:
+            touches, steps, there, begin = _pressed(there, begin, tolerance, exact, max_iterations,
+                                                    previous)
+            before += steps
+            if not touches:
+                break
         bears, state, residual, stability, steps, kicks, loaded, violation = _at_once(
-            system, q, tolerance, exact, max_iterations, check, previous)
+            there, begin, tolerance, exact, max_iterations, check, previous)
+        before += steps
         if bears:
-            return state, residual, stability, steps, kicks, loaded, violation
-        before = steps
+            return state, residual, stability, before, kicks, loaded, violation
+    set_reaction(hold, reaction)
     state, residual, stability, steps, kicks, loaded, violation = augmented_lagrangian(
         system, q, tolerance, exact, max_iterations, check, previous, _ROUNDS)
     return state, residual, stability, steps + before, kicks, loaded, violation
+
+
+@kernel
+def _starts(system, max_iterations):
+    """Return from how many starts forces are sought at once: more between two grips.
+
+    There steps by turns often go on without an end; what hangs comes to rest by them.
+    """
+    held = is_held(system)
+    if max_iterations <= (_BETWEEN_GRIPS if held else _ON_A_WAY):
+        return range(0)
+    return range(_STARTS if held else 1)
+
+
+@kernel
+def _pressed(system, q, tolerance, exact, max_iterations, previous):
+    """Descend once with springs, whose forces are those of contacts then.
+
+    Return whether it touches, steps, and the Problem and unknowns there.
+    """
+    system = _stiffened(system, 1.0)  # a copy: a round moves forces from node to node
+    state, _, steps, contacts, _ = _round(system, q, tolerance, exact,
+                                          min(_PATIENCE, max_iterations), previous,
+                                          max_iterations < 0)
+    system = with_contacts(system, contacts, system.effects.contact.scene)
+    state, _, table, _ = kkt_residual(system, state.q)
+    put_forces(system, table, *forces(table, state))
+    return table.gap.size > 0, steps, system, state.q
 
 
 @kernel
@@ -343,5 +388,5 @@ def _judged(system, state, tolerance, exact):
 def _stiffened(system, factor):
     """Return the same Problem with springs at its contacts that are stiffer by a factor."""
     old = system.effects.contact.contacts
-    contacts = with_springs(old, factor * old.stiffness, old.node, old.multiplier)
+    contacts = with_springs(old, factor * old.stiffness, old.node.copy(), old.multiplier.copy())
     return with_contacts(system, contacts, system.effects.contact.scene)

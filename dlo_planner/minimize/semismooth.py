@@ -3,9 +3,9 @@
 """Shape and contact forces at once: a semismooth Newton method (Alart and Curnier 1991).
 
 With the compliance of the DLO at its contacts, from solves with Newton's Hessian, all multipliers
-follow to first order: no gap where it bears, no sliding where it sticks, mu times the force where
-it slides. Where that cannot be trusted each multiplier becomes the force that it has (augmented
-Lagrangian).
+follow to first order, with the reaction of a held far end: no gap where it bears, no sliding where
+it sticks, mu times the force where it slides. Where that cannot be trusted each multiplier becomes
+the force that it has (augmented Lagrangian).
 
 In `semismooth_newton` the springs of contacts push with the forces themselves, whatever their gaps
 are, so that a gap of the start is closed by the forces and not fought by the springs. It begins
@@ -18,9 +18,10 @@ import numpy as np
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.energy.contact import ContactSet, trial_traction
 from dlo_planner.energy.gap import closest_point, near_nodes, next_touching, node_gap
+from dlo_planner.energy.grip import constraint_value, move_multipliers
 from dlo_planner.energy.inertia import has_inertia
 from dlo_planner.energy.potential import at_elements, evaluate, project, unknowns_of
-from dlo_planner.energy.problem import hinged, new_configuration, with_gripper
+from dlo_planner.energy.problem import new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import forbids, row_count
 from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
@@ -42,8 +43,10 @@ from dlo_planner.minimize.hessian import (
     largest_turn,
     new_hessian,
     solve,
+    solve_held,
 )
-from dlo_planner.minimize.newton import HELD_NEUTRAL
+from dlo_planner.minimize.kkt import add_to, dot, put_scaled
+from dlo_planner.minimize.newton import HELD_NEUTRAL, is_held
 
 _SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
 _REFINED = 2      # times: what is soft counts a thousandth as much after each
@@ -67,13 +70,13 @@ def update_multipliers(system, state, table, share, q, vain):
     After some rounds in vain q (m, 3) goes with them: what is soft, like the plane in which a
     column buckles, would go anywhere on its way to where the new multipliers belong.
     """
-    normal, shear = _forces(table, state)
+    normal, shear = forces(table, state)
     used = share > 0.0 and table.gap.size > 0
     if used:
         target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
         step = np.empty_like(q)
-        used = complementarity_step(system, state, table, hessian, used, vain > _TOILS, target,
-                                    across, step)
+        used = complementarity_step(system, state, table, hessian, used, vain > _TOILS,
+                                    not is_held(system), target, across, step, _no_reaction(system))
         if used:
             there = new_configuration(system)
             put_sum(q, share, step, there.q)
@@ -85,12 +88,12 @@ def update_multipliers(system, state, table, share, q, vain):
                 normal[a] += share * (target[a] - normal[a])
                 for i in range(3):
                     shear[a, i] += share * (across[a, i] - shear[a, i])
-    _put_forces(system, table, normal, shear)
+    put_forces(system, table, normal, shear)
     return used
 
 
 @kernel
-def _forces(table, state):
+def forces(table, state):
     """Return the forces of the contacts in a table: normal (A,) and across (A, 3), N."""
     shear = np.zeros((table.gap.size, 3))
     for a in range(table.gap.size):
@@ -100,7 +103,7 @@ def _forces(table, state):
 
 
 @kernel
-def _put_forces(system, table, normal, shear):
+def put_forces(system, table, normal, shear):
     """Make forces, normal (A,) and across (A, 3), the multipliers of `system`, in place."""
     contacts, friction = system.effects.contact.contacts, system.effects.contact.scene.friction
     contacts.node[:] = 0.0
@@ -123,8 +126,12 @@ def _put_forces(system, table, normal, shear):
 
 
 @kernel
-def complementarity_step(system, state, table, hessian, fresh, neutral, normal, shear, step):
-    """Fill the forces that satisfy the linearized laws, and the step to where they do."""
+def complementarity_step(system, state, table, hessian, fresh, neutral, exchanges, normal, shear,
+                         step, reaction):
+    """Fill the forces that satisfy the linearized laws, and the step to where they do.
+
+    And the change of the reaction (K,) of a held far end. `exchanges`: whether contacts are let go.
+    """
     contacts = system.effects.contact.contacts
     if fresh:
         assemble(system, state, hessian)
@@ -140,16 +147,20 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, normal, 
     linearize_contact_law(system, state, table, first, axes, laws)
     loads, answers = _answers(system, state, hessian, table, first, axes)
     compliance = _products(loads, answers)
-    gradient, free = state.gradient.copy().reshape(-1), np.empty(size)
+    miss, right, free = np.zeros_like(reaction), np.empty_like(step), np.empty(size)
+    constraint_value(system.effects.hold, state.rotations[-1], state.positions[-1], miss)
+    put_scaled(-1.0, state.gradient, right)
+    solve_held(system, hessian, right, miss, step, reaction)
     for i in range(size):
-        free[i] = -np.sum(answers[i] * gradient)
-    known, change, bears = _pushing_only(system, table, first, laws, compliance, free, normal)
+        free[i] = dot(loads[i], step)
+    known, change, bears = _pushing_only(system, table, first, laws, compliance, free, exchanges,
+                                         normal)
     if not known:
         return False  # what slides does so by itself: no multipliers hold it there
-    shift, moved, reaction = _linear_response(system, table, first, laws, compliance, free, bears)
+    shift, moved, response = _linear_response(system, table, first, laws, compliance, free, bears)
     farthest = _FARTHEST * np.sum(system.lengths)
     for i in range(size):
-        if not abs(moved[i] - np.sum(reaction[i] * change)) < farthest:
+        if not abs(moved[i] - np.sum(response[i] * change)) < farthest:
             return False
     for a in range(count):
         i = first[a]
@@ -158,8 +169,8 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, normal, 
             for j in range(3):
                 shear[a, j] = (contacts.shear[table.rubbing[a], j] + change[i + 1] * axes[i + 1, j]
                                + change[i + 2] * axes[i + 2, j]) if bears[a] else 0.0
-    solve(system, hessian, state.gradient, step)
-    _add_answers(table, first, laws, bears, shift, change, answers, step)
+    _add_loads(table, first, laws, bears, shift, change, loads, right)
+    solve_held(system, hessian, right, miss, step, reaction)
     return True
 
 
@@ -177,23 +188,22 @@ def _stands(system, hessian, neutral):
 
 
 @kernel
-def _pushing_only(system, table, first, laws, compliance, free, normal):
+def _pushing_only(system, table, first, laws, compliance, free, exchanges, normal):
     """Return whether there are changes (K,) of the multipliers, these, and who bears (A,).
 
     Contacts side by side depend on each other: with no gap at any of them, some would pull as hard
     as others push. One that pulls is let go, one let go that is pressed in bears again (primal-dual
     active set method: Hintermueller, Ito and Kunisch 2002).
     """
-    k, times = system.effects.contact.contacts.stiffness, _refinements(system)
+    k, times = system.effects.contact.contacts.stiffness, _REFINED if exchanges else 0
     bears = np.ones(table.gap.size, dtype=np.bool_)
-    # between two grips what begins deep inside obstacles would not come out
-    turns = _CHANGES if times > 0 or has_inertia(system.effects.anchor) else 0
+    turns = _CHANGES if exchanges or has_inertia(system.effects.anchor) else 0
     for a in range(bears.size if turns > 0 else 0):
         bears[a] = normal[a] > 2.0 * _HARDLY * k * abs(table.gap[a])
     last, change = bears.copy(), np.zeros(free.size)
     for turn in range(turns + 1):
-        _, moved, reaction = _linear_response(system, table, first, laws, compliance, free, bears)
-        matrix, right, soft = _equations(system, table, first, laws, reaction, moved, bears)
+        _, moved, response = _linear_response(system, table, first, laws, compliance, free, bears)
+        matrix, right, soft = _equations(system, table, first, laws, response, moved, bears)
         known, there = softly_solved(matrix, right, soft, times)
         if not known:  # those before do
             return turn > 0, change, last
@@ -201,7 +211,7 @@ def _pushing_only(system, table, first, laws, compliance, free, normal):
         last[:] = bears
         for a in range(table.gap.size if turn < turns else 0):
             i = first[a]
-            gap = table.gap[a] + moved[i] - np.sum(reaction[i] * change)
+            gap = table.gap[a] + moved[i] - np.sum(response[i] * change)
             # after some turns nothing bears again: so they come to an end
             bears[a] = (normal[a] + k * table.gap[a] + change[i] >= 0.0 if bears[a]
                         else gap < 0.0 and turn < turns // 2)
@@ -209,14 +219,6 @@ def _pushing_only(system, table, first, laws, compliance, free, normal):
         if same:
             break
     return True, change, last
-
-
-@kernel
-def _refinements(system):
-    """Return how often what is soft is taken away: not between two grips, where all depend."""
-    if row_count(system.needs.border) > 0 or hinged(system):
-        return 0
-    return _REFINED
 
 
 @kernel
@@ -228,10 +230,10 @@ def _linear_response(system, table, first, laws, compliance, free, bears):
     (K, K) the displacements against changes of the multipliers.
     """
     contacts, size = system.effects.contact.contacts, free.size
-    shift, moved, reaction = np.zeros(size), free.copy(), np.empty((size, size))
+    shift, moved, response = np.zeros(size), free.copy(), np.empty((size, size))
     for a in range(table.gap.size):
         i, c = first[a], table.rubbing[a]
-        reaction[:, i] = -compliance[:, i]
+        response[:, i] = -compliance[:, i]
         if c < 0:
             continue
         slides = laws[i + 1, 0] > 0.0
@@ -240,14 +242,14 @@ def _linear_response(system, table, first, laws, compliance, free, bears):
                             else -contacts.multiplier[c])
             moved -= shift[i + 1] * compliance[:, i + 1]
             if bears[a]:
-                reaction[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
-        reaction[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
-        reaction[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
-    return shift, moved, reaction
+                response[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
+        response[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
+        response[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
+    return shift, moved, response
 
 
 @kernel
-def _equations(system, table, first, laws, reaction, moved, bears):
+def _equations(system, table, first, laws, response, moved, bears):
     """Return matrix (K, K), right side (K,) for the changes of the multipliers, what is soft (K,).
 
     What does not bear has multipliers with which neither its spring nor its friction has a force.
@@ -256,16 +258,16 @@ def _equations(system, table, first, laws, reaction, moved, bears):
     matrix, right, soft = np.zeros((size, size)), np.empty(size), np.zeros(size)
     for a in range(table.gap.size):
         i, c = first[a], table.rubbing[a]
-        _put_law(matrix, right, soft, reaction, moved, i, -contacts.stiffness,
+        _put_law(matrix, right, soft, response, moved, i, -contacts.stiffness,
                  -contacts.stiffness * table.gap[a], table.force[a], bears[a])
         if c < 0:
             continue
         along, across, trial = laws[i + 2]
         part = laws[i + 1, 1]
         if laws[i + 1, 0] == 0.0:
-            _put_law(matrix, right, soft, reaction, moved, i + 1, contacts.grip, trial - along,
+            _put_law(matrix, right, soft, response, moved, i + 1, contacts.grip, trial - along,
                      trial, bears[a])
-            _put_law(matrix, right, soft, reaction, moved, i + 2, contacts.grip,
+            _put_law(matrix, right, soft, response, moved, i + 2, contacts.grip,
                      laws[i + 1, 2] - across, laws[i + 1, 2], bears[a])
         else:
             matrix[i + 1, i + 1] = matrix[i + 2, i + 2] = 1.0
@@ -275,29 +277,29 @@ def _equations(system, table, first, laws, reaction, moved, bears):
                 # the limit is that of the force here; the multiplier's change counts from m
                 right[i + 1] = (contacts.multiplier[c] - along
                                 + laws[i + 1, 2] * contacts.stiffness * table.gap[a])
-                matrix[i + 2] = contacts.grip * part * reaction[i + 2]
+                matrix[i + 2] = contacts.grip * part * response[i + 2]
                 matrix[i + 2, i + 2] += 1.0 - part
                 right[i + 2] = -across + contacts.grip * part * moved[i + 2]
     return matrix, right, soft
 
 
 @kernel
-def _put_law(matrix, right, soft, reaction, moved, i, spring, yielded, force, bears):
+def _put_law(matrix, right, soft, response, moved, i, spring, yielded, force, bears):
     """Write row i: nothing moves there, or, where nothing bears, no force is left."""
     if bears:
-        matrix[i] = spring * reaction[i]
+        matrix[i] = spring * response[i]
         right[i] = yielded + spring * moved[i]
         soft[i] = _SOFT
         matrix[i, i] += _SOFT
     else:
-        matrix[i] = -spring * reaction[i]
+        matrix[i] = -spring * response[i]
         matrix[i, i] += 1.0
         right[i] = -force - spring * moved[i]
 
 
 @kernel
-def _add_answers(table, first, laws, bears, shift, change, answers, step):
-    """Complete the step (m, 3), negated so far, by what the changes of the multipliers do."""
+def _add_loads(table, first, laws, bears, shift, change, loads, right):
+    """Add to right (m, 3) the loads by which the changes of the multipliers change the forces."""
     part = shift.copy()
     for a in range(table.gap.size):
         i = first[a]
@@ -308,12 +310,8 @@ def _add_answers(table, first, laws, bears, shift, change, answers, step):
             elif bears[a]:
                 part[i + 1] += laws[i + 1, 2] * change[i]
             part[i + 2] += laws[i + 1, 1] * change[i + 2]
-    for e in range(step.shape[0]):
-        for j in range(3):
-            total = -step[e, j]
-            for i in range(part.size):
-                total -= part[i] * answers[i, 3 * e + j]
-            step[e, j] = total
+    for i in range(part.size):
+        add_to(right, -part[i], loads[i])
 
 
 @kernel
@@ -358,17 +356,15 @@ def linearize_contact_law(system, state, table, first, axes, laws):
 
 @kernel
 def _answers(system, state, hessian, table, first, axes):
-    """Return (K, 3 m) unit forces at the contacts along `axes`, as loads, and what they answer."""
-    size, m = axes.shape[0], state.q.shape[0]
-    loads, answers = np.empty((size, 3 * m)), np.empty((size, 3 * m))
-    load, answer, none = np.empty((m, 3)), np.empty((m, 3)), np.zeros(3)
+    """Return (K, m, 3) unit forces at the contacts along `axes`, as loads, and what they answer."""
+    loads, none = np.empty((axes.shape[0], state.q.shape[0], 3)), np.zeros(3)
+    answers = np.empty_like(loads)
     for a in range(table.gap.size):
         for i in range(first[a], first[a] + (1 if table.rubbing[a] < 0 else 3)):
             # friction acts at the axis
             unit_load(system, state, hessian, table.element[a], table.fraction[a],
-                      table.arm[a] if i == first[a] else none, axes[i], load)
-            solve(system, hessian, load, answer)
-            loads[i], answers[i] = load.reshape(-1), answer.reshape(-1)
+                      table.arm[a] if i == first[a] else none, axes[i], loads[i])
+            solve(system, hessian, loads[i], answers[i])
     return loads, answers
 
 
@@ -406,10 +402,7 @@ def _products(loads, answers):
     products = np.empty((size, size))
     for i in range(size):
         for j in range(i + 1):
-            total = 0.0
-            for u in range(loads.shape[1]):
-                total += loads[j, u] * answers[i, u]
-            products[i, j] = products[j, i] = total
+            products[i, j] = products[j, i] = dot(loads[j], answers[i])
     return products
 
 
@@ -471,7 +464,8 @@ def _before(system, base, slid, twist):
 @kernel
 def semismooth_newton(system, q, tolerance, exact, previous):
     """Return whether it is found, and what is known of it then."""
-    loaded, age, before = system, np.inf, np.inf
+    loaded, age, before, hold = system, np.inf, np.inf, system.effects.hold
+    reaction, gone = _no_reaction(system), _no_reaction(system)
     begin, hessian = new_configuration(system), new_hessian(system)
     begin.q[:] = q
     neutral = age > 0.0  # literals would be compiled for by themselves
@@ -488,13 +482,14 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         state, residual, table, violation = kkt_residual(loaded, state.q)
         if table.gap.size == 0:
             break
-        normal, shear = _forces(table, state)
+        normal, shear = forces(table, state)
         same = _same(table, last)
         if residual < tolerance and violation < exact:
             if not same:  # the factorization is that of other contacts
                 age = np.inf
-            return (not forbids(system.effects, system, begin, state), state, residual, violation,
-                    loaded, hessian, age, steps)
+            if forbids(system.effects, system, begin, state):
+                break
+            return True, state, residual, violation, loaded, hessian, age, steps
         wrong = max(residual / tolerance, violation / exact)
         if steps >= _GRACE and same and not wrong < _FALLS * before:
             break
@@ -502,17 +497,26 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         # near the end the factorization before is as good; what slides turns its friction
         fresh = (not same or not _STALE * age * residual < tolerance
                  or np.max(table.rubbing) >= 0)
-        if not complementarity_step(loaded, state, table, hessian, fresh, neutral, normal, shear,
-                                    step):
+        if not complementarity_step(loaded, state, table, hessian, fresh, neutral, neutral, normal,
+                                    shear, step, reaction):
             break
         change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
-        _put_forces(loaded, table, normal, shear)
+        put_forces(loaded, table, normal, shear)
         # contacts that come and go in turn are those of neither shape: from the middle on
-        halfway = steps >= _LONG and steps % 2 > 0 and not same
-        put_sum(state.q, 0.5 if halfway else 1.0, step, state.q)
+        part = 0.5 if steps >= _LONG and steps % 2 > 0 and not same else 1.0
+        put_sum(state.q, part, step, state.q)
+        move_multipliers(hold, part, reaction)
+        gone += part * reaction
         place(loaded, state)
+    move_multipliers(hold, -1.0, gone)
     return False, state, np.inf, np.inf, system, hessian, age, _STEPS
+
+
+@kernel
+def _no_reaction(system):
+    """Return zeros (K,), one for each row that a grip of the far end holds."""
+    return np.zeros(row_count(system.needs.border))
 
 
 @kernel
@@ -549,11 +553,12 @@ def correction(system, strains, positions):
     place(system, state)
     loaded = _loaded(system, state, np.zeros((0, 6)), np.inf)
     state, _, table, _ = kkt_residual(loaded, state.q)
-    normal, shear = _forces(table, state)
+    normal, shear = forces(table, state)
     step = np.zeros_like(state.q)
     touches = table.gap.size > 0
-    if not touches or not complementarity_step(loaded, state, table, new_hessian(system), touches,
-                                               not touches, normal, shear, step):
+    if not touches or not complementarity_step(
+            loaded, state, table, new_hessian(system), touches, not touches, not is_held(system),
+            normal, shear, step, _no_reaction(system)):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf

@@ -136,6 +136,8 @@ class Trajectory(TimedPath, Reported):
         calm = search.assessed(quickest([search]))
         put(self, motion=calm.motion, mode_margin=calm.mode_margin, status=calm.status,
             slowest_period=search.slowest_period,
+            # smoothed otherwise it may be quicker than what the limits alone asked for
+            least_duration=min(timed.duration, calm.timed.duration),
             **{name: getattr(calm.timed, name) for name in ('laws', 'starts', 'duration')})
 
     def save(self, path: str | PathLike[str]) -> None:

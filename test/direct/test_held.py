@@ -14,8 +14,10 @@ from scipy.special import ellipe, ellipk
 from sweeps.shapes import cable, poses
 
 from dlo_planner import (
+    Box,
     Capsule,
     CutOut,
+    Cylinder,
     DirectSimulator,
     FarEnd,
     InvalidTask,
@@ -360,6 +362,26 @@ def test_a_mesh_that_begins_deep_inside_a_bar_comes_out(grip, stiffness, end, he
     if grip == 'clamped':  # pinned twice it would also turn about the line between its ends
         assert shape.stability > 0.0
     check_laws(rod, shape)
+
+
+@pytest.mark.parametrize(('stiffness', 'span', 'obstacle'), [
+    (1.4, 0.84, Cylinder((0.33, -0.5, -0.346), (0.51, 0.5, -0.346), 0.084)),
+    (0.3, 0.67, Sphere((0.335, 0, -0.562), 0.2)),
+    (1.35, 0.644, Box(Pose((0.31, -0.02, -0.4046), (-0.2, 0.1, -0.05, 0.97)), (0.16, 0.4, 0.1)))],
+    ids=['bar', 'sphere', 'box'])
+def test_a_bow_between_two_grips_is_lowered_onto(stiffness, span, obstacle):
+    rod = Rod(1.0, 0.05, stiffness, 0.4, radius=0.01 if isinstance(obstacle, Sphere) else 5e-4)
+    direct = DirectSimulator(rod, obstacles=[obstacle])
+    heights = np.linspace(0.0, -0.06, 5)
+    first, last = ([Pose((x, 0, z), (0, turn, 0, 0.98)) for z in heights]
+                   for x, turn in ((0.0, 0.199), (span, -0.199)))
+    shapes = direct.track(first, far_ends=last)
+    assert shapes[-1].contacts
+    for shape in shapes:
+        assert shape.converged and not shape.jumped and shape.violation < 1e-8
+        assert shape.iterations < 100  # by turns it goes on without an end
+        if shape.contacts:
+            check_laws(rod, shape)
 
 
 def test_an_obstacle_that_is_not_touched_changes_nothing():

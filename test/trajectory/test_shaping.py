@@ -323,6 +323,14 @@ def test_what_hangs_straight_down_and_goes_down_does_not_vibrate():
     assert way.motion.departure < 1e-12 and way.mode_margin == pytest.approx(0.3)
 
 
+def test_the_least_duration_is_none_that_a_calm_motion_beats():
+    inverse = InverseSimulator(DirectSimulator(replace(damped_wire(), length=0.5)))
+    through = inverse.thread(HOLE, depths=[0.0, 0.1])
+    start = Pose.looking_along(through.grippers[0].position - (0.4, 0, 0), (-1, 0, 0.1))
+    way = Trajectory(inverse.approach(HOLE, through, start, standoff=0.05), tolerance=0.1)
+    assert way.least_duration <= way.duration
+
+
 @pytest.mark.sweep
 def test_two_cutouts_are_passed_calmly():
     rod = damped_wire()
