@@ -457,6 +457,7 @@ class InverseSimulator(Value):
         """
         touching = any(shape.contacts for shape in instance('plan', plan, Plan).shapes)
         instance('progress', progress, Progress, optional=True)
+        instance('requirements', requirements, Requirements, optional=True)
         return PlanContext(self._given, self.simulator, touching=touching,
                            requirements=requirements or self.requirements,
                            progress=progress or Progress()).demands
