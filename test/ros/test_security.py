@@ -10,7 +10,8 @@ from planner_process import ROOT, until
 
 POLICY = ROOT / 'config' / 'sros2_policy.xml'
 # What is opened only with use_sim_time, or where tf2_ros is installed.
-AT_TIMES = {'/clock', '/tf', '/tf_static'}
+# /rosout: rcl opens it for the first node of a name in a process, and one may still be there
+AT_TIMES = {'/clock', '/tf', '/tf_static', '/rosout'}
 RULES = {'publisher': ('topics', 'publish'), 'subscriber': ('topics', 'subscribe'),
          'service': ('services', 'reply'), 'client': ('services', 'request')}
 
