@@ -79,14 +79,14 @@ def test_a_stiffness_that_is_a_hundred_thousandth_off_is_noticed(monkeypatch):
         assert len(differences([kind], 6)) >= 4
 
 
-@pytest.mark.parametrize('module, kinds, world', [
-    (shapes, ['cold', 'warm', 'track', 'held'], Heavier),
-    (contacts, ['pressed'], Heavier), (contacts, ['rubbed'], Rougher),
-    (plans, ['thread', 'insert'], Heavier)])
-def test_another_world_is_noticed(monkeypatch, module, kinds, world):
+@pytest.mark.parametrize('module, kinds, world, sample', [
+    (shapes, ['cold', 'warm', 'track', 'held'], Heavier, 6),
+    (contacts, ['pressed'], Heavier, 6), (contacts, ['rubbed'], Rougher, 6),
+    (plans, ['thread'], Heavier, 6), (plans, ['insert'], Heavier, 12)])  # 12 of 45 insertions do
+def test_another_world_is_noticed(monkeypatch, module, kinds, world, sample):
     monkeypatch.setattr(module, 'DirectSimulator', world)
     for kind in kinds:
-        assert len(differences([kind], 6)) >= 2
+        assert len(differences([kind], sample)) >= max(2, sample // 4)
 
 
 def answer(word, values=(1.0,), tolerance=1e-3, how='near'):
