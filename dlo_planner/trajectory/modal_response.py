@@ -28,6 +28,7 @@ from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.energy.loads import node_masses
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
+from dlo_planner.minimize.dense import lu_factor, lu_solve
 from dlo_planner.model.arrays import Floats, Ints
 from dlo_planner.model.pose import Pose
 from dlo_planner.model.rod import Rod
@@ -98,6 +99,7 @@ def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: Turns,
     out[:, :, 0] = begin
     place, speed = begin[0].copy(), begin[1] * rates[0]
     factors, turned = np.empty((modes, modes)), np.empty(modes)
+    order = np.empty(modes, dtype=np.int64)
     for k in range(count):
         for m in range(modes):
             w = rates[k, m]
@@ -111,11 +113,16 @@ def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: Turns,
                 place[c, m] = still + away * cosine + (rate + zeta * away) * sine
                 speed[c, m] = w * (rate * cosine - (away + zeta * rate) * sine)
         if turns.part[k] != 0.0:
-            _factorize_turn(turns.rates[turns.place[k]], turns.part[k], factors)
+            skew = turns.rates[turns.place[k]]
+            for i in range(modes):
+                for j in range(modes):
+                    factors[i, j] = turns.part[k] * skew[i, j]
+                factors[i, i] += 1.0
+            lu_factor(factors, order)
         for c in range(cases):
             if turns.part[k] != 0.0:
-                _turn(factors, place[c], turned)
-                _turn(factors, speed[c], turned)
+                _turn(factors, order, place[c], turned)
+                _turn(factors, order, speed[c], turned)
             for m in range(modes):
                 out[0, c, k + 1, m] = place[c, m]
                 out[1, c, k + 1, m] = speed[c, m] / rates[k, m]
@@ -123,34 +130,15 @@ def vibrated(step: float, rates: np.ndarray, damping: np.ndarray, turns: Turns,
 
 
 @kernel
-def _factorize_turn(rates: Floats, part: float, factors: Floats) -> None:
-    """Fill the factors of 1 + A, A = part * rates: as A is skew no pivots are needed."""
-    n = rates.shape[0]
-    for i in range(n):
-        for j in range(n):
-            factors[i, j] = part * rates[i, j]
-        factors[i, i] += 1.0
-    for k in range(n):
-        for i in range(k + 1, n):
-            factors[i, k] /= factors[k, k]
-            for j in range(k + 1, n):
-                factors[i, j] -= factors[i, k] * factors[k, j]
+def _turn(factors: Floats, order: Ints, y: Floats, turned: Floats) -> None:
+    """Turn y (m,) by Cayley's transform (1 + A)^-1 (1 - A) = 2 (1 + A)^-1 - 1, by 1 + A's factors.
 
-
-@kernel
-def _turn(factors: Floats, y: Floats, turned: Floats) -> None:
-    """Turn y (m,) by Cayley's transform (1 + A)^-1 (1 - A) = 2 (1 + A)^-1 - 1."""
-    n = y.size
-    for i in range(n):
-        turned[i] = 2.0 * y[i]
-        for j in range(i):
-            turned[i] -= factors[i, j] * turned[j]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            turned[i] -= factors[i, j] * turned[j]
-        turned[i] /= factors[i, i]
-    for i in range(n):
-        y[i] = turned[i] - y[i]
+    `turned` (m,) is for use here.
+    """
+    turned[:] = y
+    lu_solve(factors, order, turned)
+    for i in range(y.size):
+        y[i] = 2.0 * turned[i] - y[i]
 
 
 _PLACES = 17      # on a leg, at least, where modes are known
