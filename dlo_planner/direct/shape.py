@@ -533,10 +533,14 @@ class Shape(Pictured):
     def bend_margin(self) -> float:
         """How much less than the rod's max_bend_curvature the sharpest bend is, 1/m (< 0: more).
 
+        Of elements and nodes: where it is clamped a DLO is bent more than in any element's middle.
         nan without a limit: nothing was looked at.
         """
         limit = None if self.rod is None else self.rod.max_bend_curvature
-        return np.nan if limit is None else float(limit - 1 / self.bend_radius.min())
+        if limit is None:
+            return np.nan
+        bends = np.vstack([self.element_strains, self.strains])[:, 1:]
+        return float(limit - np.linalg.norm(bends, axis=1).max())
 
     @property
     def self_distance(self) -> float:
