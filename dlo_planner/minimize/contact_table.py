@@ -26,6 +26,7 @@ from dlo_planner.minimize.convergence import residual_of
 from dlo_planner.model.arrays import Floats, Ints
 
 _BELIEVED = 2.0  # of a force, beyond its multiplier, that is believed
+HARDLY = 1e-9  # of its springs' force: what a contact that begins to bear pushes with
 _INSIDE = 1.0 - 1e-14  # largest fraction of a point of friction that is not on a node
 
 
@@ -124,6 +125,8 @@ def kkt_residual(system: Problem, q: Floats) -> tuple[Configuration, float, Touc
     table = touching(system.effects.contact.scene, contacts, system.lengths, state)
     violation = constraint_violation(system.effects.hold, state.rotations[-1], state.positions[-1])
     for a in range(table.gap.size):
+        if table.gap[a] > 0.0 and table.force[a] <= 2.0 * HARDLY * contacts.stiffness * table.gap[a]:
+            continue
         violation = max(violation, abs(table.gap[a]))
         c = table.rubbing[a]
         if c >= 0:
@@ -268,8 +271,6 @@ def _cut(shear, normal, limit, out):
     for i in range(3):
         out[i] = shear[i] - along * normal[i]
         square += out[i] * out[i]
-    if square > limit * limit:
-        out *= limit / np.sqrt(square)
 
 
 @kernel

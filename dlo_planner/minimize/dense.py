@@ -183,10 +183,12 @@ def lu_factor(matrix, order):
         if matrix[i, i] < 0.0:
             sign = -sign
         for j in range(i + 1, size):
-            if matrix[j, i] != 0.0:
-                matrix[j, i] /= matrix[i, i]
-                for k in range(i + 1, size):
-                    matrix[j, k] -= matrix[j, i] * matrix[i, k]
+            part = matrix[j, i] / matrix[i, i]
+            if part != 0.0:
+                matrix[j, i] = part
+                row, above = matrix[j, i + 1:], matrix[i, i + 1:]  # slices are vectorized
+                for k in range(row.size):
+                    row[k] -= part * above[k]
     return sign
 
 

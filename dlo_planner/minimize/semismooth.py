@@ -13,6 +13,8 @@ where a DLO that goes on bearing would be carried by its gripper. What it finds 
 minimizer alone tells whether something else touches, and whether the shape falls.
 """
 
+from typing import Any
+
 import numpy as np
 
 from dlo_planner.energy.ccd import sweeps_through
@@ -25,17 +27,18 @@ from dlo_planner.energy.problem import new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import forbids, row_count
 from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
-from dlo_planner.geometry.record import copy, put_sum
+from dlo_planner.geometry.record import Record, copy, put_sum
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import free_to_roll
 from dlo_planner.minimize.contact_table import (
+    HARDLY,
     kkt_residual,
     touching,
     update_friction,
     with_contacts,
     with_springs,
 )
-from dlo_planner.minimize.dense import softly_solved
+from dlo_planner.minimize.dense import lu_factor, lu_solve
 from dlo_planner.minimize.hessian import (
     assemble,
     factorize,
@@ -47,6 +50,7 @@ from dlo_planner.minimize.hessian import (
 )
 from dlo_planner.minimize.kkt import add_to, dot, put_scaled
 from dlo_planner.minimize.newton import HELD_NEUTRAL, is_held
+from dlo_planner.model.arrays import Floats, Ints
 
 _SOFT = 1e-3      # of a spring's compliance, added: contacts that depend on each other share
 _REFINED = 2      # times: what is soft counts a thousandth as much after each
@@ -60,7 +64,10 @@ _FALLS = 0.5         # of the error before: what falls less does not converge
 _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
 _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
-_HARDLY = 1e-9       # of its springs' force: what a contact that begins to bear pushes with
+_SLIP = 1e-3
+_PATIENCE = 8
+_ALIKE = 1e-4
+_NEAR = 1e-3
 
 
 @kernel
@@ -75,7 +82,7 @@ def update_multipliers(system, state, table, share, q, vain):
     if used:
         target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
         step = np.empty_like(q)
-        used = complementarity_step(system, state, table, hessian, used, vain > _TOILS,
+        used, _ = complementarity_step(system, state, table, hessian, used, vain > _TOILS,
                                     not is_held(system), target, across, step, _no_reaction(system))
         if used:
             there = new_configuration(system)
@@ -120,9 +127,8 @@ def put_forces(system, table, normal, shear):
         if c >= 0:
             limit = friction[o] * force
             contacts.multiplier[c] = limit
-            size = max(limit, np.sqrt(np.sum(shear[a] ** 2)))
             for i in range(3):
-                contacts.shear[c, i] = shear[a, i] * limit / size if size > 0.0 else 0.0
+                contacts.shear[c, i] = shear[a, i]
 
 
 @kernel
@@ -131,47 +137,51 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, exchange
     """Fill the forces that satisfy the linearized laws, and the step to where they do.
 
     And the change of the reaction (K,) of a held far end. `exchanges`: whether contacts are let go.
+    Returns whether there are such forces, and the stiffness in N/m of what slides most easily.
     """
-    contacts = system.effects.contact.contacts
     if fresh:
         assemble(system, state, hessian)
         if not _stands(system, hessian, neutral):
-            return False
+            return False, np.inf
     count = table.gap.size
-    first = np.empty(count, dtype=np.int64)  # row of the normal; of a friction's two, the next
-    size = 0
+    first = np.empty(count + 1, dtype=np.int64)  # row of the normal; of a friction's two, the next
+    first[0] = 0
     for a in range(count):
-        first[a] = size
-        size += 1 if table.rubbing[a] < 0 else 3
-    axes, laws = np.zeros((size, 3)), np.zeros((size, 3))
-    linearize_contact_law(system, state, table, first, axes, laws)
+        first[a + 1] = first[a] + (1 if table.rubbing[a] < 0 else 3)
+    size = first[count]
+    axes = _contact_axes(table, first)
+    law = _linear_laws(system, state, table, first, axes, normal)
     loads, answers = _answers(system, state, hessian, table, first, axes)
-    compliance = _products(loads, answers)
-    miss, right, free = np.zeros_like(reaction), np.empty_like(step), np.empty(size)
+    miss, right = np.zeros_like(reaction), np.empty_like(step)
     constraint_value(system.effects.hold, state.rotations[-1], state.positions[-1], miss)
     put_scaled(-1.0, state.gradient, right)
     solve_held(system, hessian, right, miss, step, reaction)
     for i in range(size):
-        free[i] = dot(loads[i], step)
-    known, change, bears = _pushing_only(system, table, first, laws, compliance, free, exchanges,
-                                         normal)
+        law.free[i] = dot(loads[i], step)
+    law.compliance[:] = _products(loads, answers)
+    turns = _CHANGES if exchanges or has_inertia(system.effects.anchor) else 0
+    known, change, bears = _contact_forces(law, turns, _REFINED if exchanges else 0)
     if not known:
-        return False  # what slides does so by itself: no multipliers hold it there
-    shift, moved, response = _linear_response(system, table, first, laws, compliance, free, bears)
+        return False, np.inf  # what slides does so by itself: no forces hold it there
+    moved = law.free + law.compliance @ change
     farthest = _FARTHEST * np.sum(system.lengths)
     for i in range(size):
-        if not abs(moved[i] - np.sum(response[i] * change)) < farthest:
-            return False
+        if not abs(moved[i]) < farthest:
+            return False, np.inf
+    softest = 0.0
     for a in range(count):
         i = first[a]
-        normal[a] = (normal[a] + contacts.stiffness * table.gap[a] + change[i] if bears[a] else 0.0)
+        force = _force_after(law, a, change, moved)
+        normal[a] = force[0] if bears[a] else 0.0
+        for j in range(3 if table.rubbing[a] >= 0 else 0):
+            shear[a, j] = -(force[1] * axes[i + 1, j] + force[2] * axes[i + 2, j])
         if table.rubbing[a] >= 0:
-            for j in range(3):
-                shear[a, j] = (contacts.shear[table.rubbing[a], j] + change[i + 1] * axes[i + 1, j]
-                               + change[i + 2] * axes[i + 2, j]) if bears[a] else 0.0
-    _add_loads(table, first, laws, bears, shift, change, loads, right)
+            for j in (i + 1, i + 2):
+                softest = max(softest, _loose(law, a, j - i))
+    for i in range(size):
+        add_to(right, change[i], loads[i])
     solve_held(system, hessian, right, miss, step, reaction)
-    return True
+    return True, 1.0 / softest if softest > 0.0 else np.inf
 
 
 @kernel
@@ -187,131 +197,286 @@ def _stands(system, hessian, neutral):
     return True
 
 
+class ContactLaws(Record):
+    """What A contacts do and obey, to first order: K rows, of each a normal, or two across as well.
+
+    Forces are those on the DLO. Loads that change by e (K,) move contacts by free + compliance e.
+    """
+
+    first: Ints  # (A + 1,) row of each contact's normal
+    gap: Floats  # (K,) gap, and how far it has slid, m
+    force: Floats  # (K,) N
+    spring: Floats  # (A, 3, 3) by how much its springs take back when it moves, N/m
+    friction: Floats  # (A,) coefficient
+    free: Floats  # (K,) m
+    compliance: Floats  # (K, K) m/N
+    stiffness: float  # of a spring, N/m
+    grip: float  # of a spring of friction, N/m
+    bears: Any  # (A,) which bear to begin with
+
+
 @kernel
-def _pushing_only(system, table, first, laws, compliance, free, exchanges, normal):
-    """Return whether there are changes (K,) of the multipliers, these, and who bears (A,).
+def _contact_axes(table, first):
+    """Return (K, 3): normal, and two axes across it."""
+    axes = np.zeros((first[-1], 3))
+    for a in range(table.gap.size):
+        i, n = first[a], table.normal[a]
+        axes[i] = n
+        if table.rubbing[a] < 0:
+            continue
+        least = np.argmin(np.abs(n))
+        axes[i + 1, least] = 1.0
+        axes[i + 1] -= n[least] * n
+        axes[i + 1] /= np.sqrt(np.sum(axes[i + 1] ** 2))
+        for j in range(3):
+            axes[i + 2, j] = (n[(j + 1) % 3] * axes[i + 1, (j + 2) % 3]
+                              - n[(j + 2) % 3] * axes[i + 1, (j + 1) % 3])
+    return axes
+
+
+@kernel
+def _linear_laws(system, state, table, first, axes, normal):
+    """Return the ContactLaws at a state, without `free` and `compliance`."""
+    contacts, count, size = system.effects.contact.contacts, table.gap.size, first[-1]
+    gap, force, spring = np.empty(size), np.empty(size), np.zeros((count, 3, 3))
+    friction, bears = np.zeros(count), np.ones(count, dtype=np.bool_)
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for a in range(count):
+        i, c = first[a], table.rubbing[a]
+        gap[i], force[i], spring[a, 0, 0] = table.gap[a], normal[a], contacts.stiffness
+        bears[a] = normal[a] > 2.0 * HARDLY * contacts.stiffness * abs(table.gap[a])
+        if c < 0:
+            continue
+        friction[a] = system.effects.contact.scene.friction[table.obstacle[a]]
+        point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                     contacts.element[c], contacts.fraction[c], rotation, x)
+        size_of = trial_traction(contacts, c, x, trial)
+        part = min(1.0, contacts.multiplier[c] / size_of) if size_of > 0.0 else 1.0
+        for j in (1, 2):
+            along = np.sum(trial * axes[i + j])
+            gap[i + j] = (along - np.sum(contacts.shear[c] * axes[i + j])) / contacts.grip
+            force[i + j] = -part * along
+            for k in (1, 2):
+                spring[a, j, k] = contacts.grip * part * ((j == k) - (
+                    along * np.sum(trial * axes[i + k]) / size_of**2 if part < 1.0 else 0.0))
+    return ContactLaws(first, gap, force, spring, friction, np.empty(size), np.empty((size, size)),
+                       contacts.stiffness, contacts.grip, bears)
+
+
+@kernel
+def _contact_forces(law, turns, times):
+    """Return whether there are changes (K,) of the loads, these, and who bears (A,).
 
     Contacts side by side depend on each other: with no gap at any of them, some would pull as hard
     as others push. One that pulls is let go, one let go that is pressed in bears again (primal-dual
     active set method: Hintermueller, Ito and Kunisch 2002).
     """
-    k, times = system.effects.contact.contacts.stiffness, _REFINED if exchanges else 0
-    bears = np.ones(table.gap.size, dtype=np.bool_)
-    turns = _CHANGES if exchanges or has_inertia(system.effects.anchor) else 0
-    for a in range(bears.size if turns > 0 else 0):
-        bears[a] = normal[a] > 2.0 * _HARDLY * k * abs(table.gap[a])
-    last, change = bears.copy(), np.zeros(free.size)
+    size, count = law.free.size, law.friction.size
+    bears = law.bears.copy() if turns > 0 else np.ones(count, dtype=np.bool_)
+    rubs = size > count
+    grip = np.ones(count)
+    for a in range(count if rubs else 0):
+        if law.first[a + 1] > law.first[a] + 1:
+            grip[a] = 1.0 / max(_loose(law, a, 1), _loose(law, a, 2))
+    soft = np.zeros(size)
+    for a in range(count):
+        i = law.first[a]
+        soft[i] = _SOFT / law.stiffness
+        for i in range(law.first[a] + 1, law.first[a + 1]):
+            soft[i] = _SOFT * min(1.0 / grip[a], law.compliance[i, i])
+    change = np.zeros(size)
+    known, ends = _exchanged_forces(law, soft, grip, min(3, turns) if rubs else turns, times, change, bears, rubs)
+    if known and (ends or not rubs) or turns == 0:
+        return known, change, bears
+    free_response = _own_compliance(law)
+    if not np.min(free_response) > 0.0:
+        return known, change, bears
+    for a in range(count):
+        i = law.first[a]
+        if law.first[a + 1] > i + 1:
+            grip[a] = 1.0 / max(free_response[i + 1], free_response[i + 2])
+    change[:] = 0.0
+    bears[:] = True
+    part = 1e-2
+    there, there_bears = change.copy(), bears.copy()
+    known = False
+    while part > 1e-11:
+        going, ends = _exchanged_forces(law, part * free_response, grip, 30, 0, there, there_bears, rubs)
+        if not (going and ends):
+            break
+        known = True
+        change[:] = there
+        bears[:] = there_bears
+        part *= 1e-2
+    return known, change, bears
+
+
+@kernel
+def _exchanged_forces(law, soft, grip, turns, times, change, bears, rubs):
+    """Fill changes (K,) of loads; return whether there are any, and whether they obey the laws.
+
+    Contacts give by soft (K,), m/N, of the change.
+    """
+    size, count = law.free.size, law.friction.size
+    last, begin, same = bears.copy(), change.copy(), False
+    force, slip, order = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
+    gives = np.empty((count, 3, 3))
+    _put_motion(law, change, force, slip)
+    matrix, right = np.empty((size, size)), np.empty(size)
     for turn in range(turns + 1):
-        _, moved, response = _linear_response(system, table, first, laws, compliance, free, bears)
-        matrix, right, soft = _equations(system, table, first, laws, response, moved, bears)
-        known, there = softly_solved(matrix, right, soft, times)
-        if not known:  # those before do
-            return turn > 0, change, last
-        change, same = there, True
+        _put_equations(law, bears, force, slip, grip, soft, begin, matrix, right, gives)
+        if not lu_factor(matrix, order) > 0:  # those before do
+            bears[:] = last
+            return turn > 0, False
+        change[:] = right
+        lu_solve(matrix, order, change)
         last[:] = bears
-        for a in range(table.gap.size if turn < turns else 0):
-            i = first[a]
-            gap = table.gap[a] + moved[i] - np.sum(response[i] * change)
+        _put_motion(law, change, force, slip)
+        for i in range(size):
+            slip[i] += soft[i] * (change[i] - begin[i])
+        same = True
+        for a in range(count):
+            i = law.first[a]
             # after some turns nothing bears again: so they come to an end
-            bears[a] = (normal[a] + k * table.gap[a] + change[i] >= 0.0 if bears[a]
-                        else gap < 0.0 and turn < turns // 2)
-            same = same and bears[a] == last[a]
+            bears[a] = (force[i] > 0.0 if bears[a]
+                        else slip[i] < 0.0 and (turn < turns // 2 or rubs))
+            same = same and bears[a] == last[a] and (not bears[a]
+                                                     or _keeps(law, a, force, slip, grip[a]))
         if same:
             break
-    return True, change, last
+    bears[:] = last
+    for _ in range(times):
+        for a in range(count):
+            i, n = law.first[a], law.first[a + 1] - law.first[a]
+            for j in range(n):
+                for k in range(n):
+                    right[i + j] += gives[a, j, k] * (change[i + k] - begin[i + k])
+        begin[:] = change
+        change[:] = right
+        lu_solve(matrix, order, change)
+    return True, same
 
 
 @kernel
-def _linear_response(system, table, first, laws, compliance, free, bears):
-    """Return what a change of the multipliers does, to first order.
-
-    That is: (K,) the fixed change of the forces, of limits to those of the multipliers as they are
-    or to none where nothing bears; (K,) the displacements by it and the gradient left over; and
-    (K, K) the displacements against changes of the multipliers.
-    """
-    contacts, size = system.effects.contact.contacts, free.size
-    shift, moved, response = np.zeros(size), free.copy(), np.empty((size, size))
-    for a in range(table.gap.size):
-        i, c = first[a], table.rubbing[a]
-        response[:, i] = -compliance[:, i]
-        if c < 0:
-            continue
-        slides = laws[i + 1, 0] > 0.0
-        if slides:
-            shift[i + 1] = (laws[i + 1, 2] * contacts.stiffness * table.gap[a] if bears[a]
-                            else -contacts.multiplier[c])
-            moved -= shift[i + 1] * compliance[:, i + 1]
-            if bears[a]:
-                response[:, i] += laws[i + 1, 2] * compliance[:, i + 1]
-        response[:, i + 1] = (0.0 if slides else 1.0) * compliance[:, i + 1]
-        response[:, i + 2] = laws[i + 1, 1] * compliance[:, i + 2]
-    return shift, moved, response
+def _keeps(law, a, force, slip, grip):
+    """Whether friction at a contact that bears keeps its law."""
+    i = law.first[a]
+    limit, size, wrong = law.friction[a] * force[i], 0.0, 0.0
+    for j in range(i + 1, law.first[a + 1]):
+        size += (force[j] - grip * slip[j]) ** 2
+    part = limit / np.sqrt(size) if size > limit * limit else 1.0
+    for j in range(i + 1, law.first[a + 1]):
+        wrong += (force[j] - part * (force[j] - grip * slip[j])) ** 2
+    return wrong <= (_ALIKE * limit) ** 2
 
 
 @kernel
-def _equations(system, table, first, laws, response, moved, bears):
-    """Return matrix (K, K), right side (K,) for the changes of the multipliers, what is soft (K,).
+def _put_motion(law, change, force, slip):
+    """Fill forces (K,) N, and gaps and slips (K,) m, that follow from a change (K,) of loads."""
+    slip[:] = law.free
+    for i in range(slip.size):
+        for k in range(slip.size):
+            slip[i] += law.compliance[i, k] * change[k]
+    for a in range(law.friction.size):
+        force[law.first[a]:law.first[a + 1]] = _force_after(law, a, change, slip)
+    slip += law.gap
 
-    What does not bear has multipliers with which neither its spring nor its friction has a force.
+
+@kernel
+def _force_after(law, a, change, moved):
+    i, n = law.first[a], law.first[a + 1] - law.first[a]
+    force = law.force[i:i + n] + change[i:i + n]
+    for j in range(n):
+        for k in range(n):
+            force[j] -= law.spring[a, j, k] * moved[i + k]
+    return force
+
+
+@kernel
+def _loose(law, a, j):
+    """Return about how far a contact moves by a unit load without its springs, m/N."""
+    moves = law.compliance[law.first[a] + j, law.first[a] + j]
+    return moves / max(1e-3, 1.0 - law.spring[a, j, j] * moves)
+
+
+@kernel
+def _own_compliance(law):
+    """Return (K,) how far each contact moves by a unit force, without all springs of contacts."""
+    size = law.free.size
+    matrix, order = np.eye(size), np.empty(size, dtype=np.int64)
+    for a in range(law.friction.size):
+        i, n = law.first[a], law.first[a + 1] - law.first[a]
+        for j in range(n):
+            for k in range(n):
+                if law.spring[a, j, k] != 0.0:
+                    for r in range(size):
+                        matrix[r, i + k] -= law.compliance[r, i + j] * law.spring[a, j, k]
+    out = np.zeros(size)
+    if lu_factor(matrix, order) == 0:
+        return out
+    for i in range(size):
+        column = law.compliance[:, i].copy()
+        lu_solve(matrix, order, column)
+        out[i] = column[i]
+    return out
+
+
+@kernel
+def _put_equations(law, bears, force, slip, grip, soft, begin, matrix, right, gives):
+    """Fill matrix (K, K) and right side (K,) for the changes of the loads: laws at forces and slips.
+
+    Laws are homogeneous, of a contact  by_force force + by_slip slip = 0.  gives: (A, 3, 3), what
+    the right side changes by where contacts give from elsewhere.
     """
-    size, contacts = moved.size, system.effects.contact.contacts
-    matrix, right, soft = np.zeros((size, size)), np.empty(size), np.zeros(size)
-    for a in range(table.gap.size):
-        i, c = first[a], table.rubbing[a]
-        _put_law(matrix, right, soft, response, moved, i, -contacts.stiffness,
-                 -contacts.stiffness * table.gap[a], table.force[a], bears[a])
-        if c < 0:
-            continue
-        along, across, trial = laws[i + 2]
-        part = laws[i + 1, 1]
-        if laws[i + 1, 0] == 0.0:
-            _put_law(matrix, right, soft, response, moved, i + 1, contacts.grip, trial - along,
-                     trial, bears[a])
-            _put_law(matrix, right, soft, response, moved, i + 2, contacts.grip,
-                     laws[i + 1, 2] - across, laws[i + 1, 2], bears[a])
+    by_force, by_slip, by_load = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for a in range(bears.size):
+        i, n = law.first[a], law.first[a + 1] - law.first[a]
+        _put_law(law, a, bears[a], force, slip, grip[a], by_force, by_slip)
+        for j in range(n):
+            right[i + j] = 0.0
+            matrix[i + j] = 0.0
+            for k in range(n):
+                by_load[j, k] = by_slip[j, k]
+                for m in range(n):
+                    by_load[j, k] -= by_force[j, m] * law.spring[a, m, k]
+                gives[a, j, k] = by_slip[j, k] * soft[i + k]
+                right[i + j] += (gives[a, j, k] * begin[i + k] - by_load[j, k] * law.free[i + k]
+                                 - by_force[j, k] * law.force[i + k] - by_slip[j, k] * law.gap[i + k])
+                if by_load[j, k] != 0.0:
+                    for m in range(right.size):
+                        matrix[i + j, m] += by_load[j, k] * law.compliance[i + k, m]
+            for k in range(n):
+                matrix[i + j, i + k] += by_force[j, k] + gives[a, j, k]
+
+
+@kernel
+def _put_law(law, a, bears, force, slip, grip, by_force, by_slip):
+    """Fill by_force, by_slip (3, 3) of contact a: no force, or no gap, and sticking or sliding.
+
+    What slides does so to first order (Alart and Curnier): force = limit d, d the direction of the
+    trial force  force - grip slip.
+    """
+    i, n = law.first[a], law.first[a + 1] - law.first[a]
+    by_force[:] = 0.0
+    by_slip[:] = 0.0
+    for j in range(n):
+        if not bears:
+            by_force[j, j] = 1.0
         else:
-            matrix[i + 1, i + 1] = matrix[i + 2, i + 2] = 1.0
-            right[i + 1] = right[i + 2] = 0.0
-            if bears[a]:
-                matrix[i + 1, i] = -laws[i + 1, 2]
-                # the limit is that of the force here; the multiplier's change counts from m
-                right[i + 1] = (contacts.multiplier[c] - along
-                                + laws[i + 1, 2] * contacts.stiffness * table.gap[a])
-                matrix[i + 2] = contacts.grip * part * response[i + 2]
-                matrix[i + 2, i + 2] += 1.0 - part
-                right[i + 2] = -across + contacts.grip * part * moved[i + 2]
-    return matrix, right, soft
-
-
-@kernel
-def _put_law(matrix, right, soft, response, moved, i, spring, yielded, force, bears):
-    """Write row i: nothing moves there, or, where nothing bears, no force is left."""
-    if bears:
-        matrix[i] = spring * response[i]
-        right[i] = yielded + spring * moved[i]
-        soft[i] = _SOFT
-        matrix[i, i] += _SOFT
-    else:
-        matrix[i] = -spring * response[i]
-        matrix[i, i] += 1.0
-        right[i] = -force - spring * moved[i]
-
-
-@kernel
-def _add_loads(table, first, laws, bears, shift, change, loads, right):
-    """Add to right (m, 3) the loads by which the changes of the multipliers change the forces."""
-    part = shift.copy()
-    for a in range(table.gap.size):
-        i = first[a]
-        part[i] -= change[i]
-        if table.rubbing[a] >= 0:
-            if laws[i + 1, 0] == 0.0:
-                part[i + 1] += change[i + 1]
-            elif bears[a]:
-                part[i + 1] += laws[i + 1, 2] * change[i]
-            part[i + 2] += laws[i + 1, 1] * change[i + 2]
-    for i in range(part.size):
-        add_to(right, -part[i], loads[i])
+            by_slip[j, j] = law.stiffness if j == 0 else grip
+    if n == 1 or not bears:
+        return
+    first, second = force[i + 1] - grip * slip[i + 1], force[i + 2] - grip * slip[i + 2]
+    size, limit = np.sqrt(first * first + second * second), law.friction[a] * max(0.0, force[i])
+    if size <= limit:
+        return
+    along = (0.0, first / size, second / size)
+    for j in (1, 2):
+        by_force[j, 0] = -law.friction[a] * along[j]
+        for k in (1, 2):
+            part = limit / size * ((j == k) - along[j] * along[k])
+            by_force[j, k] = (j == k) - part
+            by_slip[j, k] = grip * part
 
 
 @kernel
@@ -477,13 +642,31 @@ def semismooth_newton(system, q, tolerance, exact, previous):
     state, step = begin, np.empty_like(q)
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
+    grip = soft = system.effects.contact.contacts.grip
+    firm, vain = False, 0
+    slid = np.zeros(0, dtype=np.bool_)
+    for c in range(system.effects.contact.contacts.element.size):
+        if system.effects.contact.contacts.obstacle[c] < 0:
+            limit = system.effects.contact.contacts.multiplier[c] / (_SLIP * np.sum(system.lengths))
+            soft = min(soft, limit) if soft == grip else max(soft, limit)
+    near = 0.0
     for steps in range(_STEPS):
-        loaded = _loaded(loaded, state, previous, exact)
+        loaded = _loaded(loaded, state, previous, near, soft)
         state, residual, table, violation = kkt_residual(loaded, state.q)
         if table.gap.size == 0:
             break
         normal, shear = forces(table, state)
         same = _same(table, last)
+        slides = _sliding(loaded, state, table)
+        stays = same and np.array_equal(slides, slid)
+        slid = slides
+        if residual < tolerance and violation < exact and not firm:
+            put_forces(loaded, table, normal, shear)
+            soft, firm, near = grip, True, -exact
+            loaded = _loaded(loaded, state, previous, near, soft)
+            state, residual, table, violation = kkt_residual(loaded, state.q)
+            normal, shear = forces(table, state)
+            before = np.inf
         if residual < tolerance and violation < exact:
             if not same:  # the factorization is that of other contacts
                 age = np.inf
@@ -491,15 +674,19 @@ def semismooth_newton(system, q, tolerance, exact, previous):
                 break
             return True, state, residual, violation, loaded, hessian, age, steps
         wrong = max(residual / tolerance, violation / exact)
-        if steps >= _GRACE and same and not wrong < _FALLS * before:
+        vain = 0 if wrong < _FALLS * before or not same else vain + 1
+        if steps >= _GRACE and vain > (_PATIENCE if np.any(slides) or not stays else 0):
             break
-        before, last = wrong, table
+        before, last = min(wrong, before) if same else wrong, table
         # near the end the factorization before is as good; what slides turns its friction
         fresh = (not same or not _STALE * age * residual < tolerance
                  or np.max(table.rubbing) >= 0)
-        if not complementarity_step(loaded, state, table, hessian, fresh, neutral, neutral, normal,
-                                    shear, step, reaction):
+        known, slack = complementarity_step(loaded, state, table, hessian, fresh, neutral, neutral,
+                                            normal, shear, step, reaction)
+        if not known:
             break
+        soft = grip if firm else min(grip, slack)
+        near = -exact if firm else min(violation, _NEAR * np.sum(system.lengths))
         change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
         put_forces(loaded, table, normal, shear)
@@ -511,6 +698,28 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         place(loaded, state)
     move_multipliers(hold, -1.0, gone)
     return False, state, np.inf, np.inf, system, hessian, age, _STEPS
+
+
+@kernel
+def _sliding(system, state, table):
+    contacts = system.effects.contact.contacts
+    slides = np.zeros(table.gap.size, dtype=np.bool_)
+    rotation, x, trial = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for a in range(table.gap.size):
+        c = table.rubbing[a]
+        if c >= 0:
+            point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                         contacts.element[c], contacts.fraction[c], rotation, x)
+            slides[a] = trial_traction(contacts, c, x, trial) > contacts.multiplier[c]
+    return slides
+
+
+@kernel
+def _with_grip(system, grip):
+    old = system.effects.contact.contacts
+    contacts = ContactSet(old.stiffness, old.node, old.element, old.obstacle, old.multiplier,
+                          old.fraction, old.anchor, old.normal, old.shear, grip)
+    return with_contacts(system, contacts, system.effects.contact.scene)
 
 
 @kernel
@@ -551,14 +760,17 @@ def correction(system, strains, positions):
         twice[e] = strains[e // 2]
     unknowns_of(system, twice, state.q)
     place(system, state)
-    loaded = _loaded(system, state, np.zeros((0, 6)), np.inf)
+    loaded = _loaded(system, state, np.zeros((0, 6)), -np.inf, system.effects.contact.contacts.grip)
     state, _, table, _ = kkt_residual(loaded, state.q)
     normal, shear = forces(table, state)
     step = np.zeros_like(state.q)
     touches = table.gap.size > 0
-    if not touches or not complementarity_step(
-            loaded, state, table, new_hessian(system), touches, not touches, not is_held(system),
-            normal, shear, step, _no_reaction(system)):
+    if not touches:
+        return np.inf
+    known, _ = complementarity_step(
+        loaded, state, table, new_hessian(system), touches, not touches, not is_held(system),
+        normal, shear, step, _no_reaction(system))
+    if not known:
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf
@@ -598,35 +810,39 @@ def _bears(contacts):
 
 
 @kernel
-def _loaded(system, state, previous, exact):
+def _loaded(system, state, previous, near, grip):
     """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
 
-    What has none does not push. Beside nodes that bear those begin to that are pressed in by more
-    than `exact`, m; beside a point that rolls nodes have no say. Friction is that of the contacts
-    there.
+    What has none does not push. Beside nodes that bear those begin to that are nearer than `near`,
+    m: with a force that counts for nothing, the laws tell it. Beside a point that rolls nodes have
+    no say. Friction is that of the contacts there; its springs have a stiffness of `grip`, N/m.
     """
     given = system.effects.contact.contacts
-    contacts = with_springs(given, 0.0, given.node.copy(), given.multiplier.copy())
-    if len(previous):
-        contacts = update_friction(system, contacts, state, previous)
     scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths
+    force, yielded = np.zeros_like(given.node), np.zeros_like(given.node)
     x, normal, hessian, offset = np.empty(3), np.empty(3), np.empty((3, 3)), np.zeros(2)
     for o in range(scene.kind.size):
         node, last, longest = near_nodes(scene, o, state.strains)
         while node <= last:
             gap = node_gap(scene, o, node, state.rotations, state.positions, offset, x, normal,
                            hessian)
-            deep = k * exact if _lies_beside(given.node[o], node) else np.inf
-            contacts.node[o, node] = _pushing(contacts.node[o, node], k * gap, deep)
-            node = next_touching(lengths, contacts.node[o], node, gap * longest)
+            yielded[o, node], force[o, node] = k * gap, max(0.0, given.node[o, node])
+            if force[o, node] == 0.0 and gap < near and _lies_beside(given.node[o], node):
+                force[o, node] = HARDLY * k * abs(gap)
+            node = next_touching(lengths, given.node[o], node, gap * longest)
+    contacts = with_springs(given, 0.0, force, given.multiplier.copy())
+    if len(previous):
+        contacts = update_friction(system, contacts, state, previous)
     for c in range(contacts.element.size):
         if contacts.obstacle[c] >= 0:
             gap, _, _ = closest_point(scene, contacts, c, lengths, state.strains, state.rotations,
                                       state.positions, normal, hessian)
-            contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap, np.inf)
-    contacts = with_springs(contacts, k, contacts.node, contacts.multiplier)
-    return with_contacts(system, contacts, scene)
-
+            contacts.multiplier[c] = _pushing(contacts.multiplier[c], k * gap)
+    for o in range(scene.kind.size):
+        for node in range(force.shape[1]):
+            contacts.node[o, node] = _pushing(force[o, node], yielded[o, node])
+    return _with_grip(with_contacts(system, with_springs(contacts, k, contacts.node,
+                                                         contacts.multiplier), scene), grip)
 
 
 @kernel
@@ -639,12 +855,6 @@ def _lies_beside(forces, node):
 
 
 @kernel
-def _pushing(force, yielded, deep):
-    """Return the multiplier with which a spring that has lost the force `yielded` has a force.
-
-    What is pressed in by more than `deep` (N) bears from now on: with a force that counts for
-    nothing, the laws tell it (primal-dual active set method).
-    """
-    if force > 0.0:
-        return force + yielded
-    return (1.0 - _HARDLY) * yielded if yielded < -deep else min(0.0, yielded)
+def _pushing(force, yielded):
+    """Return the multiplier with which a spring that has lost the force `yielded` has a force."""
+    return force + yielded if force > 0.0 else min(0.0, yielded)
