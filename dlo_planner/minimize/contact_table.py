@@ -125,13 +125,20 @@ def kkt_residual(system: Problem, q: Floats) -> tuple[Configuration, float, Touc
     table = touching(system.effects.contact.scene, contacts, system.lengths, state)
     violation = constraint_violation(system.effects.hold, state.rotations[-1], state.positions[-1])
     for a in range(table.gap.size):
-        if table.gap[a] > 0.0 and table.force[a] <= 2.0 * HARDLY * contacts.stiffness * table.gap[a]:
+        if is_candidate(contacts, table, a):
             continue
         violation = max(violation, abs(table.gap[a]))
         c = table.rubbing[a]
         if c >= 0:
             violation = max(violation, _slip_error(system, state, contacts, c))
     return state, residual_of(system, state), table, violation
+
+
+@kernel
+def is_candidate(contacts, table, a):
+    """Whether a contact is off its obstacle, listed as it may bear soon."""
+    return (table.gap[a] > 0.0
+            and table.force[a] <= 2.0 * HARDLY * contacts.stiffness * table.gap[a])
 
 
 @kernel

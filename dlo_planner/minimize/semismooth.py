@@ -32,6 +32,7 @@ from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import free_to_roll
 from dlo_planner.minimize.contact_table import (
     HARDLY,
+    is_candidate,
     kkt_residual,
     touching,
     update_friction,
@@ -649,7 +650,7 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         if system.effects.contact.contacts.obstacle[c] < 0:
             limit = system.effects.contact.contacts.multiplier[c] / (_SLIP * np.sum(system.lengths))
             soft = min(soft, limit) if soft == grip else max(soft, limit)
-    near = 0.0
+    near = -exact
     for steps in range(_STEPS):
         loaded = _loaded(loaded, state, previous, near, soft)
         state, residual, table, violation = kkt_residual(loaded, state.q)
@@ -661,12 +662,18 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         stays = same and np.array_equal(slides, slid)
         slid = slides
         if residual < tolerance and violation < exact and not firm:
-            put_forces(loaded, table, normal, shear)
-            soft, firm, near = grip, True, -exact
-            loaded = _loaded(loaded, state, previous, near, soft)
-            state, residual, table, violation = kkt_residual(loaded, state.q)
-            normal, shear = forces(table, state)
-            before = np.inf
+            firm, idle = True, False
+            for a in range(table.gap.size):
+                if is_candidate(loaded.effects.contact.contacts, table, a):
+                    idle, normal[a] = True, 0.0
+            if soft < grip or idle:
+                put_forces(loaded, table, normal, shear)
+                loaded = _loaded(loaded, state, previous, -exact, grip)
+                state, residual, table, violation = kkt_residual(loaded, state.q)
+                normal, shear = forces(table, state)
+            if soft < grip:  # the factorization is that of softer springs
+                age = np.inf
+            soft, near, before = grip, -exact, np.inf
         if residual < tolerance and violation < exact:
             if not same:  # the factorization is that of other contacts
                 age = np.inf
@@ -686,7 +693,8 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         if not known:
             break
         soft = grip if firm else min(grip, slack)
-        near = -exact if firm else min(violation, _NEAR * np.sum(system.lengths))
+        if np.max(table.rubbing) >= 0 and not firm:
+            near = min(violation, _NEAR * np.sum(system.lengths))
         change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
         put_forces(loaded, table, normal, shear)
