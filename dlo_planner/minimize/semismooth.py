@@ -65,7 +65,6 @@ _FALLS = 0.5         # of the error before: what falls less does not converge
 _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves per rad turned since
 _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
-_SLIP = 1e-3
 _PATIENCE = 8
 _ALIKE = 1e-4
 _NEAR = 1e-3
@@ -83,7 +82,7 @@ def update_multipliers(system, state, table, share, q, vain):
     if used:
         target, across, hessian = normal.copy(), shear.copy(), new_hessian(system)
         step = np.empty_like(q)
-        used, _ = complementarity_step(system, state, table, hessian, used, vain > _TOILS,
+        used = complementarity_step(system, system, state, table, hessian, used, vain > _TOILS,
                                     not is_held(system), target, across, step, _no_reaction(system))
         if used:
             there = new_configuration(system)
@@ -133,17 +132,17 @@ def put_forces(system, table, normal, shear):
 
 
 @kernel
-def complementarity_step(system, state, table, hessian, fresh, neutral, exchanges, normal, shear,
-                         step, reaction):
+def complementarity_step(system, anchored, state, table, hessian, fresh, neutral, exchanges, normal,
+                         shear, step, reaction):
     """Fill the forces that satisfy the linearized laws, and the step to where they do.
 
-    And the change of the reaction (K,) of a held far end. `exchanges`: whether contacts are let go.
-    Returns whether there are such forces, and the stiffness in N/m of what slides most easily.
+    And the change of the reaction (K,) of a held far end. Slips count from the anchors of the
+    Problem `anchored`. `exchanges`: whether contacts are let go.
     """
     if fresh:
         assemble(system, state, hessian)
         if not _stands(system, hessian, neutral):
-            return False, np.inf
+            return False
     count = table.gap.size
     first = np.empty(count + 1, dtype=np.int64)  # row of the normal; of a friction's two, the next
     first[0] = 0
@@ -151,7 +150,7 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, exchange
         first[a + 1] = first[a] + (1 if table.rubbing[a] < 0 else 3)
     size = first[count]
     axes = _contact_axes(table, first)
-    law = _linear_laws(system, state, table, first, axes, normal)
+    law = _linear_laws(system, anchored, state, table, first, axes, normal)
     loads, answers = _answers(system, state, hessian, table, first, axes)
     miss, right = np.zeros_like(reaction), np.empty_like(step)
     constraint_value(system.effects.hold, state.rotations[-1], state.positions[-1], miss)
@@ -163,26 +162,22 @@ def complementarity_step(system, state, table, hessian, fresh, neutral, exchange
     turns = _CHANGES if exchanges or has_inertia(system.effects.anchor) else 0
     known, change, bears = _contact_forces(law, turns, _REFINED if exchanges else 0)
     if not known:
-        return False, np.inf  # what slides does so by itself: no forces hold it there
+        return False  # what slides does so by itself: no forces hold it there
     moved = law.free + law.compliance @ change
     farthest = _FARTHEST * np.sum(system.lengths)
     for i in range(size):
         if not abs(moved[i]) < farthest:
-            return False, np.inf
-    softest = 0.0
+            return False
     for a in range(count):
         i = first[a]
         force = _force_after(law, a, change, moved)
         normal[a] = force[0] if bears[a] else 0.0
         for j in range(3 if table.rubbing[a] >= 0 else 0):
             shear[a, j] = -(force[1] * axes[i + 1, j] + force[2] * axes[i + 2, j])
-        if table.rubbing[a] >= 0:
-            for j in (i + 1, i + 2):
-                softest = max(softest, _loose(law, a, j - i))
     for i in range(size):
         add_to(right, change[i], loads[i])
     solve_held(system, hessian, right, miss, step, reaction)
-    return True, 1.0 / softest if softest > 0.0 else np.inf
+    return True
 
 
 @kernel
@@ -236,7 +231,7 @@ def _contact_axes(table, first):
 
 
 @kernel
-def _linear_laws(system, state, table, first, axes, normal):
+def _linear_laws(system, anchored, state, table, first, axes, normal):
     """Return the ContactLaws at a state, without `free` and `compliance`."""
     contacts, count, size = system.effects.contact.contacts, table.gap.size, first[-1]
     gap, force, spring = np.empty(size), np.empty(size), np.zeros((count, 3, 3))
@@ -253,9 +248,10 @@ def _linear_laws(system, state, table, first, axes, normal):
                      contacts.element[c], contacts.fraction[c], rotation, x)
         size_of = trial_traction(contacts, c, x, trial)
         part = min(1.0, contacts.multiplier[c] / size_of) if size_of > 0.0 else 1.0
+        from_ = anchored.effects.contact.contacts.anchor[c]
         for j in (1, 2):
             along = np.sum(trial * axes[i + j])
-            gap[i + j] = (along - np.sum(contacts.shear[c] * axes[i + j])) / contacts.grip
+            gap[i + j] = np.sum((x - from_) * axes[i + j])
             force[i + j] = -part * along
             for k in (1, 2):
                 spring[a, j, k] = contacts.grip * part * ((j == k) - (
@@ -643,16 +639,10 @@ def semismooth_newton(system, q, tolerance, exact, previous):
     state, step = begin, np.empty_like(q)
     last = touching(system.effects.contact.scene, system.effects.contact.contacts, system.lengths,
                     begin)
-    grip = soft = system.effects.contact.contacts.grip
-    firm, vain = False, 0
+    vain, near = 0, -exact
     slid = np.zeros(0, dtype=np.bool_)
-    for c in range(system.effects.contact.contacts.element.size):
-        if system.effects.contact.contacts.obstacle[c] < 0:
-            limit = system.effects.contact.contacts.multiplier[c] / (_SLIP * np.sum(system.lengths))
-            soft = min(soft, limit) if soft == grip else max(soft, limit)
-    near = -exact
     for steps in range(_STEPS):
-        loaded = _loaded(loaded, state, previous, near, soft)
+        loaded = _loaded(loaded, state, previous, near)
         state, residual, table, violation = kkt_residual(loaded, state.q)
         if table.gap.size == 0:
             break
@@ -661,41 +651,40 @@ def semismooth_newton(system, q, tolerance, exact, previous):
         slides = _sliding(loaded, state, table)
         stays = same and np.array_equal(slides, slid)
         slid = slides
-        if residual < tolerance and violation < exact and not firm:
-            firm, idle = True, False
+        rubs = np.max(table.rubbing) >= 0
+        if residual < tolerance and violation < exact and near > 0.0:
+            near = -exact
             for a in range(table.gap.size):
                 if is_candidate(loaded.effects.contact.contacts, table, a):
-                    idle, normal[a] = True, 0.0
-            if soft < grip or idle:
-                put_forces(loaded, table, normal, shear)
-                loaded = _loaded(loaded, state, previous, -exact, grip)
-                state, residual, table, violation = kkt_residual(loaded, state.q)
-                normal, shear = forces(table, state)
-            if soft < grip:  # the factorization is that of softer springs
-                age = np.inf
-            soft, near, before = grip, -exact, np.inf
+                    normal[a] = 0.0
+            put_forces(loaded, table, normal, shear)
+            loaded = _loaded(loaded, state, previous, near)
+            state, residual, table, violation = kkt_residual(loaded, state.q)
+            normal, shear = forces(table, state)
         if residual < tolerance and violation < exact:
-            if not same:  # the factorization is that of other contacts
+            if not same or rubs:  # the factorization is that of other contacts
                 age = np.inf
             if forbids(system.effects, system, begin, state):
                 break
             return True, state, residual, violation, loaded, hessian, age, steps
         wrong = max(residual / tolerance, violation / exact)
         vain = 0 if wrong < _FALLS * before or not same else vain + 1
-        if steps >= _GRACE and vain > (_PATIENCE if np.any(slides) or not stays else 0):
+        if steps >= _GRACE and vain > (_PATIENCE if rubs else 0):
             break
         before, last = min(wrong, before) if same else wrong, table
         # near the end the factorization before is as good; what slides turns its friction
-        fresh = (not same or not _STALE * age * residual < tolerance
-                 or np.max(table.rubbing) >= 0)
-        known, slack = complementarity_step(loaded, state, table, hessian, fresh, neutral, neutral,
-                                            normal, shear, step, reaction)
-        if not known:
+        fresh = not same or not _STALE * age * residual < tolerance or rubs
+        sticking = loaded
+        if rubs:
+            sticking = _sticking(loaded, state, table)
+            evaluate(sticking, state)
+            normal, shear = forces(table, state)
+        if not complementarity_step(sticking, loaded, state, table, hessian, fresh, neutral, neutral,
+                                    normal, shear, step, reaction):
             break
-        soft = grip if firm else min(grip, slack)
-        if np.max(table.rubbing) >= 0 and not firm:
+        if rubs:
             near = min(violation, _NEAR * np.sum(system.lengths))
-        change = largest_turn(loaded, hessian, step) + softness * _difference(table.force, normal)
+        change = largest_turn(sticking, hessian, step) + softness * _difference(table.force, normal)
         age = change if fresh else age + change
         put_forces(loaded, table, normal, shear)
         # contacts that come and go in turn are those of neither shape: from the middle on
@@ -723,10 +712,18 @@ def _sliding(system, state, table):
 
 
 @kernel
-def _with_grip(system, grip):
-    old = system.effects.contact.contacts
+def _sticking(system, state, table):
+    """Return the Problem whose friction, at `state`, is its multipliers, however far it has slid."""
+    old, rotation, x = system.effects.contact.contacts, np.empty((3, 3)), np.empty(3)
+    anchor = old.anchor.copy()
+    for a in range(table.gap.size):
+        c = table.rubbing[a]
+        if c >= 0:
+            point_inside(system.lengths, state.strains, state.rotations, state.positions,
+                         old.element[c], old.fraction[c], rotation, x)
+            anchor[c] = x
     contacts = ContactSet(old.stiffness, old.node, old.element, old.obstacle, old.multiplier,
-                          old.fraction, old.anchor, old.normal, old.shear, grip)
+                          old.fraction, anchor, old.normal, old.shear, old.grip)
     return with_contacts(system, contacts, system.effects.contact.scene)
 
 
@@ -768,17 +765,16 @@ def correction(system, strains, positions):
         twice[e] = strains[e // 2]
     unknowns_of(system, twice, state.q)
     place(system, state)
-    loaded = _loaded(system, state, np.zeros((0, 6)), -np.inf, system.effects.contact.contacts.grip)
+    loaded = _loaded(system, state, np.zeros((0, 6)), -np.inf)
     state, _, table, _ = kkt_residual(loaded, state.q)
     normal, shear = forces(table, state)
     step = np.zeros_like(state.q)
     touches = table.gap.size > 0
     if not touches:
         return np.inf
-    known, _ = complementarity_step(
-        loaded, state, table, new_hessian(system), touches, not touches, not is_held(system),
-        normal, shear, step, _no_reaction(system))
-    if not known:
+    if not complementarity_step(
+            loaded, loaded, state, table, new_hessian(system), touches, not touches,
+            not is_held(system), normal, shear, step, _no_reaction(system)):
         return np.inf
     if not np.min(normal) > 0.0:
         return np.inf
@@ -818,12 +814,12 @@ def _bears(contacts):
 
 
 @kernel
-def _loaded(system, state, previous, near, grip):
+def _loaded(system, state, previous, near):
     """Return the Problem whose contacts, at `state`, push with the forces that are its multipliers.
 
     What has none does not push. Beside nodes that bear those begin to that are nearer than `near`,
     m: with a force that counts for nothing, the laws tell it. Beside a point that rolls nodes have
-    no say. Friction is that of the contacts there; its springs have a stiffness of `grip`, N/m.
+    no say. Friction is that of the contacts there.
     """
     given = system.effects.contact.contacts
     scene, k, lengths = system.effects.contact.scene, given.stiffness, system.lengths
@@ -849,8 +845,8 @@ def _loaded(system, state, previous, near, grip):
     for o in range(scene.kind.size):
         for node in range(force.shape[1]):
             contacts.node[o, node] = _pushing(force[o, node], yielded[o, node])
-    return _with_grip(with_contacts(system, with_springs(contacts, k, contacts.node,
-                                                         contacts.multiplier), scene), grip)
+    return with_contacts(system, with_springs(contacts, k, contacts.node, contacts.multiplier),
+                         scene)
 
 
 @kernel
