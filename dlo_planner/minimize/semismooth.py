@@ -66,6 +66,7 @@ _STALE = 1e3         # 1/rad: of a residual, what an old factorization leaves pe
 _GRACE = 3           # first steps, in which it may do so
 _LONG = 6            # steps after which contacts that still change may go round in circles
 _PATIENCE = 8
+STAGES = (24, 15, 0.1, 10.0)
 _ALIKE = 1e-4
 _NEAR = 1e-3
 
@@ -294,17 +295,23 @@ def _contact_forces(law, turns, times):
             grip[a] = 1.0 / max(free_response[i + 1], free_response[i + 2])
     change[:] = 0.0
     bears[:] = True
-    part = 1e-2
+    part, known = 1e-2, False
     there, there_bears = change.copy(), bears.copy()
-    known = False
-    while part > 1e-11:
-        going, ends = _exchanged_forces(law, part * free_response, grip, 30, 0, there, there_bears, rubs)
-        if not (going and ends):
-            break
-        known = True
-        change[:] = there
-        bears[:] = there_bears
-        part *= 1e-2
+    for _ in range(STAGES[0]):
+        going, ends = _exchanged_forces(law, part * free_response, grip, STAGES[1], 0, there, there_bears, rubs)
+        if going and ends:
+            known = True
+            change[:] = there
+            bears[:] = there_bears
+            part *= STAGES[2]
+            if part < 1e-11:
+                break
+        else:
+            there[:] = change
+            there_bears[:] = bears
+            part *= STAGES[3]
+            if part > 1e3:
+                break
     return known, change, bears
 
 
@@ -312,17 +319,18 @@ def _contact_forces(law, turns, times):
 def _exchanged_forces(law, soft, grip, turns, times, change, bears, rubs):
     """Fill changes (K,) of loads; return whether there are any, and whether they obey the laws.
 
-    Contacts give by soft (K,), m/N, of the change.
+    Contacts give by soft (K,), m/N, of the change of their forces.
     """
     size, count = law.free.size, law.friction.size
-    last, begin, same = bears.copy(), change.copy(), False
+    last, same = bears.copy(), False
     force, slip, order = np.empty(size), np.empty(size), np.empty(size, dtype=np.int64)
     gives = np.empty((count, 3, 3))
     _put_motion(law, change, force, slip)
+    begin = force.copy()
     matrix, right = np.empty((size, size)), np.empty(size)
     for turn in range(turns + 1):
         _put_equations(law, bears, force, slip, grip, soft, begin, matrix, right, gives)
-        if not lu_factor(matrix, order) > 0:  # those before do
+        if lu_factor(matrix, order) == 0:  # those before do
             bears[:] = last
             return turn > 0, False
         change[:] = right
@@ -330,7 +338,7 @@ def _exchanged_forces(law, soft, grip, turns, times, change, bears, rubs):
         last[:] = bears
         _put_motion(law, change, force, slip)
         for i in range(size):
-            slip[i] += soft[i] * (change[i] - begin[i])
+            slip[i] += soft[i] * (force[i] - begin[i])
         same = True
         for a in range(count):
             i = law.first[a]
@@ -347,10 +355,11 @@ def _exchanged_forces(law, soft, grip, turns, times, change, bears, rubs):
             i, n = law.first[a], law.first[a + 1] - law.first[a]
             for j in range(n):
                 for k in range(n):
-                    right[i + j] += gives[a, j, k] * (change[i + k] - begin[i + k])
-        begin[:] = change
+                    right[i + j] += gives[a, j, k] * (force[i + k] - begin[i + k])
+        begin[:] = force
         change[:] = right
         lu_solve(matrix, order, change)
+        _put_motion(law, change, force, slip)
     return True, same
 
 
@@ -433,17 +442,19 @@ def _put_equations(law, bears, force, slip, grip, soft, begin, matrix, right, gi
             right[i + j] = 0.0
             matrix[i + j] = 0.0
             for k in range(n):
+                gives[a, j, k] = by_slip[j, k] * soft[i + k]
+                by_force[j, k] += gives[a, j, k]
+            for k in range(n):
                 by_load[j, k] = by_slip[j, k]
                 for m in range(n):
                     by_load[j, k] -= by_force[j, m] * law.spring[a, m, k]
-                gives[a, j, k] = by_slip[j, k] * soft[i + k]
                 right[i + j] += (gives[a, j, k] * begin[i + k] - by_load[j, k] * law.free[i + k]
                                  - by_force[j, k] * law.force[i + k] - by_slip[j, k] * law.gap[i + k])
                 if by_load[j, k] != 0.0:
                     for m in range(right.size):
                         matrix[i + j, m] += by_load[j, k] * law.compliance[i + k, m]
             for k in range(n):
-                matrix[i + j, i + k] += by_force[j, k] + gives[a, j, k]
+                matrix[i + j, i + k] += by_force[j, k]
 
 
 @kernel
