@@ -283,7 +283,7 @@ def _contact_forces(law, turns, times):
         for i in range(law.first[a] + 1, law.first[a + 1]):
             soft[i] = _SOFT * min(1.0 / grip[a], law.compliance[i, i])
     change = np.zeros(size)
-    known, ends = _exchanged_forces(law, soft, grip, min(3, turns) if rubs else turns, times, change, bears, rubs)
+    known, ends = _exchanged_forces(law, soft, grip, min(8, 20) if rubs else turns, times, change, bears, rubs)
     if known and (ends or not rubs) or turns == 0:
         return known, change, bears
     free_response = _own_compliance(law)
@@ -571,11 +571,17 @@ def unit_load(system, state, hessian, element, fraction, beside, axis, load):
 @kernel
 def _products(loads, answers):
     """Return (K, K), symmetric: the displacement of each contact by a unit force at each other."""
-    size = loads.shape[0]
-    products = np.empty((size, size))
+    size, flat = loads.shape[0], 3 * loads.shape[1]
+    products = np.zeros((size, size))
+    columns, rows = loads.reshape((size, flat)).T.copy(), answers.reshape((size, flat))
     for i in range(size):
-        for j in range(i + 1):
-            products[i, j] = products[j, i] = dot(loads[j], answers[i])
+        out = products[i, :i + 1]  # slices are vectorized
+        for k in range(flat):
+            part, column = rows[i, k], columns[k, :i + 1]
+            for j in range(i + 1):
+                out[j] += part * column[j]
+        for j in range(i):
+            products[j, i] = out[j]
     return products
 
 
