@@ -14,17 +14,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, dist, hypot, log2
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from dlo_planner.direct.discretization import SAMPLES
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import equilibrium
+from dlo_planner.direct.statics import Grips, equilibrium
 from dlo_planner.energy.ccd import sweeps_through
 from dlo_planner.geometry.so3 import (
     matrix,
-    partway,
     rotation_vector,
     times_transposed,
     turn_between,
@@ -58,20 +57,6 @@ _EVENLY = 0.75          # of a step's change: more in half of it is a leap, perh
 _SAME = 0.01            # rad: two shapes that differ by less are one
 _SLIDES = 1 - 1e-6      # of friction's limit
 _TURNED = np.cos(0.5)   # rad: a normal that turns more is another contact, as beyond an edge
-
-
-class Grips(NamedTuple):
-    """What holds a DLO: Pose of the gripper, FarEnd or None."""
-
-    gripper: Pose
-    far_end: FarEnd | None = None
-
-    def towards(self, goal: Grips, fraction: float) -> Grips:
-        """Return where grips are at a fraction of the straight way to `goal`, the grip its own."""
-        far_end = goal.far_end
-        if far_end is not None and self.far_end is not None:
-            far_end = FarEnd(between(self.far_end.pose, far_end.pose, fraction), far_end.grip)
-        return Grips(between(self.gripper, goal.gripper, fraction), far_end)
 
 
 def follow(solve: Equilibrium, previous: Shape, gripper: Pose, far_end: FarEnd | None = None,
@@ -359,9 +344,3 @@ def shape_change(one: Shape, other: Shape) -> float:
     freeze((here, there))
     return largest_turn_between(here, there, one.gripper.rotation, other.gripper.rotation,
                                 np.arange(SAMPLES.size))
-
-
-def between(one: Pose, other: Pose, fraction: float) -> Pose:
-    """Return the Pose at `fraction` of the way: position linear, rotation about one fixed axis."""
-    return Pose.from_rotation(one.position + fraction * (other.position - one.position),
-                              partway(one.rotation, other.rotation, float(fraction)))
