@@ -16,8 +16,10 @@ from dlo_planner.energy.gap import (
     near_nodes,
     next_touching,
     node_gap,
+    radius_at,
     radius_at_node,
     sliding,
+    taper,
 )
 from dlo_planner.energy.grip import holds
 from dlo_planner.energy.scene import AXIS, NODE_FACE, SHEET, Scene, signed_distance
@@ -248,16 +250,32 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
         force = contacts.multiplier[c] - k * gap
         if force > 0.0:
             energy += 0.5 * force * force / k
+            rolls = _rolls(scene, contacts, c, lengths, attached)
             if scene.feature[o] == AXIS:
-                push(c, force, k, contacts.fraction[c] == 0.0, strains[e], frame, normal, hessian,
-                     attached)
+                push(c, force, k, rolls, strains[e], frame, normal, hessian, attached)
             else:
                 gap_at(scene, o, frame, x, 0.0, offset, x.copy(), normal, hessian)
-                push_beside(scene, o, c, force, k, contacts.fraction[c] == 0.0, strains[e],
-                            frame, offset, normal, hessian, second, attached)
+                push_beside(scene, o, c, force, k, rolls, strains[e], frame, offset, normal,
+                            hessian, second, attached)
         energy -= 0.5 * contacts.multiplier[c] ** 2 / k
     sort_points(attached)
     return energy
+
+
+@kernel
+def _rolls(scene, contacts, c, lengths, attached):
+    """Whether a point of contact moves along the DLO: through a node, but not beyond an end.
+
+    Nor at a node where the surface has an edge.
+    """
+    o, e, fraction = contacts.obstacle[c], attached.element[c], attached.fraction[c]
+    if contacts.fraction[c] > 0.0 or 0.0 < fraction < 1.0:
+        return contacts.fraction[c] == 0.0
+    beyond = e + 1 if fraction > 0.0 else e - 1
+    if not 0 <= beyond < lengths.size:
+        return False
+    return (taper(scene, o, e) * lengths[beyond] == taper(scene, o, beyond) * lengths[e]
+            and radius_at(scene, o, e, fraction) == radius_at(scene, o, beyond, 1.0 - fraction))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -287,8 +305,7 @@ def push_node(scene, o, node, force, k, rotation, offset, normal, hessian, secon
 def push_beside(scene, o, c, force, k, rolls, strain, rotation, offset, normal, hessian, second,
                 attached):
     """Write the force, moment and stiffness of a contact beside the axis, inside an element."""
-    inside = rolls and 0.0 < attached.fraction[c] < 1.0  # at an end the point does not slide
-    _second(scene, o, inside, force, k, strain, rotation, offset, normal, hessian, second)
+    _second(scene, o, rolls, force, k, strain, rotation, offset, normal, hessian, second)
     for i in range(3):
         attached.force[c, i] = -force * normal[i]
     attached.matrix[c] = second[:6, :6]
@@ -372,8 +389,8 @@ def push(c, force, k, rolls, strain, rotation, normal, hessian, attached):
         attached.force[c, i] = -force * normal[i]
         for j in range(3):
             matrix[3 + i, 3 + j] = k * normal[i] * normal[j] - force * hessian[i, j]
-    if not (rolls and 0.0 < attached.fraction[c] < 1.0):
-        return  # at an end the point does not slide
+    if not rolls:
+        return
     _, curve = along_the_dlo(normal, hessian, rotation, strain)
     if curve <= 0.0:
         return

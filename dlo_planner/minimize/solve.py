@@ -268,8 +268,10 @@ def forces_after(system: Problem, state: Configuration, origin: Floats, ended: b
             away = x[i] - contacts.anchor[c, i]
             slid[c, i] = out * contacts.normal[c, i] if sticks else away
             anchor[c, i] += slid[c, i]
-    return (contacts.node, contacts.element, contacts.obstacle, contacts.multiplier,
-            contacts.fraction, anchor, contacts.normal, shear, slid)
+    # below zero a multiplier holds back the spring of a point that does not bear
+    return (np.maximum(contacts.node, 0.0), contacts.element, contacts.obstacle,
+            np.maximum(contacts.multiplier, 0.0), contacts.fraction, anchor, contacts.normal,
+            shear, slid)
 
 
 # ------------------------------------------------------------------------------------------------
