@@ -21,8 +21,9 @@ from dlo_planner.energy.gap import (
     sliding,
     taper,
 )
+from dlo_planner.energy.grip import holds
 from dlo_planner.energy.scene import AXIS, NODE_FACE, SHEET, Scene, signed_distance
-from dlo_planner.geometry.kinematics import point_inside, sort_points, spring_at
+from dlo_planner.geometry.kinematics import clear_point, point_inside, sort_points, spring_at
 from dlo_planner.geometry.record import Record
 from dlo_planner.kernels import kernel
 from dlo_planner.model.arrays import Floats, Ints
@@ -81,9 +82,7 @@ def obstructed(effect: Contact | None) -> bool:
 
 def needs(effect: Contact) -> dict[str, Any]:
     """Return what the solver has to provide for."""
-    amid, beside = obstructed(effect), bool((effect.scene.feature != AXIS).any())
-    return {'displaced': amid, 'attached': True, 'sprung': amid, 'beside': beside,
-            'element': effect.contacts.element}
+    return {'displaced': obstructed(effect), 'attached': True, 'element': effect.contacts.element}
 
 
 def hinged(effect: Contact, _: float) -> Contact:
@@ -122,7 +121,7 @@ def roundoff(effect, system, state, length):
     for c in range(attached.element.size):
         for i in range(3):
             touching |= attached.force[c, i] != 0.0
-    for k in range(attached.sprung.size):
+    for k in range(attached.sprung.size - holds(system.effects.hold)):  # a grip holds the last one
         touching |= attached.sprung[k]
     if not touching:
         return 0.0
@@ -239,12 +238,7 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
             node = next_touching(lengths, contacts.node[o], node, gap * longest)
     for c in range(contacts.element.size):
         e, o = contacts.element[c], contacts.obstacle[c]
-        attached.force[c] = 0.0
-        attached.matrix[c] = 0.0
-        if attached.moment.shape[0]:
-            attached.moment[c] = 0.0
-            attached.first[c] = 0.0
-            attached.own[c] = 0.0
+        clear_point(attached, c)
         if o < 0:
             attached.element[c] = e
             energy += add_friction(contacts, c, lengths, strains, rotations, positions, attached)

@@ -13,15 +13,15 @@ import numpy as np
 
 from dlo_planner.energy.contact import trial_traction
 from dlo_planner.energy.gap import penetration_of_point
-from dlo_planner.energy.grip import constraint_violation
-from dlo_planner.energy.plastic import PlasticSection, add_plastic, return_map
+from dlo_planner.energy.grip import constraint_violation, put_wrench
+from dlo_planner.energy.plastic import add_plastic, return_map
 from dlo_planner.energy.potential import evaluate, unknowns_of
 from dlo_planner.energy.problem import Configuration, Problem, new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import may_act, potential, stored
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.geometry.kinematics import point_inside
-from dlo_planner.geometry.record import Record, copy
+from dlo_planner.geometry.record import Record, copy, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_solver import COARSER, solve_contact
 from dlo_planner.minimize.contact_table import touching
@@ -200,9 +200,7 @@ def _grip_after(hold: Any, state: Configuration, wrench: Floats) -> Any:
         return np.zeros(0), 0.0
     if hold.multiplier.size == 0:
         return hold.multiplier, 0.0
-    for i in range(3):
-        wrench[i] = -state.attached.tip_force[i]
-        wrench[3 + i] = -state.attached.tip_moment[i]
+    put_wrench(hold, state.rotations[-1], state.positions[-1], wrench)
     return hold.multiplier, constraint_violation(hold, state.rotations[-1], state.positions[-1])
 
 
@@ -214,10 +212,8 @@ def _set_after(plastic: Any, system: Problem, strains: Floats) -> Any:
     if plastic.share.shape[0] == 0:
         return plastic.set, 0.0, 0.0
     new, lost = return_map(system.lengths, strains, system.natural, plastic)
-    after = PlasticSection(plastic.direction, plastic.limit, plastic.share, plastic.kind,
-                           plastic.strength, plastic.ellipse, new)
-    return new, lost, add_plastic(system.lengths, strains, system.natural, after,
-                                  np.zeros(strains.shape))
+    return new, lost, add_plastic(system.lengths, strains, system.natural,
+                                  replaced(plastic, 'set', new), np.zeros(strains.shape))
 
 
 @kernel
