@@ -184,7 +184,7 @@ def test_a_dlo_that_hangs_freely_compiles_nothing_of_contact_ends_or_plasticity(
             pytest.skip('no folder in which compiled kernels are kept')
         code += library[2][0]
         waiting += [(one.kernel, one.kinds) for one in called]
-    assert all(name in code for name in (b'second_order', b'factorize_blocks', b'lowest_mode'))
+    assert all(name in code for name in (b'fill_blocks', b'factorize_blocks', b'lowest_mode'))
     assert not any(name in code for name in (
         b'add_contacts', b'sweeps_through', b'add_plastic', b'add_hold', b'complemented',
         b'fill_rows_of_turns'))

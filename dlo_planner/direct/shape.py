@@ -43,6 +43,7 @@ from dlo_planner.model.value import Constant, Value, brief, freeze, owned, put
 from dlo_planner.pictured import Pictured
 
 _ROUNDING = 1e-9  # of the length
+_ONE, _PARALLEL = 1e-6, 1 - 1e-6  # of the length, cosine: contacts nearer than that are one
 _NEARLY, _STABLE, _KEPT = 1e-4, 1e-3, 1e-6  # what a shape is not to exceed to go on from it
 _NOT_KNOWN = Constant(float('nan'))
 
@@ -97,19 +98,29 @@ class Contact(Value):
 
 
 def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tuple[Contact, ...]:
-    """Return the Contacts, by arc length, of `contact_rows` on nodes s, the gripper at `origin`."""
+    """Return the Contacts, by arc length, of `contact_rows` on nodes s, the gripper at `origin`.
+
+    A node and a point that has rolled to it touch in one place, and are one Contact.
+    """
     source, element, along, places, normals, forces, frictions, gaps = rows
     at = s[element] + along
     order = np.argsort(at, kind='stable')
     vectors = (places + origin)[order], normals[order], frictions[order]
     freeze(vectors)  # so are their rows
-    found = []
+    found: list[Contact] = []
     for obstacle, where, force, depth, position, normal, friction in zip(
             source[order].tolist(), at[order].tolist(), forces[order].tolist(),
             np.maximum(-gaps[order], 0.0).tolist(), *vectors, strict=True):
         contact = Contact.__new__(Contact)  # to judge it takes as long as to find it
         put(contact, obstacle=obstacle, s=where, position=position, normal=normal, force=force,
             friction=friction, penetration=depth)
+        last = found[-1] if found else contact
+        if (last is not contact and last.obstacle == obstacle and where - last.s < _ONE * s[-1]
+                and last.normal @ normal > _PARALLEL):
+            one, other = (last, contact) if last.force > force else (contact, last)
+            found[-1] = replace(one, force=one.force + other.force,
+                                friction=one.friction + other.friction)
+            continue
         found.append(contact)
     return tuple(found)
 
@@ -444,14 +455,7 @@ class Shape(Pictured):
     @property
     def strains(self) -> Floats:
         """(N_L + 1, 3) strains at the nodes, 1/m, interpolated from the elements' middles."""
-        u = self.element_strains
-        if len(u) == 1:
-            return np.repeat(u, 2, axis=0)
-        h = np.diff(self.s)[:, None]
-        inner = (h[1:] * u[:-1] + h[:-1] * u[1:]) / (h[1:] + h[:-1])
-        first = u[0] - (u[1] - u[0]) * h[0] / (h[0] + h[1])
-        last = u[-1] + (u[-1] - u[-2]) * h[-1] / (h[-1] + h[-2])
-        return np.vstack([first, inner, last])
+        return _at_nodes(self.s, self.element_strains)
 
     @property
     def bend_radius(self) -> Floats:
@@ -585,12 +589,15 @@ class Shape(Pictured):
 
     @property
     def surface_strain(self) -> Floats:
-        """(N_L, 2) largest axial and shear strain at the surface; needs `Rod.section`."""
-        return self._section().surface_strain(self.bent)
+        """(N_L, 2) largest axial and shear strain at the surface of each element, ends included.
+
+        Needs `Rod.section`.
+        """
+        return largest_in_elements(self, self._section().surface_strain)
 
     @property
     def surface_stress(self) -> Floats:
-        """(N_L, 2) largest axial and shear stress at the surface, Pa; needs `Rod.section`.
+        """(N_L, 2) the stress of `surface_strain`, Pa.
 
         Elastic, and so an upper bound where the section has yielded.
         """
@@ -647,6 +654,28 @@ class Shape(Pictured):
         In those of `stiffness_matrix`, for shapes as there; the grips at rest.
         """
         return _linearized(self).vibration.jacobian
+
+
+def _at_nodes(s: Floats, values: Floats) -> Floats:
+    """Return (N + 1, k) values at nodes s: on a line through the middles of the elements beside."""
+    if len(values) == 1:
+        return np.repeat(values, 2, axis=0)
+    h = np.diff(s)[:, None]
+    inner = (h[1:] * values[:-1] + h[:-1] * values[1:]) / (h[1:] + h[:-1])
+    first = values[0] - (values[1] - values[0]) * h[0] / (h[0] + h[1])
+    last = values[-1] + (values[-1] - values[-2]) * h[-1] / (h[-1] + h[-2])
+    return np.vstack([first, inner, last])
+
+
+def largest_in_elements(shape: Shape, measure: Callable[[Floats], Floats]) -> Floats:
+    """Return (N_L, ...) the largest `measure` of strains (n, 3) since the stress-free shape.
+
+    Of each element's middle and both its ends: at a clamp that is more than in any middle.
+    """
+    bent = shape.bent
+    ends = measure(_at_nodes(shape.s, bent))
+    result: Floats = np.maximum(measure(bent), np.maximum(ends[:-1], ends[1:]))
+    return result
 
 
 def kernel_arrays(shape: Shape) -> tuple[Floats, Floats, Floats, Floats]:

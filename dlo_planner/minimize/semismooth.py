@@ -16,7 +16,7 @@ minimizer alone tells whether something else touches, and whether the shape fall
 import numpy as np
 
 from dlo_planner.energy.ccd import sweeps_through
-from dlo_planner.energy.contact import ContactSet, trial_traction
+from dlo_planner.energy.contact import trial_traction
 from dlo_planner.energy.gap import closest_point, near_nodes, next_touching, node_gap
 from dlo_planner.energy.grip import constraint_value, move_multipliers
 from dlo_planner.energy.inertia import has_inertia
@@ -25,7 +25,7 @@ from dlo_planner.energy.problem import new_configuration, with_gripper
 from dlo_planner.energy.scene import translated
 from dlo_planner.energy.terms import forbids, row_count
 from dlo_planner.geometry.kinematics import forward_kinematics, part_of_element, point_inside
-from dlo_planner.geometry.record import copy, put_sum
+from dlo_planner.geometry.record import copy, put_sum, replaced
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.active_set import free_to_roll
 from dlo_planner.minimize.contact_table import (
@@ -455,8 +455,7 @@ def _before(system, base, slid, twist):
     has the direction of the whole step's way. Without it a DLO may slip aside that does not.
     """
     now, shift = system.effects.contact.contacts, twist[3:].copy()
-    contacts = ContactSet(now.stiffness, now.node, now.element, now.obstacle, now.multiplier,
-                          now.fraction, now.anchor + shift - slid, now.normal, now.shear, now.grip)
+    contacts = replaced(now, 'anchor', now.anchor + shift - slid)
     moved = with_contacts(system, contacts, translated(system.effects.contact.scene, -shift))
     return with_gripper(moved, base, system.origin - shift)
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dlo_planner.direct.shape import Shape, in_itself
+from dlo_planner.direct.shape import Shape, in_itself, largest_in_elements
 from dlo_planner.direct.simulator import DirectSimulator
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.obstacles import Obstacle
@@ -212,7 +212,7 @@ def utilization(shape: Shape, yield_limits: Floats) -> float:
 
 
 def yield_shares(shape: Shape, yield_limits: Floats) -> Floats:
-    """Return (N_L,) the strains since the stress-free shape as a part of the yield limits.
+    """Return (N_L,) the largest strains of elements as a part of the yield limits.
 
     Curvature counts by the ellipse of its two limits, of a rectangle by the strain of its corners;
     torsion counts separately.
@@ -220,7 +220,11 @@ def yield_shares(shape: Shape, yield_limits: Floats) -> Floats:
     Shapes: yield_limits (3,).
     """
     assert shape.rod is not None  # `bent` needs it too
-    part: Floats = np.abs(shape.bent) / yield_limits
     cornered = shape.rod.section_outline[0] == 'rectangular'
-    bend = part[:, 1] + part[:, 2] if cornered else np.hypot(part[:, 1], part[:, 2])
-    return np.maximum(part[:, 0], bend)
+
+    def share(bent: Floats) -> Floats:
+        part: Floats = np.abs(bent) / yield_limits
+        bend = part[:, 1] + part[:, 2] if cornered else np.hypot(part[:, 1], part[:, 2])
+        return np.maximum(part[:, 0], bend)
+
+    return largest_in_elements(shape, share)

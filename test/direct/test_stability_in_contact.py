@@ -167,3 +167,21 @@ def test_contacts_that_meet_within_a_step_leave_no_doubt_about_stability():
     assert [len(one.contacts) for one in (before, shape)] == [2, 1]
     again = simulator.solve(shape.gripper, shape)
     assert again.stability == pytest.approx(shape.stability, rel=1e-3)
+
+
+def test_a_contact_rolls_through_a_node_and_stability_with_it():
+    # a wire between two grips over a bar beneath its middle, where a node is: that touches, too,
+    # but carries nothing and holds nothing
+    wire = Rod.circular(0.6, 2e-3, 8960.0, 110e9, 0.34)
+    here, there = (Pose((x, 0, 0.3), (0, 0, 0, 1)) for x in (0.0, 0.5))
+    free = DirectSimulator(wire, basis='local', n_elements=40).solve(here, far_end=there)
+    height = free.positions[20, 2] + np.sign(free.positions[20, 2] - 0.3) * 0.01
+    found = []
+    for x in (-1e-6, -1e-9, 0.0, 1e-9, 1e-6):
+        bar = Capsule((0.25 + x, -0.5, height), (0.25 + x, 0.5, height), 0.02)
+        shape = DirectSimulator(wire, basis='local', n_elements=40, obstacles=[bar]).solve(
+            here, far_end=there)
+        contact, = shape.contacts
+        assert shape.converged and contact.s == pytest.approx(0.3, abs=2e-6)
+        found.append(shape.stability)
+    np.testing.assert_allclose(found, found[0], rtol=1e-3)

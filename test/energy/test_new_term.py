@@ -45,7 +45,6 @@ LINES = [
      f'from {HOME}.magnet import potential as magnet_potential\n'),
     ("'contact': contact", ", 'magnet': magnet"),
     ('    contact: Any  # Contact or None\n', '    magnet: Any  # Magnet or None\n'),
-    ('    return Terms(elastic, plastic, effects.load, anchor, hold, contact', ', effects.magnet'),
     ('    energy, size = elastic_forces(effects.elastic, system, state)\n',
      '    more, terms = magnet_forces(effects.magnet, system, state)\n'
      '    energy, size = energy + more, size + terms\n'),

@@ -12,7 +12,7 @@ from dlo_planner import DirectSimulator, FarEnd, Pose, Rod
 from dlo_planner.direct import statics, step
 from dlo_planner.energy.grip import constraint_value
 from dlo_planner.energy.potential import configuration_at, evaluate
-from dlo_planner.energy.problem import new_configuration, with_gripper_and_grip
+from dlo_planner.energy.problem import new_configuration
 from dlo_planner.minimize.hessian import assemble, new_hessian
 from dlo_planner.minimize.kkt import fill_rows_of_turns
 from dlo_planner.model.supports import GRIPS
@@ -139,7 +139,7 @@ def test_the_rows_of_a_grip_are_its_derivatives(basis, grip, rng):
     simulator, shape, gripper, end = drawn(rng, grip, basis=basis, n_elements=12)
     mesh = simulator.mesh
     held = mesh.system(gripper.rotation, gripper.position, None, end)
-    system = with_gripper_and_grip(mesh.full, held.base, held.hold)
+    system = mesh.full._replace(base=held.base, hold=held.hold)
     state = configuration_at(system, np.array(shape.element_strains))
     hessian = new_hessian(system)
     assemble(system, state, hessian)

@@ -25,7 +25,7 @@ from scipy.optimize import minimize_scalar
 
 from dlo_planner.direct.shape import Shape
 from dlo_planner.direct.simulator import DirectSimulator
-from dlo_planner.direct.step import step
+from dlo_planner.direct.statics import step
 from dlo_planner.errors import Infeasible, InvalidTask
 from dlo_planner.inverse.contact_family import STABLE, ContactFamily
 from dlo_planner.inverse.continuation import Family, Follower, Passing, Step, continue_family
