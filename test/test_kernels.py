@@ -44,7 +44,7 @@ from dlo_planner.identify.residuals import nearest
 from dlo_planner.inverse.equilibria import integrate_from_tip
 from dlo_planner.inverse.waypoint_newton import follow_goals, solve_goals
 from dlo_planner.kernels import files
-from dlo_planner.kernels.cache import key_of
+from dlo_planner.kernels.dispatcher import key_of
 from dlo_planner.minimize.active_set import update_active_set
 from dlo_planner.minimize.contact_solver import predictor_corrector, solve_contact
 from dlo_planner.minimize.contact_table import kkt_residual, touching, update_friction
@@ -197,11 +197,11 @@ ROOT = Path(__file__).parent.parent
 USED = """
 import json
 from dlo_planner import exercises
-from dlo_planner.kernels import cache
+from dlo_planner.kernels import dispatcher
 from dlo_planner.kernels.fingerprint import dependencies
 for exercise in exercises.ALL:
     exercise()
-kernels = {f: k for f, k in cache.KERNELS.items() if f.__module__.startswith('dlo_planner.')}
+kernels = {f: k for f, k in dispatcher.KERNELS.items() if f.__module__.startswith('dlo_planner.')}
 kinds = {f.__qualname__: len(k.signatures) for f, k in kernels.items()
          if f.__module__ == 'dlo_planner.minimize.lanczos'}
 reached = {f for k in kernels.values() if k.signatures for f in dependencies(k)}
