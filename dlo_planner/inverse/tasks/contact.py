@@ -273,7 +273,7 @@ class ContactProblem:
                       for force in good)
             best = max((one for one in broken if one is not None), key=lambda one: one.room)
             return builder.refusal(best.name, -best.room, f'none of {len(good)} contact forces is '
-                                   f'admissible; with the best of them, {best.message}')
+                                   f'admissible; with the best of them, {best.message}', best.unit)
         looked = (f'no contact force of {min(family.known):.3g} to {max(family.known):.3g} N keeps '
                   f'the DLO touching at s = {self.s:g} m')
         stable = family.most_stable()
@@ -441,11 +441,12 @@ class AlignedSlide(Family):
         if not any(problem.nearest_confirmed(force) for _, force in minima):
             return problem.unconfirmed(builder)
         last = builder.waypoints[-1].shape.gripper
-        leap = min(gripper_motion(last, problem.family.hanging(force)[1], self.simulator.rod.length)
-                   for _, force in minima)
-        return builder.refusal('continuity', leap, 'the gripper would leap by '
-                               f'{leap:.3g} (rad, and parts of the length) from the waypoint '
-                               'before, however slowly the DLO is drawn')
+        length = self.simulator.rod.length
+        leap = length * min(gripper_motion(last, problem.family.hanging(force)[1], length)
+                            for _, force in minima)
+        return builder.refusal('continuity', leap, f'the gripper would leap by {leap:.3g} m (a '
+                               'turn counts as the motion of a point at the DLO\'s length from it) '
+                               'from the waypoint before, however slowly the DLO is drawn')
 
 
 _ARC_ERROR = 1e-6     # of the length: how exactly an arc length touches

@@ -133,7 +133,7 @@ def _thread_through(simulator: DirectSimulator, task: Threading, change: Change)
     two.normals = (first.normal, second.normal)
     if depths[0] < at and aligned.normal @ first.normal <= 0:  # so it is from the beginning
         raise builder.refusal('direction', -float(aligned.normal @ first.normal), 'the DLO would '
-                              'pass cut-out 0 against its direction')
+                              'pass cut-out 0 against its direction', '')
     before = depths < at
     steps: dict[int, Step] = {}
     parts: tuple[tuple[Family, Route | None, Ints], ...] = (
@@ -175,7 +175,7 @@ def _unreached(simulator: DirectSimulator, task: Threading,
         if begin is not None:
             return builder.refusal(
                 begin.constraint, begin.amount, 'stable shapes pass both centers, but the DLO, set '
-                'down in its natural shape, falls into none that leads to them')
+                'down in its natural shape, falls into none that leads to them', begin.unit)
         missing = _both(simulator, task).least_miss(shapes)
     waypoint = min(int(np.searchsorted(task.depths, apart)), len(task.depths) - 1)
     return Infeasible(f'no stable shape was found that passes both centers, {apart:g} m apart, in '
