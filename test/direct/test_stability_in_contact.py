@@ -189,7 +189,7 @@ def test_a_contact_rolls_through_a_node_and_stability_with_it():
 
 @pytest.mark.parametrize('parts', [1, 4])
 def test_a_node_and_the_point_that_has_come_to_it_are_one_contact(parts):
-    # an arch is pressed on a floor in its middle, where a node is, or not: that makes no other shape
+    # an arch is pressed on a floor in its middle, where a node is, or none: that changes nothing
     rod = Rod(1.0, 0.0, 1.0, 0.7, natural_curvature=(-0.5, 0.5), radius=2e-3)
     first, last = (Rotation.from_euler('y', turn).as_quat() for turn in (0.4, -0.4))
     low = DirectSimulator(rod, basis='local').solve(
