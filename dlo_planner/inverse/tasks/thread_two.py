@@ -75,6 +75,11 @@ class Change:
     back: Route | None = None
     on: Route | None = None
 
+    def unsmoothed(self) -> Change:
+        """Return the same, each roll of its routes followed as it is."""
+        return replace(self, back=self.back and replace(self.back, ahead=0.0),
+                       on=self.on and replace(self.on, ahead=0.0))
+
 
 def _chord(task: Threading) -> Floats:
     """Return (3,) from the first center to the second, m."""
@@ -102,8 +107,12 @@ def thread_two(simulator: DirectSimulator, task: Threading) -> Plan:
 
     def others(refused: Infeasible | None) -> Iterator[Change]:
         del refused
-        sphere = shapes()
-        return iter(()) if sphere is None else other_changes(quick, trial, sphere)
+        sphere, tried = shapes(), list[Change]()
+        for change in () if sphere is None else other_changes(quick, trial, sphere):
+            tried.append(change)
+            yield change
+        # smoothed rolls may come too late where a fold has to be gone around
+        yield from (change.unsmoothed() for change in tried)
 
     def planned(task: Threading, change: Change) -> Plan:
         return _thread_through(quick, task, change)
