@@ -44,7 +44,7 @@ from dlo_planner.geometry.so3 import partway
 from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.contact_solver import follow_contact
 from dlo_planner.minimize.convergence import CONVERGED, Minimum
-from dlo_planner.minimize.newton import NEUTRAL, follow_homotopy
+from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.minimize.semismooth import correction
 from dlo_planner.minimize.solve import Solution, is_equilibrium, outcome, solve_step
 from dlo_planner.model.arrays import Floats, Ints
@@ -613,11 +613,6 @@ def hanging_shape(mesh: Discretization, gripper: Pose, strains: Floats, frames: 
         strains, frames, positions, wrench, NO_WRENCH, start.hold, start.plastic, None, None,
         elastic, energy, 0.0, 0.0, 0.0, bool(residual < CONVERGED), residual, stability, iterations,
         0, 0.0, False), start, None, True)
-
-
-def hangs_still(residual: Any, stability: Any) -> Any:
-    """Whether a DLO that hangs freely is in a stable or neutral equilibrium."""
-    return (residual < CONVERGED) & (stability > -NEUTRAL)
 
 
 def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,
