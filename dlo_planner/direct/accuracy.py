@@ -29,8 +29,7 @@ from dlo_planner.direct.discretization import (
 )
 from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.step import StepInputs, corrected_by, past_of, step
+from dlo_planner.direct.statics import StepInputs, corrected_by, equilibrium, past_of, step
 from dlo_planner.geometry.basis import truncation_error
 from dlo_planner.minimize.expected_error import discretization_errors, resampled_means
 from dlo_planner.model.arrays import Bools, Floats

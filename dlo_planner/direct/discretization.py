@@ -222,12 +222,12 @@ class Discretization(Value):
         """The Rod."""
         return self.surroundings.rod
 
-    @property
+    @cached_property
     def yields(self) -> bool:
         """Whether the DLO yields anywhere."""
         return self.rod.yields
 
-    @property
+    @cached_property
     def obstructed(self) -> bool:
         """Whether there are obstacles."""
         return bool(self.surroundings.obstacles)

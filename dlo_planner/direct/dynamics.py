@@ -31,8 +31,7 @@ from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Deferred, Motion
 from dlo_planner.direct.search import MAX_ITERATIONS, Search
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.statics import equilibrium
-from dlo_planner.direct.step import past_of
+from dlo_planner.direct.statics import equilibrium, past_of
 from dlo_planner.direct.stepper import (
     MOST,
     Acceptance,

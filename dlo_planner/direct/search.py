@@ -32,7 +32,7 @@ from dlo_planner.minimize.classic import (
 )
 from dlo_planner.minimize.contact_solver import constrained_newton
 from dlo_planner.minimize.convergence import Minimum
-from dlo_planner.minimize.newton import HELD_NEUTRAL, MOST_KICKS, NEUTRAL
+from dlo_planner.minimize.newton import MOST_KICKS
 from dlo_planner.model.arrays import Floats
 from dlo_planner.model.pose import Pose
 
@@ -50,18 +50,6 @@ class Search(NamedTuple):
     exact: float = EXACT         # of the length: by how much constraints may be violated
     tolerance: float = TOLERANCE
     near: bool = False           # whether it is given up where it is not near
-
-
-@kernel
-def is_equilibrium(stationary: bool, stability: float, bound: bool, violation: float, kept: float,
-                   missed: float, reach: float) -> bool:
-    """Whether a minimum is a stable or neutral equilibrium that keeps all constraints.
-
-    `bound`: whether grips or contacts may bind it, which tells its stability less exactly; `kept`,
-    `reach`: by how much constraints may be violated, and the grip of the far end be missed, m.
-    """
-    return (stationary and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
-            and violation <= kept and missed <= reach)
 
 
 def minimum(mesh: Discretization, system: Problem, gripper: Pose, q: Floats,

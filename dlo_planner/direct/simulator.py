@@ -39,7 +39,7 @@ from dlo_planner.direct.memory import Memory
 from dlo_planner.direct.motion import Motion
 from dlo_planner.direct.search import STRAINS
 from dlo_planner.direct.shape import Shape
-from dlo_planner.direct.step import StepInputs, step
+from dlo_planner.direct.statics import StepInputs, step
 from dlo_planner.direct.stepper import Stepper
 from dlo_planner.errors import InvalidTask
 from dlo_planner.geometry.basis import BASES, converging

@@ -27,6 +27,8 @@ from dlo_planner.minimize.contact_solver import COARSER, solve_contact
 from dlo_planner.minimize.contact_table import touching
 from dlo_planner.minimize.convergence import is_stationary
 from dlo_planner.minimize.newton import (
+    HELD_NEUTRAL,
+    NEUTRAL,
     is_held,
     minimize,
     new_workspace,
@@ -162,6 +164,18 @@ def outcome(system: Problem, state: Configuration, origin: Floats, residual: flo
     return (state.strains, state.rotations, positions, wrench, far_wrench, hold, plastic, forces,
             contacts, elastic + springs, energy + springs, lost, missed, inside,
             is_stationary(system, state, residual, rounding))
+
+
+@kernel
+def is_equilibrium(stationary: bool, stability: float, bound: bool, violation: float, kept: float,
+                   missed: float, reach: float) -> bool:
+    """Whether a minimum is a stable or neutral equilibrium that keeps all constraints.
+
+    `bound`: whether grips or contacts may bind it, which tells its stability less exactly; `kept`,
+    `reach`: by how much constraints may be violated, and the grip of the far end be missed, m.
+    """
+    return (stationary and stability > -(HELD_NEUTRAL if bound else NEUTRAL)
+            and violation <= kept and missed <= reach)
 
 
 @kernel

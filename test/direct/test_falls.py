@@ -15,7 +15,7 @@ from sweeps.contact import FALLS_ON, fallen, random_way
 
 from dlo_planner import Capsule, DirectSimulator, Plane, Pose, Rod, Sheet, Sphere
 from dlo_planner.direct.continuation import fell
-from dlo_planner.direct.step import step
+from dlo_planner.direct.statics import step
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 

@@ -258,6 +258,8 @@ def test_a_calm_motion_keeps_its_room_and_comes_to_rest(figures, broken, used):
     assert (first and first.name) == broken
     assert max(one.used for one in margins) == pytest.approx(used)
     assert first is None or first.used > 1 and '{' not in first.message
+    units = {'contact_force': 'N', 'contact_lost': '', 'bend_margin': '1/m', 'converged': ''}
+    assert first is None or first.unit == units.get(next(iter(figures)), 'm')
     # that a motion is calm is asked for where it is made, and the room it may lose is not small
     moved = motion_margins(CALM | figures, planned_miss=2e-3, tolerance=2e-3, touches=False)
     assert {one.name for one in moved} <= {one.name for one in margins}
