@@ -352,11 +352,16 @@ class Shape(Pictured):
             return f'not converged: {self._hinge_in_words}'
         if self.nearly:
             return f'nearly converged: {figures}'
-        cause = self._coarseness()
+        cause = self._cause()
         return (f'not converged{", jumped" if self.jumped else ""}: {figures}'
                 + (f'; {cause}' if cause else ''))
 
-    def _coarseness(self) -> str:
+    def _cause(self) -> str:
+        """Return in words why no equilibrium was found, or '' where that is not known."""
+        deepest = max(self.contacts, key=lambda contact: contact.penetration, default=None)
+        if deepest is not None and deepest.penetration > _KEPT * self.s[-1]:
+            return (f'at s = {deepest.s:.4g} m the DLO is {deepest.penetration:.2g} m inside '
+                    f'obstacle {deepest.obstacle} and does not come out')
         if self.far_end is None or self.state.mesh is None:
             return ''
         from dlo_planner.direct.taut import coarseness  # noqa: PLC0415  (SciPy: a free DLO needs none)
