@@ -96,7 +96,8 @@ def _followed(solve: Equilibrium, previous: Shape, goal: Grips, at_once: bool,
                 return shape
         failed = not shape.converged and most == np.inf
     if halvings is None:
-        halvings = _halvings(previous, goal)
+        parts = max(_motion(previous, goal) / _SHORTEST, 1.0)
+        halvings = min(max(ceil(log2(parts)), _LEAST), _MOST)
     left = (min(halvings, _FAILURES) if failed else halvings) - 1
     middle = _followed(solve, previous, _partway(previous, goal), False, left, half)
     if not middle.converged:
@@ -175,12 +176,6 @@ def _motion(previous: Shape, goal: Grips) -> float:
     return size
 
 
-def _halvings(previous: Shape, goal: Grips) -> int:
-    """Return how often a step may be halved."""
-    size = _motion(previous, goal)
-    return min(max(ceil(log2(max(size / _SHORTEST, 1.0))), _LEAST), _MOST)
-
-
 def sound(previous: Shape, shape: Shape) -> bool:
     """Return whether nothing speaks against a step of the grips from `previous` to `shape`."""
     return (shape.converged and not shape.state.kicks and not fell(previous, shape)
@@ -200,13 +195,12 @@ def fell(previous: Shape, shape: Shape) -> bool:
     It changed more than their motion can cause; or, in contact, pinned or with its far end held, it
     lost energy that neither work nor friction accounts for.
     """
-    change, motion = shape_change(previous, shape), _motion(previous, Grips(shape.gripper,
-                                                                             shape.far_end))
+    change = shape_change(previous, shape)
     if not (previous.contacts or shape.contacts or shape.far_end is not None or shape.pinned):
         turn = angle_between(previous.gripper.rotation, shape.gripper.rotation)
         return change > _LEAP + _FOLLOWING * turn  # its shift deforms nothing
     leap = _LEAP_OFF if _comes_off(previous, shape) else _LEAP_ON
-    if change > leap + _FOLLOWING * motion:
+    if change > leap + _FOLLOWING * _motion(previous, Grips(shape.gripper, shape.far_end)):
         return True
     return (previous.far_end is None or shape.far_end is not None) and _lost(previous, shape)
 
@@ -242,8 +236,9 @@ def _lost(previous: Shape, shape: Shape) -> bool:
 
 def _on_mesh_of(shape: Shape, previous: Shape) -> Shape:
     """Return the Shape before a step on the mesh after it: energies of two meshes tell no fall."""
-    mesh = shape.mesh
-    if mesh is None or mesh.has_nodes(previous.s) or previous.state.before is None:
+    mesh, known = shape.mesh, previous.mesh
+    if mesh is None or known is None or (mesh.has_nodes(previous.s)
+                                         and mesh.n_unknowns == known.n_unknowns):
         return previous
     there = equilibrium(mesh, previous.gripper,
                         mesh.strains_from(previous.s, previous.element_strains),

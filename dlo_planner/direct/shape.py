@@ -97,10 +97,12 @@ class Contact(Value):
         return result
 
 
-def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tuple[Contact, ...]:
+def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats,
+                beside: bool) -> tuple[Contact, ...]:
     """Return the Contacts, by arc length, of `contact_rows` on nodes s, the gripper at `origin`.
 
-    A node and a point that has rolled to it touch in one place, and are one Contact.
+    A node and a point that has rolled to it touch in one place, and are one Contact; not so where
+    points `beside` the axis may touch: two edges of a section do at the same arc length.
     """
     source, element, along, places, normals, forces, frictions, gaps = rows
     at = s[element] + along
@@ -115,8 +117,8 @@ def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tup
         put(contact, obstacle=obstacle, s=where, position=position, normal=normal, force=force,
             friction=friction, penetration=depth)
         last = found[-1] if found else contact
-        if (last is not contact and last.obstacle == obstacle and where - last.s < _ONE * s[-1]
-                and last.normal @ normal > _PARALLEL):
+        if (not beside and last is not contact and last.obstacle == obstacle
+                and where - last.s < _ONE * s[-1] and last.normal @ normal > _PARALLEL):
             one, other = (last, contact) if last.force > force else (contact, last)
             found[-1] = replace(one, force=one.force + other.force,
                                 friction=one.friction + other.friction)
@@ -352,11 +354,16 @@ class Shape(Pictured):
             return f'not converged: {self._hinge_in_words}'
         if self.nearly:
             return f'nearly converged: {figures}'
-        cause = self._coarseness()
+        cause = self._cause()
         return (f'not converged{", jumped" if self.jumped else ""}: {figures}'
                 + (f'; {cause}' if cause else ''))
 
-    def _coarseness(self) -> str:
+    def _cause(self) -> str:
+        """Return in words why no equilibrium was found, or '' where that is not known."""
+        deepest = max(self.contacts, key=lambda contact: contact.penetration, default=None)
+        if deepest is not None and deepest.penetration > _KEPT * self.s[-1]:
+            return (f'at s = {deepest.s:.4g} m the DLO is {deepest.penetration:.2g} m inside '
+                    f'obstacle {deepest.obstacle} and does not come out')
         if self.far_end is None or self.state.mesh is None:
             return ''
         from dlo_planner.direct.taut import coarseness  # noqa: PLC0415  (SciPy: a free DLO needs none)

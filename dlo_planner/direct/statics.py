@@ -44,7 +44,7 @@ from dlo_planner.geometry.so3 import partway
 from dlo_planner.minimize.classic import search
 from dlo_planner.minimize.contact_solver import follow_contact
 from dlo_planner.minimize.convergence import CONVERGED, Minimum
-from dlo_planner.minimize.newton import NEUTRAL, follow_homotopy
+from dlo_planner.minimize.newton import follow_homotopy
 from dlo_planner.minimize.semismooth import correction
 from dlo_planner.minimize.solve import Solution, is_equilibrium, outcome, solve_step
 from dlo_planner.model.arrays import Floats, Ints
@@ -569,7 +569,8 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         freeze(end[4:7])
         after = memory_after(mesh, end, before, culled)
         if mesh.obstructed and not culled:
-            contacts = contacts_of(mesh.s, end.contacts, gripper.position)
+            contacts = contacts_of(mesh.s, end.contacts, gripper.position,
+                                   bool(mesh.scene.offset.any()))
     return Shape(
         gripper, mesh.s, end.positions, end.frames, end.strains, end.energy, end.elastic,
         end.wrench, end.residual, end.stability, end.iterations, bool(good), contacts=contacts,
@@ -613,11 +614,6 @@ def hanging_shape(mesh: Discretization, gripper: Pose, strains: Floats, frames: 
         strains, frames, positions, wrench, NO_WRENCH, start.hold, start.plastic, None, None,
         elastic, energy, 0.0, 0.0, 0.0, bool(residual < CONVERGED), residual, stability, iterations,
         0, 0.0, False), start, None, True)
-
-
-def hangs_still(residual: Any, stability: Any) -> Any:
-    """Whether a DLO that hangs freely is in a stable or neutral equilibrium."""
-    return (residual < CONVERGED) & (stability > -NEUTRAL)
 
 
 def estimated(mesh: Discretization, gripper: Pose, strains: Floats, positions: Floats,
