@@ -264,15 +264,15 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
 
 @kernel
 def _rolls(scene, contacts, c, lengths, attached):
-    """Whether a point of contact moves along the DLO: through a node, but not beyond an end.
+    """Whether a point of contact moves along the DLO: the axis through a node, but beyond no end.
 
-    Nor at a node where the surface has an edge.
+    At a node an edge beside the axis has a corner, and so has a surface whose taper changes there.
     """
     o, e, fraction = contacts.obstacle[c], attached.element[c], attached.fraction[c]
     if contacts.fraction[c] > 0.0 or 0.0 < fraction < 1.0:
         return contacts.fraction[c] == 0.0
     beyond = e + 1 if fraction > 0.0 else e - 1
-    if not 0 <= beyond < lengths.size:
+    if scene.feature[o] != AXIS or not 0 <= beyond < lengths.size:
         return False
     return (taper(scene, o, e) * lengths[beyond] == taper(scene, o, beyond) * lengths[e]
             and radius_at(scene, o, e, fraction) == radius_at(scene, o, beyond, 1.0 - fraction))
