@@ -318,6 +318,5 @@ def foreseen(shape: Shape, accuracy: float,
         breaks = np.union1d(breaks, points)
         breaks = breaks[(breaks > 0) & (breaks < known.s[-1])]
     s = nodes_at(known.s, shares, wanted, breaks)
-    strains = np.empty((s.size - 1, 3))
-    resampled_means(known.s, shape.element_strains - off + there / wanted**2, s, strains)
+    strains = resampled_means(known.s, shape.element_strains - off + there / wanted**2, s)
     return Discretization(around, s, 'local', 0), strains

@@ -264,9 +264,10 @@ def add_contacts(scene, contacts, lengths, strains, rotations, positions, pull, 
 
 @kernel
 def _rolls(scene, contacts, c, lengths, attached):
-    """Whether a point of contact moves along the DLO: the axis through a node, but beyond no end.
+    """Whether a point of contact moves along the DLO: through a node, but not beyond an end.
 
-    At a node an edge beside the axis has a corner, and so has a surface whose taper changes there.
+    Nor at a node where the surface has an edge, or where a line beside the axis has a kink, for
+    the strain jumps there.
     """
     o, e, fraction = contacts.obstacle[c], attached.element[c], attached.fraction[c]
     if contacts.fraction[c] > 0.0 or 0.0 < fraction < 1.0:

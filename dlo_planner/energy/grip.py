@@ -115,26 +115,6 @@ def set_reaction(hold, reaction):
 
 
 @kernel
-def held_twists(hold, rotation, position, out):
-    """Fill out (K, 6): change of c per twist (rotation, displacement) at the gripper's origin."""
-    for row in range(out.shape[0]):
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            # x rotates with the twist: (rotation x position) . row
-            total = position[j] * hold.rows[row, 3 + k] - position[k] * hold.rows[row, 3 + j]
-            for axis in range(3):
-                along = across = 0.0
-                for m in range(3):
-                    along += hold.axes[m, axis] * rotation[m, axis]
-                    across += rotation[m, axis] * hold.rows[row, m]
-                # t x (theta x d) = theta (t . d) - d (t . theta)
-                total += hold.share[axis] * (along * hold.rows[row, i]
-                                             - across * hold.axes[i, axis])
-            out[row, i] = total
-            out[row, 3 + i] = hold.rows[row, 3 + i]
-
-
-@kernel
 def add_forces(effect, system, state):
     """Add what holds the last node to it; return the potential in J, and its size."""
     if effect is None:
@@ -169,10 +149,24 @@ def roundoff(effect, system, state, length):
 
 @kernel
 def constraint_jacobian(effect, rotation, position, out):
-    """Fill out (K, 6) with `held_twists`."""
+    """Fill out (K, 6): change of c per twist (rotation, displacement) at the gripper's origin."""
     if effect is None:
         return
-    held_twists(effect, rotation, position, out)
+    axes, rows = effect.axes, effect.rows
+    for row in range(out.shape[0]):
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            # x rotates with the twist: (rotation x position) . row
+            total = position[j] * rows[row, 3 + k] - position[k] * rows[row, 3 + j]
+            for axis in range(3):
+                along = across = 0.0
+                for m in range(3):
+                    along += axes[m, axis] * rotation[m, axis]
+                    across += rotation[m, axis] * rows[row, m]
+                # t x (theta x d) = theta (t . d) - d (t . theta)
+                total += effect.share[axis] * (along * rows[row, i] - across * axes[i, axis])
+            out[row, i] = total
+            out[row, 3 + i] = rows[row, 3 + i]
 
 
 @kernel

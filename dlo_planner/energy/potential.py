@@ -69,17 +69,6 @@ def value_at(basis, q, e):
     return x, y, z
 
 
-@kernel(inline='always')
-def at_element(basis, q, e, i):
-    """Return component i of the unknowns q (m, 3) at element e: the series' value there."""
-    if basis.shape[1] == 0:
-        return q[e, i]
-    value = 0.0
-    for j in range(basis.shape[1]):
-        value += basis[e, j] * q[j, i]
-    return value
-
-
 @kernel
 def evaluate(system: Problem, state: Configuration) -> tuple[float, float]:
     """Refill `state` for its q; return the potential and the size of its rounding errors, in J."""

@@ -60,7 +60,7 @@ if COMPILED:
         exec(f'def read(record):\n    return ({values})', scope)
         return scope['read']
 
-    @kernel
+    @kernel(forceinline=True)
     def read(record: Any) -> Any:
         """Return all fields of a Record, as a tuple."""
         return _fields(record)

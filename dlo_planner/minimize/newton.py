@@ -167,8 +167,8 @@ def thorough(gtol, ctol, maxiter, check, gauss_newton):
 def next_to(gtol, ctol, check, held):
     """Return the Options of a search for what is near: with a held far end, or in a motion."""
     reach, max_age = (_NEXT_HELD, _SAME) if held else (_NEXT, _NEXT)
-    return Options(gtol, ctol, _FEW, check, not held, not held, reach, max_age,
-                   np.empty(0, dtype=np.int64), np.empty((0, 3, 3)), np.inf)
+    return replaced(thorough(gtol, ctol, _FEW, check, not held), 'bounded', not held,
+                    'reach', reach, 'max_age', max_age)
 
 
 @kernel

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlo_planner.energy.potential import at_element, evaluate, project
+from dlo_planner.energy.potential import evaluate, project, value_at
 from dlo_planner.energy.problem import (
     Configuration,
     Problem,
@@ -47,8 +47,9 @@ def strain_answers(system: Problem, hessian: Hessian, slopes: Floats) -> Floats:
         project(basis, -scale * slopes[k], load)
         solve_held(system, hessian, load, miss, answer, reaction)
         for e in range(slopes.shape[1]):
-            for i in range(3):
-                out[k, e, i] = scale[e, i] * at_element(basis, answer, e, i)
+            x, y, z = value_at(basis, answer, e)
+            out[k, e, 0], out[k, e, 1], out[k, e, 2] = (scale[e, 0] * x, scale[e, 1] * y,
+                                                        scale[e, 2] * z)
     return out
 
 
@@ -82,14 +83,14 @@ def node_twists(system: Problem, state: Configuration, answers: Floats, columns:
     """
     n = system.lengths.size
     out = np.zeros((n + 1, 6, 6))
-    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
+    part, arm = np.empty((6, 3)), np.empty(3)
     for i in range(6):
         out[0, i, i] = 1.0 if i < 3 or columns != 4 else 0.0
     for e in range(n):
         for i in range(6):
             for j in range(6):
                 out[e + 1, i, j] = out[e, i, j]
-        _carry_on(system, state, answers, columns, e, 1.0, part, arm, value, out[e + 1])
+        _carry_on(system, state, answers, columns, e, 1.0, part, arm, out[e + 1])
     return out
 
 
@@ -98,18 +99,18 @@ def twists_inside(system: Problem, state: Configuration, answers: Floats, column
                   begin: Floats, element: int, fraction: float) -> Floats:
     """Return (6, 6) the same inside `element`, whose beginning has the twists `begin` (6, 6)."""
     out = begin.copy()
-    part, arm, value = np.empty((6, 3)), np.empty(3), np.empty(3)
-    _carry_on(system, state, answers, columns, element, fraction, part, arm, value, out)
+    part, arm = np.empty((6, 3)), np.empty(3)
+    _carry_on(system, state, answers, columns, element, fraction, part, arm, out)
     return out
 
 
 @kernel
 def _carry_on(system: Problem, state: Configuration, answers: Floats, columns: int, e: int,
-              share: float, part: Floats, arm: Floats, value: Floats, out: Floats) -> None:
+              share: float, part: Floats, arm: Floats, out: Floats) -> None:
     """Turn the twists `out` (6, 6) at the beginning of element e into those at a share of it.
 
     Args:
-        part: (6, 3), arm, value: (3,) to work with
+        part: (6, 3), arm: (3,) to work with
     """
     basis = system.basis
     part_of_element(system.lengths[e], share, state.strains[e], system.scale[e],
@@ -119,11 +120,9 @@ def _carry_on(system: Problem, state: Configuration, answers: Floats, columns: i
         out[3, column] += t1 * arm[2] - t2 * arm[1]
         out[4, column] += t2 * arm[0] - t0 * arm[2]
         out[5, column] += t0 * arm[1] - t1 * arm[0]
-        for i in range(3):
-            value[i] = at_element(basis, answers[column], e, i)
+        x, y, z = value_at(basis, answers[column], e)
         for i in range(6):
-            out[i, column] += (part[i, 0] * value[0] + part[i, 1] * value[1]
-                               + part[i, 2] * value[2])
+            out[i, column] += part[i, 0] * x + part[i, 1] * y + part[i, 2] * z
 
 
 @kernel

@@ -124,15 +124,15 @@ class Plan(Filmed):
     def __post_init__(self) -> None:
         grippers = items('Plan.grippers', self.grippers, Pose)
         n = len(grippers)
-        put(self, clearances=results('Plan.clearances', self.clearances, (n, None, 3)))
-        if not len(self.insertion_force):
+        if isinstance(self.insertion_force, tuple) and not self.insertion_force:
             put(self, insertion_force=np.full(n, np.nan))
-        if not len(self.clearance):
-            put(self, clearance=self.clearances.min(axis=(1, 2), initial=np.inf))
-        for name in PER_WAYPOINT:
+        for name in PER_WAYPOINT[:-1]:  # the last, clearance, follows from others
             if len(items(f'Plan.{name}', getattr(self, name), object)) != n:
                 raise InvalidTask(f'Plan.{name} = {shown(getattr(self, name))}: expected one entry '
                                   f'per gripper pose, {n}')
+        put(self, clearances=results('Plan.clearances', self.clearances, (n, None, 3)))
+        if isinstance(self.clearance, tuple) and not self.clearance:
+            put(self, clearance=self.clearances.min(axis=(1, 2), initial=np.inf))
         put(self, grippers=grippers, shapes=items('Plan.shapes', self.shapes, Shape),
             via_points=tuple(items('Plan.via_points', one, tuple)
                          for one in items('Plan.via_points', self.via_points, (Iterable,))),
