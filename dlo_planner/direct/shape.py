@@ -43,7 +43,6 @@ from dlo_planner.model.value import Constant, Value, brief, freeze, owned, put
 from dlo_planner.pictured import Pictured
 
 _ROUNDING = 1e-9  # of the length
-_ONE, _PARALLEL = 1e-6, 1 - 1e-6  # of the length, cosine: contacts nearer than that are one
 _NEARLY, _STABLE, _KEPT = 1e-4, 1e-3, 1e-6  # what a shape is not to exceed to go on from it
 _NOT_KNOWN = Constant(float('nan'))
 
@@ -97,32 +96,20 @@ class Contact(Value):
         return result
 
 
-def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats,
-                beside: bool) -> tuple[Contact, ...]:
-    """Return the Contacts, by arc length, of `contact_rows` on nodes s, the gripper at `origin`.
-
-    A node and a point that has rolled to it touch in one place, and are one Contact; not so where
-    points `beside` the axis may touch: two edges of a section do at the same arc length.
-    """
+def contacts_of(s: Floats, rows: Sequence[Floats | Ints], origin: Floats) -> tuple[Contact, ...]:
+    """Return the Contacts, by arc length, of `contact_rows` on nodes s, the gripper at `origin`."""
     source, element, along, places, normals, forces, frictions, gaps = rows
     at = s[element] + along
     order = np.argsort(at, kind='stable')
     vectors = (places + origin)[order], normals[order], frictions[order]
     freeze(vectors)  # so are their rows
-    found: list[Contact] = []
+    found = []
     for obstacle, where, force, depth, position, normal, friction in zip(
             source[order].tolist(), at[order].tolist(), forces[order].tolist(),
             np.maximum(-gaps[order], 0.0).tolist(), *vectors, strict=True):
         contact = Contact.__new__(Contact)  # to judge it takes as long as to find it
         put(contact, obstacle=obstacle, s=where, position=position, normal=normal, force=force,
             friction=friction, penetration=depth)
-        last = found[-1] if found else contact
-        if (not beside and last is not contact and last.obstacle == obstacle
-                and where - last.s < _ONE * s[-1] and last.normal @ normal > _PARALLEL):
-            one, other = (last, contact) if last.force > force else (contact, last)
-            found[-1] = replace(one, force=one.force + other.force,
-                                friction=one.friction + other.friction)
-            continue
         found.append(contact)
     return tuple(found)
 

@@ -569,8 +569,7 @@ def shape_from(mesh: Discretization, gripper: Pose, end: Solution, memory: Memor
         freeze(end[4:7])
         after = memory_after(mesh, end, before, culled)
         if mesh.obstructed and not culled:
-            contacts = contacts_of(mesh.s, end.contacts, gripper.position,
-                                   bool(mesh.scene.offset.any()))
+            contacts = contacts_of(mesh.s, end.contacts, gripper.position)
     return Shape(
         gripper, mesh.s, end.positions, end.frames, end.strains, end.energy, end.elastic,
         end.wrench, end.residual, end.stability, end.iterations, bool(good), contacts=contacts,

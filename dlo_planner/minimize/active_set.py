@@ -30,7 +30,7 @@ from dlo_planner.energy.gap import (
     slope_along,
     taper,
 )
-from dlo_planner.energy.scene import FACE, NODE_FACE
+from dlo_planner.energy.scene import AXIS, FACE, NODE_FACE
 from dlo_planner.geometry.kinematics import point_inside
 from dlo_planner.kernels import kernel
 from dlo_planner.minimize.contact_table import with_contacts_of, with_springs
@@ -131,7 +131,7 @@ def free_to_roll(system, state, old):
                 multiplier[b] += multiplier[c]
         k = at[c] + (places[c] - at[c] > 0.5)  # a node alone would not roll
         if (kept[c] and fraction[c] == 0.0 and 0 < k < last and abs(places[c] - k) < _AT_NODE
-                and system.effects.contact.scene.feature[o] != NODE_FACE):
+                and system.effects.contact.scene.feature[o] == AXIS):
             multiplier[c] += max(node[o, k], 0.0)
             node[o, k] = 0.0
     return with_contacts_of(with_springs(old, old.stiffness, node, multiplier), old.element[kept],

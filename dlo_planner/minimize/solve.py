@@ -38,6 +38,8 @@ from dlo_planner.minimize.newton import (
 )
 from dlo_planner.model.arrays import Floats, Ints
 
+_ONE_PLACE = 1e-7  # of the length: contacts with one body that are nearer are one
+
 
 class Solution(NamedTuple):
     """All that a Shape and its Memory take from a step."""
@@ -237,7 +239,8 @@ def _contacts_after(contact: Any, system: Problem, state: Configuration, origin:
 def contact_rows(system: Problem, state: Configuration) -> Any:
     """Return of A contacts: obstacle, element, m along it, place, normal, force, friction, gap.
 
-    Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO.
+    Places (A, 3) are relative to the gripper; friction (A, 3) is that on the DLO. A node and a
+    point that has rolled to it are one.
     """
     scene, lengths = system.effects.contact.scene, system.lengths
     table = touching(scene, system.effects.contact.contacts, lengths, state)
@@ -251,8 +254,19 @@ def contact_rows(system: Problem, state: Configuration) -> Any:
                      table.fraction[a], rotation, places[a])
         if table.rubbing[a] >= 0:
             friction[a] -= state.attached.force[table.rubbing[a]]
-    return (scene.source[table.obstacle], table.element, along, places, table.normal, table.force,
-            friction, table.gap)
+    kept, force = np.ones(count, dtype=np.bool_), table.force.copy()
+    for a in range(count):
+        for b in range(a):
+            if kept[b] and table.obstacle[a] == table.obstacle[b] and (
+                    np.sum((places[a] - places[b]) ** 2) < (_ONE_PLACE * np.sum(lengths)) ** 2):
+                one, other = (a, b) if force[a] > force[b] else (b, a)
+                force[one] += force[other]
+                friction[one] += friction[other]
+                kept[other] = False
+                if other == a:
+                    break
+    return (scene.source[table.obstacle][kept], table.element[kept], along[kept], places[kept],
+            table.normal[kept], force[kept], friction[kept], table.gap[kept])
 
 
 @kernel
