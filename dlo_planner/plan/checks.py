@@ -27,6 +27,7 @@ from dlo_planner.plan.workspace import Workspace
 from dlo_planner.progress import Progress
 
 _LIGHTER = 1e-3  # of a least force: what a mesh makes of it
+_TOUCHES = 1e-9  # of the length: rounding errors of a distance
 ROOM = 0.25      # part of the room in a hole that a motion may lose, whatever its tolerance
 _EXCEEDED = 2.0  # what breaks a demand that has no limit counts as so many limits
 
@@ -106,7 +107,8 @@ class Judge:
 
     def room_beside_touched(self, shape: Shape) -> float:
         """Return the smallest distance (m) of a Shape from what it may touch; inf: nothing."""
-        return self._touched_bodies.exact(shape)
+        room = self._touched_bodies.exact(shape)
+        return room if abs(room) > _TOUCHES * shape.s[-1] else 0.0
 
     def margins(self, waypoint: Waypoint, commanded: Pose | None = None) -> Iterator[Margin]:
         """Yield how much of each demand a Waypoint leaves, in the order in which they refuse.
